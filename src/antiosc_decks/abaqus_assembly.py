@@ -163,8 +163,8 @@ class Whole:
         keyword, name, within = card.keyword, card.needed(card.keyword), card.within
         of = within
         if wanted := card.option("INSTANCE"):
-            card.needs(wanted.upper() in self.instances, f"there is no instance {wanted!r}.")
-            of = self.instances[wanted.upper()]
+            told = f"there is no instance {wanted!r}."
+            of = card.place.found(self.instances, wanted.upper(), told)
         found, lost, count = [NONE], [], 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = of.find("ELSET", elements)
@@ -281,9 +281,8 @@ def _placed(
     whole: Whole, card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]
 ) -> Instance:
     name, wanted = card.needed("NAME"), card.option("PART")
-    card.needs(wanted.upper() in parts, f"the instance {name!r} is of the part {wanted!r}, which "
-               "the deck does not define.")  # fmt: skip
-    spelled, cards = parts[wanted.upper()]
+    told = f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
+    spelled, cards = card.place.found(parts, wanted.upper(), told)
     cards = [*cards, *own]
     if any(c.keyword in ("NODE", "ELEMENT") for c in own):
         mesh = mesh_of(cards, name)

@@ -213,9 +213,8 @@ class _Joints:
         self.current: tuple[int, IntArray, Card] | None = None
 
     def _surface(self, name: str, place: Place) -> Surface:
-        there = name.upper() in self.surfaces
-        place.needs(there, f"there is no surface {name!r} (*SURFACE, NAME=).")
-        return self.surfaces[name.upper()]
+        told = f"there is no surface {name!r} (*SURFACE, NAME=)."
+        return place.found(self.surfaces, name.upper(), told)
 
     def tie(self, card: Card) -> None:
         given = card.option("POSITIONTOLERANCE")

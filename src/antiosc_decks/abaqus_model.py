@@ -14,7 +14,7 @@ from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
-from antiosc_decks.constraints import along, separate_copies
+from antiosc_decks.constraints import along
 from antiosc_decks.finished import finished
 
 #: Cards that give elements which are not cells their values -> what they give, types of these.
@@ -35,92 +35,71 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse()
     whole.deck.told += whole.account.unknown(options=True)
-    copies = separate_copies(whole.deck)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
     sections = Sections(whole, builder)
     for card in whole.named("NONSTRUCTURALMASS"):
         _nonstructural(builder, card)
     builder.find_nodes()
+    for card in whole.named("TRANSFORM"):
+        _transform(builder, card)
+    for card in whole.named("BOUNDARY"):
+        _boundary(builder, card)
+    own = [card for card in first if card.keyword == "BOUNDARY"]
+    if any(card.option("OP").upper() == "NEW" for card in own):
+        builder.fixed[:] = False  # those of the model end
+    for card in own:
+        _boundary(builder, card)
+    builder.hold()
     for block in whole.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
-    supports = _Supports(whole, builder)
-    for card in whole.named("BOUNDARY"):
-        supports.read(card)
-    own = [card for card in first if card.keyword == "BOUNDARY"]
-    if any(card.option("OP").upper() == "NEW" for card in own):
-        supports.local[:] = False  # those of the model end
-    for card in own:
-        supports.read(card)
-    supports.apply()
-    builder.join_copies(copies)
     read_joints(whole, builder.joints, [*whole.cards, *first])
     _beside(whole, builder, sections.orientations)
-    builder.ignored += [*sections.ignored, *whole.account.ignored(), *supports.ignored]
+    builder.ignored += whole.account.ignored()
     return finished(builder)
 
 
-class _Supports:
-    """*BOUNDARY, in the axes of the deck or of a *TRANSFORM."""
+def _boundary(builder: ModelBuilder, card: Card) -> None:
+    card.refuse_turned()
+    moved = other = False
+    for row in card.rows():
+        row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
+        nodes = row.nodes()
+        row.needs(len(nodes), f"the set of nodes {row.word(0)} has no nodes.")
+        motions: Sequence[int] | None = NAMED.get(row.word(1).upper())
+        if motions is None:
+            first = row.whole(1)
+            last = row.whole(2, first)
+            if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
+                other = True
+                continue
+            row.needs(1 <= first <= last <= 6, f"*BOUNDARY fixes motions from {first} to {last}; "
+                      "they are counted from 1 to 6.")  # fmt: skip
+            moved |= row.real(3) != 0
+            motions = range(first - 1, last)
+        builder.fix(nodes, motions)
+    if moved:
+        builder.ignored.append(f"the motion of *BOUNDARY ({card.place}), fixed instead")
+    if other:
+        builder.ignored.append(f"what is no motion of *BOUNDARY ({card.place})")
 
-    def __init__(self, whole: Whole, builder: ModelBuilder) -> None:
-        self.whole = whole
-        self.builder = builder
-        self.local = np.zeros((len(whole.deck.points), 6), dtype=bool)
-        self.frames: dict[int, Array] = {}
-        self.ignored: list[str] = []
-        for card in whole.named("TRANSFORM"):
-            self._transform(card)
 
-    def read(self, card: Card) -> None:
-        """Mark the motions that one card fixes."""
-        card.refuse_turned()
-        moved = other = False
-        for row in card.rows():
-            row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
-            nodes = row.nodes()
-            row.needs(len(nodes), f"the set of nodes {row.word(0)} has no nodes.")
-            motions: Sequence[int] | None = NAMED.get(row.word(1).upper())
-            if motions is None:
-                first = row.whole(1)
-                last = row.whole(2, first)
-                if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
-                    other = True
-                    continue
-                row.needs(1 <= first <= last <= 6, f"*BOUNDARY fixes motions from {first} to "
-                          f"{last}; they are counted from 1 to 6.")  # fmt: skip
-                moved |= row.real(3) != 0
-                motions = range(first - 1, last)
-            self.local[nodes[:, None], np.array(motions)] = True
-        if moved:
-            self.ignored.append(f"the motion of *BOUNDARY ({card.place}), fixed instead")
-        if other:
-            self.ignored.append(f"what is no motion of *BOUNDARY ({card.place})")
-
-    def _transform(self, card: Card) -> None:
-        nodes = card.nodes("NSET")
-        values = card.numbers()[:6]
-        kind = card.option("TYPE", "R").upper()[:1]
-        enough = len(values) == 6 and kind in "RC"
-        card.needs(enough, "*TRANSFORM needs six coordinates, TYPE=R or C.")
-        shift = card.within.shift if kind == "C" else 0.0
-        a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
-        if kind == "C" and (a != b).any():
-            frames = around_axis(a, b, self.whole.deck.points[nodes])
-        else:
-            z = np.cross(a, b) if kind == "R" else np.zeros(3)
-            x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
-            frames = np.broadcast_to(np.array([x, np.cross(z, x), z]), (len(nodes), 3, 3))
-        sound = np.linalg.norm(frames, axis=2).min(initial=1.0) >= 0.5
-        card.needs(sound, "*TRANSFORM gives no axes.")
-        self.frames.update(zip(nodes.tolist(), frames, strict=True))
-
-    def apply(self) -> None:
-        """Give the builder the fixed motions, along the axes of the deck."""
-        for node, frame in self.frames.items():
-            self.local[node] = self.builder.joints.fixed_along(node, self.local[node], frame)
-            self.builder.joints.frames[node] = frame
-        self.builder.fixed |= self.local
+def _transform(builder: ModelBuilder, card: Card) -> None:
+    nodes, values = card.nodes("NSET"), card.numbers()[:6]
+    kind = card.option("TYPE", "R").upper()[:1]
+    enough = len(values) == 6 and kind in "RC"
+    card.needs(enough, "*TRANSFORM needs six coordinates, TYPE=R or C.")
+    shift = card.within.shift if kind == "C" else 0.0
+    a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
+    if kind == "C" and (a != b).any():
+        frames = around_axis(a, b, builder.deck.points[nodes])
+    else:
+        z = np.cross(a, b) if kind == "R" else np.zeros(3)
+        x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
+        frames = np.broadcast_to(np.array([x, np.cross(z, x), z]), (len(nodes), 3, 3))
+    sound = np.linalg.norm(frames, axis=2).min(initial=1.0) >= 0.5
+    card.needs(sound, "*TRANSFORM gives no axes.")
+    builder.joints.frames.update(zip(nodes.tolist(), frames, strict=True))
 
 
 def _nonstructural(builder: ModelBuilder, card: Card) -> None:
@@ -194,9 +173,8 @@ def _link(
         terms, values = _along_motions(nodes, axes, values[0]), values[1:]
     card.needs(len(values) == 1, f"*{card.keyword} needs one {what} that does not depend on "
                f"frequency or temperature; it has {len(values)}.")  # fmt: skip
-    value = real_number(values[0].word(0), values[0].place)
-    values[0].needs(value >= 0, f"the {what} {value:g} is negative.")
-    (builder.sprung if card.keyword == "SPRING" else builder.damped)(terms, value)
+    value, place = real_number(values[0].word(0), values[0].place), values[0].place
+    builder.link(f"*{card.keyword}", what, terms, value, place)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import NoReturn
 
 import numpy as np
@@ -14,7 +14,7 @@ from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import Family, ModelBuilder
-from antiosc_decks.properties import Material, Profile, isotropic, of_stiffness, symmetric
+from antiosc_decks.properties import Material, Profile, of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
@@ -22,10 +22,9 @@ ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 
 VOIGT = [0, 1, 2, 5, 4, 3]
 
 
-def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
-    """(materials by name in upper case, what is ignored of them)."""
+def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material]:
+    """The materials by name in upper case."""
     found: dict[str, Material] = {}
-    ignored: list[str] = []
     current: Material | None = None
     for card in cards:
         if card.keyword == "MATERIAL":
@@ -37,10 +36,10 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
         elif current is not None and card.keyword == "ELASTIC":
             kind = _elastic(current, card)
             if kind == "ISO" and len(card.lines) > 1:
-                ignored.append(f"*ELASTIC of other temperatures ({card.place})")
+                builder.tell_once(f"*ELASTIC of other temperatures ({card.place})")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
-    return found, ignored
+    return found
 
 
 def _elastic(material: Material, card: Card) -> str:
@@ -55,7 +54,7 @@ def _elastic(material: Material, card: Card) -> str:
     v = np.array(values[:count])
     material.place = card.place
     if kind == "ISO":
-        material.constants = isotropic(v[0], v[1])
+        material.set_isotropic(v[0], v[1])
     elif kind == "LAMINA":  # E1, E2, nu12, G12, G13, G23
         material.constants = np.array([v[0], v[1], np.nan, v[2], np.nan, np.nan, *v[3:]])
     elif kind == "ENGINEERINGCONSTANTS":
@@ -111,8 +110,7 @@ class Orientations:
         if degrees := self.degrees(name, by):
             row = card.rows()[1]
             row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
-            angle = math.radians(degrees)
-            one = math.cos(angle) * one + math.sin(angle) * np.cross(z, one)
+            one = geometry.turned(one, z, degrees)
         return np.broadcast_to(np.stack([one, np.cross(z, one), z]), (len(x), 3, 3))
 
     def degrees(self, name: str, by: Card) -> float:
@@ -184,11 +182,20 @@ class Sections:
 
     def __init__(self, whole: Whole, builder: ModelBuilder) -> None:
         self.whole, self.builder = whole, builder
-        self.materials, self.ignored = materials_of(whole.cards)
+        self.materials = materials_of(whole.cards, builder)
         self.orientations = Orientations(whole.cards)
+        cards = whole.named("NODALTHICKNESS")
+        #: of nodes, nan without one; and in how many elements it varies
+        self.thickness = np.full(len(whole.deck.points) if cards else 0, np.nan)
+        self.varying = 0
+        for row in (row for card in cards for row in card.rows() if row.word(1)):
+            self.thickness[row.nodes()] = row.real(1)
         for card in whole.named(*SECTION_CARDS):
             self._read(card)
-        vary_thickness(whole, builder)
+        if self.varying:
+            told = f"the variation of the thickness within {self.varying} elements (*NODAL "
+            told += f"THICKNESS, {cards[0].place}), the mean of the corners is taken in each"
+            self.builder.tell_once(told)
 
     def _read(self, card: Card) -> None:
         """One section card."""
@@ -198,13 +205,14 @@ class Sections:
         blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
         composite = "COMPOSITE" in card.options
+        name = card.within.spelled(card.option("ELSET"))
         if card.keyword == "SHELLSECTION" and roles == {"shell"}:
-            kind, arguments = self._shell(card, elements)
-        elif card.keyword == "SOLIDSECTION" and roles == {"rod"}:
-            material = self._material(card.needed("MATERIAL"), card.place)
-            area = _positive(card, "area of rods")
-            self.builder.add_rods(elements, material, "solids", area, card.place)
+            self._shells(card, name, elements)
             return
+        if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
+            area = _positive(card, "area of rods") * self.builder.units.length**2
+            own = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
+            kind, arguments = "Truss", own
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
@@ -213,7 +221,7 @@ class Sections:
             kind, arguments = self._beam(card, elements)
         else:
             self._refuse(card, roles, {block.type for block in blocks})
-        name = card.within.spelled(card.option("ELSET"))
+        name = "rods" if kind == "Truss" else name
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
@@ -228,9 +236,8 @@ class Sections:
         raise card.place.error(f"{told} carries in this way.")
 
     def _material(self, name: str, place: Place) -> Material:
-        there = name.upper() in self.materials
-        place.needs(there, f"there is no material {name!r} (*MATERIAL, NAME=).")
-        return self.materials[name.upper()]
+        told = f"there is no material {name!r} (*MATERIAL, NAME=)."
+        return place.found(self.materials, name.upper(), told)
 
     def _isotropic(self, card: Card, what: str) -> Json:
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -255,33 +262,50 @@ class Sections:
         plane = {"plane": min(roles).removeprefix("plane "), "thickness": thickness}
         return "Solid", {**self._isotropic(card, "solids"), **plane}
 
-    def _shell(self, card: Card, elements: IntArray) -> tuple[str, Json]:
-        if "COMPOSITE" in card.options:
-            return self._laminate(card, elements, card.rows())
-        material = self._material(card.needed("MATERIAL"), card.place)
-        thickness = card.first().real(0)
-        if material.constants is not None and material.isotropic is None:
-            row = Row(f"{thickness!r},,{material.name},0", card, card.place)
-            return self._laminate(card, elements, [row])
-        length = {"thickness": thickness * self.builder.units.length}
-        offset = self._offset(card, elements, thickness)
-        return "Shell", {**self._isotropic(card, "shells"), **length, **offset}
-
-    def _offset(self, card: Card, elements: IntArray, thickness: float) -> Json:
+    def _shells(self, card: Card, name: str, elements: IntArray) -> None:
         word = card.option("OFFSET").upper()
         share = OFFSETS[word] if word in OFFSETS else real_number(word, card.place)
-        if not share:
-            return {}
-        if geometry.curved(self.whole.deck, elements):
-            told = f"the area of a curved shell with OFFSET={word} is that at its nodes."
-            self.whole.deck.told.append(f"{card.place}: {told}")
-        length = self.builder.units.length
-        side = geometry.side_of(self.whole.deck, elements, length)
-        return {"offset": -share * thickness * length, **side}
+        rows = card.rows()
+        if "COMPOSITE" not in card.options:
+            material = self._material(card.needed("MATERIAL"), card.place)
+            thickness = card.first().real(0)
+            if material.constants is None or material.isotropic is not None:
+                own = self.builder.isotropic(material, "shells")
+                for value, some in self._by_thickness(elements, thickness):
+                    given = {**own, "thickness": value * self.builder.units.length}
+                    label = f"{name} of thickness {value:g}" if len(self.thickness) else name
+                    family = Family("Shell", given, card.place)
+                    self.builder.add_shells(label, some, family, -share * value)
+                return
+            rows = [Row(f"{thickness!r},,{material.name},0", card, card.place)]
+        layers, axes = self._laminate(card, elements, rows)
+        thickness = sum(one["thickness"] for one in layers) / self.builder.units.length
+        family = Family("Laminate", {"layers": layers}, card.place)
+        self.builder.add_shells(name, elements, family, -share * thickness, axes)
+        nodes = self.whole.deck.nodes_of(elements)
+        if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
+            self.builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({card.place})")
 
-    def _laminate(self, card: Card, elements: IntArray, rows: list[Row]) -> tuple[str, Json]:
-        deck, length = self.whole.deck, self.builder.units.length
-        normals = geometry.normals_of(deck, elements)
+    def _by_thickness(self, elements: IntArray, given: float) -> Iterator[tuple[float, IntArray]]:
+        """(mean of *NODAL THICKNESS, elements), whether or not the section says so (CalculiX)."""
+        if not len(self.thickness):
+            yield given, elements
+            return
+        found = np.zeros(len(elements))
+        for block, mine in self.whole.deck.blocks_of(elements):
+            nodes = np.hstack([block.corners, block.mids])
+            values = np.where(nodes >= 0, self.thickness[nodes], np.nan)
+            values = np.where(np.isfinite(values), values, given)
+            self.varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
+            found[mine] = np.round(values[:, : block.corners.shape[1]].mean(axis=1), 12)
+        for value in np.unique(found):
+            yield float(value), elements[found == value]
+
+    def _laminate(
+        self, card: Card, elements: IntArray, rows: list[Row]
+    ) -> tuple[list[dict[str, float]], Array]:
+        """(arguments of the layers, the direction of 0° in each element)."""
+        normals = geometry.normals_of(self.whole.deck, elements)
         words = [(row.word(2) or card.option("MATERIAL"), row.place) for row in rows]
         materials = [self._material(*word) for word in words]
         known = [row for row in rows if self.orientations.find(row.word(3), card)]
@@ -306,11 +330,7 @@ class Sections:
                 told = f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
                 told += " has them: 1 along the radius; on shells 1 is around the axis, as Abaqus"
                 self.builder.tell_once(f"{told} has it")
-        alike = np.allclose(axis, axis[0], rtol=0, atol=1e-12)
-        own_axis = axis[0].tolist() if alike else geometry.everywhere(deck, elements, axis, length)
-        offset = self._offset(card, elements, sum(one["thickness"] for one in layers) / length)
-        top = geometry.top_of(deck, elements, length)
-        return "Laminate", {"layers": layers, "axis": own_axis, **offset, "top": top}
+        return layers, axis
 
     def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
         """Direction 1 of an *ORIENTATION in each element; 2 where 1 is the normal of a shell."""
@@ -323,8 +343,7 @@ class Sections:
             is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
             first = np.where(is_normal[:, None], frames[:, 1], first)
             first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
-            angle = math.radians(self.orientations.degrees(name, card))
-            first = math.cos(angle) * first + math.sin(angle) * np.cross(normals, first)
+            first = geometry.turned(first, normals, self.orientations.degrees(name, card))
         return first
 
     def _beam(self, card: Card, elements: IntArray) -> tuple[str, Json]:
@@ -373,42 +392,3 @@ def _positive(card: Card, what: str) -> float:
     value = card.first().real(0, 1.0)
     card.first().needs(value > 0, f"the {what} must be above 0; it is {value:g}.")
     return value
-
-
-def vary_thickness(whole: Whole, builder: ModelBuilder) -> None:
-    """The means of *NODAL THICKNESS in elements, whether or not the section says so (CalculiX)."""
-    at_node = np.full(len(whole.deck.points), np.nan)
-    cards = whole.named("NODALTHICKNESS")
-    for card in cards:
-        for row in card.rows():
-            if row.word(1):
-                at_node[row.nodes()] = row.real(1)
-    if not cards:
-        return
-    place, varying = cards[0].place, 0
-    length = builder.units.length
-    families = [one.arguments.get("thickness", np.nan) / length for one in builder.families]
-    by_section = np.array([*families, np.nan])[builder.of_element]
-    for block, own in whole.deck.numbered():
-        if block.role == "shell":
-            nodes = np.hstack([block.corners, block.mids])
-            values = np.where(nodes >= 0, at_node[nodes], np.nan)
-            values = np.where(np.isfinite(values), values, by_section[own, None])
-            varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
-            _thin(builder, own, values[:, : block.corners.shape[1]].mean(axis=1), place)
-    if varying:
-        told = f"the variation of the thickness within {varying} elements (*NODAL THICKNESS, "
-        builder.ignored.append(f"{told}{place}), the mean of the corners is taken in each")
-
-
-def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Place) -> None:
-    told = f"*NODAL THICKNESS of layers, which have theirs ({place})"
-    for name, family, value, some in builder.alike(elements, np.round(thickness, 12)):
-        if family.kind != "Shell":
-            if np.isfinite(value):
-                builder.tell_once(told)
-            continue
-        own = {**family.arguments, "thickness": value * builder.units.length}
-        if "offset" in own:
-            own["offset"] *= own["thickness"] / family.arguments["thickness"]
-        builder.add(f"{name} of thickness {value:g}", some, family._replace(arguments=own))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,16 @@ from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Deck, IntArray, Place
 from antiosc.io.neutral import Json, Term, UnitSystem
-from antiosc_decks.constraints import SPRINGS, Constraints, one_piece
-from antiosc_decks.properties import Material, measures_of
+from antiosc_decks.constraints import SPRINGS, Constraints, one_piece, separate_copies
+from antiosc_decks.properties import (
+    Material,
+    common_direction,
+    curved,
+    everywhere,
+    measures_of,
+    top_of,
+    unit,
+)
 
 
 def chosen_elements(deck: Deck) -> BoolArray:
@@ -36,28 +43,16 @@ LEAST_TERM = 1e-12
 
 
 class Family(NamedTuple):
-    """The section of a group of elements, as a class of antiosc and its arguments."""
+    """The section of a group of elements, as a class of antiosc and its arguments.
+
+    "Truss" has a "torsion" beside, m⁴, which a truss does without. "Panel", of a shear panel, is no
+    class; its "sides" are F1, F2 of Nastran: what of it is in rods along its sides 12 and 34, 23
+    and 41, as shares of its thickness and width (from 1.01: of the square of its thickness).
+    """
 
     kind: str
     arguments: Json
     place: Place
-
-
-@dataclass(frozen=True)
-class Rod:
-    """The section of a rod or of a shear panel, in the deck's units."""
-
-    E: float
-    nu: float
-    #: area, of a panel thickness
-    across: float
-    #: mass per length, of a panel per area
-    mass: float
-    place: Place
-    torsion: float = 0.0
-    #: F1, F2 of a panel: what of it is in rods along its sides 12 and 34, 23 and 41, as shares of
-    #: its thickness and width (from 1.01: of the square of its thickness)
-    effective: tuple[float, float] | None = None
 
 
 class ModelBuilder:
@@ -66,6 +61,8 @@ class ModelBuilder:
     def __init__(
         self, deck: Deck, units: UnitSystem, density: float | None = None, lumped: bool = False
     ) -> None:
+        #: own nodes of elements that repeat others, and those that they follow
+        self.copies = separate_copies(deck)
         nodes = len(deck.points)
         #: density in kg/m³, of materials without one; lumped: whether the deck gives masses at
         #: nodes, so that materials may have none
@@ -74,8 +71,6 @@ class ModelBuilder:
         self.families: list[Family] = []
         self.names: list[str] = []
         self.of_element = np.full(deck.n_elements, -1, dtype=np.int64)
-        #: number of an element -> its section, of rods and shear panels
-        self.rods: dict[int, Rod] = {}
         #: (node, place, kg, [kg m²])
         self.masses: list[tuple[int, Place, float, list[float]]] = []
         #: whether the deck has no other elements: the rods are a truss
@@ -84,6 +79,7 @@ class ModelBuilder:
         self.apart: list[int] = []
         #: what is ignored, in the deck's terms
         self.ignored: list[str] = []
+        #: until `hold` along directions of their own of the nodes that have such
         self.fixed = np.zeros((nodes, 6), dtype=bool)
         #: nodes of chosen elements, of those with rotations, and of elements not chosen alone
         self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
@@ -122,23 +118,6 @@ class ModelBuilder:
         """E, nu and rho of a material that must be isotropic."""
         E, nu = self.elastic(material, what)
         return {"E": E, "nu": nu, "rho": self.rho(material)}
-
-    def add_rods(
-        self,
-        elements: IntArray,
-        material: Material,
-        what: str,
-        across: float,
-        place: Place,
-        extra: float = 0.0,
-        torsion: float = 0.0,
-        effective: tuple[float, float] | None = None,
-    ) -> None:
-        """Set the section of rods or panels; `extra`: mass beside that of the density."""
-        own, units = self.isotropic(material, what), self.units
-        mass = own["rho"] / units.density * across + extra
-        rod = Rod(own["E"] / units.stress, own["nu"], across, mass, place, torsion, effective)
-        self.rods |= dict.fromkeys(elements.tolist(), rod)
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
@@ -182,6 +161,34 @@ class ModelBuilder:
         self.families.append(family)
         self.names.append(name)
 
+    def add_shells(
+        self,
+        name: str,
+        elements: IntArray,
+        family: Family,
+        offset: float,
+        axes: Array | None = None,
+    ) -> None:
+        """Set the section of shells with an offset along their normals, in the deck's units.
+
+        `axes` (elements, 3): the directions of 0°, of layers and of given stiffnesses.
+        """
+        deck, length, own = self.deck, self.units.length, dict(family.arguments)
+        if axes is not None:
+            axes = unit(axes)
+            axis = common_direction(axes, least=1 - 1e-6)
+            own["axis"] = (everywhere(deck, elements, axes, length) if axis is None else
+                           axis.tolist())  # fmt: skip
+            own["top"] = top_of(deck, elements, length)
+        if offset:
+            own["offset"] = offset * length
+            if axes is None and isinstance(top := top_of(deck, elements, length), dict):
+                own["top"] = top
+            if curved(deck, elements):
+                self.tell_once(f"the area of the offset surface of curved shells ({family.place}), "
+                               "that at the nodes is taken")  # fmt: skip
+        self.add(name, elements, family._replace(arguments=own))
+
     def alike(
         self, elements: IntArray, values: Array
     ) -> Iterator[tuple[str, Family, float, IntArray]]:
@@ -201,6 +208,23 @@ class ModelBuilder:
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes."""
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
+
+    def hold(self) -> None:
+        """Fix motions along directions of their own by supports along the axes, or constraints.
+
+        Nodes of copies follow those of what they repeat.
+        """
+        for node, frame in self.joints.frames.items():
+            self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
+        for own, node in self.copies:
+            self.apart.append(own)
+            for motion in range(6 if self.has_rotations[own] else 3):
+                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
+
+    def link(self, by: str, what: str, terms: list[Term], value: float, place: Place) -> None:
+        """The spring ("stiffness") or damper of a card, in the deck's units."""
+        place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
+        (self.sprung if what == "stiffness" else self.damped)(terms, value)
 
     def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
         """A point mass in the deck's units."""
@@ -245,20 +269,14 @@ class ModelBuilder:
         if moving and damping:
             self.joints.dampers.append((moving, damping))
 
-    def join_copies(self, copies: list[tuple[int, int]]) -> None:
-        """Let nodes of copies follow those of what they repeat: (own node, node)."""
-        for own, node in copies:
-            self.apart.append(own)
-            for motion in range(6 if self.has_rotations[own] else 3):
-                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
-
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
+        own = self.joints.alias
         free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
-        return [term for term in free if abs(term[2]) > LEAST_TERM]
+        return [(*own.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]
 
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
-DIMENSION = {"Beam": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2}
+DIMENSION = {"Beam": 1, "Truss": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2, "Panel": 2}
 DIMENSION |= {"Solid": 3, "AnisotropicSolid": 3}
 UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 
@@ -295,34 +313,26 @@ def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
 
 
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
-    if element in builder.rods:
-        rod = builder.rods[element]
-        return 1 if rod.effective is None else 2, rod.across, rod.mass / rod.across
     number = builder.of_element[element]
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
     units, a = builder.units, family.arguments
-    across = 1.0
-    density = a.get("rho", 0.0)
-    if family.kind == "Beam":
-        across = a["section"]["A"] / units.length**2
-    elif family.kind == "Laminate":
-        thick = [layer["thickness"] for layer in a["layers"]]
-        across = sum(thick) / units.length
-        density = sum(t * layer["rho"] for t, layer in zip(thick, a["layers"], strict=True))
-        density /= sum(thick)
+    across, per_area = 1.0, a.get("mass", 0.0)
+    if family.kind in ("Beam", "Truss"):
+        across = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
+    elif "layers" in a:
+        across = sum(layer["thickness"] for layer in a["layers"]) / units.length
+        per_area = sum(layer["thickness"] * layer["rho"] for layer in a["layers"])
     elif "thickness" in a:
         across = a["thickness"] / units.length
-        density = a.get("rho", a.get("mass", 0.0) / a["thickness"])
+    place.needs(across > 0, "the nonstructural mass is on an element without thickness "
+                "or area; give its section one.")  # fmt: skip
+    density = a["rho"] if "rho" in a else per_area / (across * units.length)
     return DIMENSION[family.kind], across, density / units.density
 
 
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
-    rods = np.array([int(element) in builder.rods for element in elements])
-    for element, more in zip(elements[rods].tolist(), density[rods].tolist(), strict=True):
-        rod = builder.rods[element]
-        builder.rods[element] = replace(rod, mass=rod.mass + more * rod.across)
-    for name, family, value, some in builder.alike(elements[~rods], density[~rods]):
+    for name, family, value, some in builder.alike(elements, density):
         more = value * builder.units.density
         builder.add(name, some, family._replace(arguments=_heavier(family.arguments, more)))
 

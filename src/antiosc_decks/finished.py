@@ -21,7 +21,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
 from antiosc.io.deck import Array, Place
 from antiosc.io.neutral import EDGES, Json, Model, Term
-from antiosc_decks.builder import MOTIONS, Family, ModelBuilder, Rod
+from antiosc_decks.builder import MOTIONS, Family, ModelBuilder
 from antiosc_decks.constraints import SPRINGS, connected, held_apart
 from antiosc_decks.sources import lines
 
@@ -30,48 +30,26 @@ FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder) -> BoolArray:
-    """Springs and masses for the chosen rods, but those of a truss, and panels; which they are."""
+    """Springs and masses for rods, but those of a truss, and panels; which they are."""
     rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
     masses: dict[int, tuple[float, Place]] = {}
     for block, some in deck.numbered():
         if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
             continue
         rods[some] = True
-        kept = np.flatnonzero(builder.chosen[some])
-        for k in kept:
-            nodes = list(map(int, block.corners[k]))
-            rod = builder.rods.get(int(some[k]))
-            if rod is None:
-                raise MeshError(f"{deck.name} has {block.type} elements without a section, so that "
-                                "their material is not known.")  # fmt: skip
-            size = (_spring if rod.effective is None else _panel)(builder, nodes, rod)
+        for nodes, number in zip(block.corners.tolist(), builder.of_element[some], strict=True):
+            family = builder.families[number]
+            volume = (_rod if block.role == "rod" else _panel)(builder, nodes, family)
+            mass = family.arguments["rho"] / builder.units.density * volume
             for node in nodes:
-                before = masses.get(node, (0.0,))[0]
-                masses[node] = before + rod.mass * size / len(nodes), rod.place
+                masses[node] = masses.get(node, (0.0,))[0] + mass / len(nodes), family.place
         where = "ends" if block.role == "rod" else "corners"
-        deck.told.append(f"the {len(kept)} {block.type} of {deck.name} are springs, with their "
+        deck.told.append(f"the {len(block)} {block.type} of {deck.name} are springs, with their "
                          f"mass at their {where}.")  # fmt: skip
     for node, (mass, place) in masses.items():
         if mass:
             builder.mass(node, mass, [0.0] * 3, place)
     return rods
-
-
-def make_truss(builder: ModelBuilder) -> None:
-    """Sections of the family `Truss` for all rods."""
-    units = builder.units
-    alike: dict[Rod, list[int]] = {}
-    for k in np.flatnonzero(builder.chosen):
-        rod = builder.rods.get(int(k))
-        if rod is not None and rod.effective is None:
-            alike.setdefault(rod, []).append(int(k))
-    for rod, elements in alike.items():
-        arguments = {"E": rod.E * units.stress, "nu": rod.nu}
-        arguments["rho"] = rod.mass / rod.across * units.density
-        arguments["area"] = rod.across * units.length**2
-        builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
-    if any(rod.torsion for rod in alike):
-        builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
 
 
 def hold_without_stiffness(builder: ModelBuilder) -> None:
@@ -96,39 +74,52 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         builder.deck.told.append(f"{told} is stiff are held (AUTOSPC).")
 
 
-def _spring(builder: ModelBuilder, nodes: list[int], rod: Rod) -> float:
-    """Add the springs of a rod between two nodes; its length."""
+def _rod(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
+    """Add the springs of a rod; its volume."""
+    units, a = builder.units, family.arguments
+    E, area = a["E"] / units.stress, a["area"] / units.length**2
+    twist = E / (2 * (1 + a["nu"])) * a["torsion"] / units.length**4
+    return _spring(builder, nodes, E * area, family.place, twist) * area
+
+
+def _spring(
+    builder: ModelBuilder, nodes: list[int], stretch: float, place: Place, twist: float = 0.0
+) -> float:
+    """Add the springs of a rod by its rigidities E A and G J; its length."""
     a, b = nodes
-    terms, length = builder.joints.elongation(a, b, rod.place)
-    builder.sprung(terms, rod.E * rod.across / length)
-    if rod.torsion and builder.has_rotations[[a, b]].all():
-        twist, _ = builder.joints.elongation(a, b, rod.place, 3)
-        builder.sprung(twist, rod.E / (2 * (1 + rod.nu)) * rod.torsion / length)
+    terms, length = builder.joints.elongation(a, b, place)
+    builder.sprung(terms, stretch / length)
+    if twist and builder.has_rotations[[a, b]].all():
+        terms, _ = builder.joints.elongation(a, b, place, 3)
+        builder.sprung(terms, twist / length)
     return length
 
 
-def _panel(builder: ModelBuilder, nodes: list[int], panel: Rod) -> float:
-    """Add the springs of a shear panel between its corners, and along its sides; its area."""
+def _panel(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
+    """Add the springs of a shear panel between its corners, and along its sides; its volume."""
+    units, place = builder.units, family.place
+    E, nu, t = (family.arguments[name] for name in ("E", "nu", "thickness"))
+    E, t = E / units.stress, t / units.length
     x = builder.deck.points[nodes]
     normal = np.cross(x[2] - x[0], x[3] - x[1])
     size = float(np.linalg.norm(normal))
     flat = size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2
-    panel.place.needs(flat, "the corners of a shear panel lie on one line.")
+    place.needs(flat, "the corners of a shear panel lie on one line.")
     sides, area = np.roll(x, -1, axis=0) - x, size / 2
-    builder.sprung(*_shear(panel, nodes, x, sides, normal / size))
-    length, t = np.linalg.norm(sides, axis=1), panel.across
-    for k, factor in enumerate((panel.effective or ()) * 2):
+    terms, compliance = _shear(nodes, x, sides, normal / size, nu, place)
+    builder.sprung(terms, E / (2 * (1 + nu)) * t / (area * compliance))
+    length = np.linalg.norm(sides, axis=1)
+    for k, factor in enumerate(family.arguments["sides"] * 2):
         width = area / (length[k] + length[(k + 2) % 4])
         if across := factor * t * (width if factor <= 1.01 else t / 2):
-            rod = Rod(panel.E, panel.nu, across, 0.0, panel.place)
-            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], rod)
-    return area
+            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], E * across, place)
+    return area * t
 
 
 def _shear(
-    panel: Rod, nodes: list[int], x: Array, sides: Array, normal: Array
+    nodes: list[int], x: Array, sides: Array, normal: Array, nu: float, place: Place
 ) -> tuple[list[Term], float]:
-    """(motion of the corners at x (4, 3), in one plane or nearly so, stiffness against it)."""
+    """(motion of the corners at x (4, 3), nearly in a plane, G t / area over the stiffness)."""
     plane = np.linalg.svd(normal[None])[2][1:]
     flat, along = (x - x.mean(axis=0)) @ plane.T, sides @ plane.T
     length = np.linalg.norm(along, axis=1)
@@ -137,17 +128,15 @@ def _shear(
     forces = np.linalg.svd(np.vstack([unit.T, arms / length.max()]))[2][-1]
     flow = forces / length
     convex = np.abs(flow).min() > 1e-6 * np.abs(flow).max()
-    panel.place.needs(convex, "a shear panel needs four corners of less than 180°.")
+    place.needs(convex, "a shear panel needs four corners of less than 180°.")
     pair = int(np.argmax([abs(unit[k] @ unit[k + 2]) for k in (0, 1)]))
     upright = np.array([-unit[pair, 1], unit[pair, 0]])
     s, c = ((unit[k] @ unit[pair]) / (unit[k] @ upright) for k in (1 - pair, 3 - pair))
-    skew = 1 + 2 / (3 * (1 + panel.nu)) * (s * s + s * c + c * c)
+    skew = 1 + 2 / (3 * (1 + nu)) * (s * s + s * c + c * c)
     shear = float(np.sqrt(np.abs(np.prod(flow))))
-    area = float(np.linalg.norm(np.cross(x[2] - x[0], x[3] - x[1]))) / 2
-    G = panel.E / (2 * (1 + panel.nu))
     loads = (forces[:, None] * unit + np.roll(forces[:, None] * unit, 1, axis=0)) / 2 @ plane
     terms = [(n, k, float(load[k])) for n, load in zip(nodes, loads, strict=True) for k in range(3)]
-    return terms, G * panel.across / (area * shear * skew)
+    return terms, shear * skew
 
 
 #: Numbers of points of no element, and motions that are held.
@@ -158,11 +147,11 @@ JOINED = {"solid", "shell", "beam"}
 
 def finished(builder: ModelBuilder) -> Model:
     """The model; MeshError for elements without a section, and families that cannot be joined."""
-    if builder.truss:
-        make_truss(builder)
-    rods = join_rods(builder)
-    _keep(builder, builder.chosen & ~rods)
+    _keep(builder, builder.chosen)
     _refuse_uncovered(builder)
+    if builder.truss and any([own.arguments.pop("torsion") for own in builder.families]):
+        builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
+    _keep(builder, ~join_rods(builder))
     present = {block.role for block in builder.deck.blocks if len(block)}
     if len(present) > 1 and not present <= JOINED:
         raise MeshError(f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one "
@@ -172,32 +161,33 @@ def finished(builder: ModelBuilder) -> Model:
     _drop_alone(builder)
     joints = builder.joints
     grounded = [one for one in joints.springs if len(one[0]) == 1]
-    joints.springs = [one for one in joints.springs if len(one[0]) > 1]
+    among = len(joints.every()) > len(grounded)  # anything that joins nodes
     mixed = "shell" in present and kept_apart(builder.deck)
-    stiffened = present == {"shell", "beam"} and not mixed and not builder.joints.every()
+    stiffened = present == {"shell", "beam"} and not mixed and not among
     stiffened = stiffened and _on_edges(builder)
     several = mixed or (len(present) > 1 and not stiffened)
     attached = [one[0] for one in builder.masses] + [terms[0][0] for terms, _ in grounded]
     beside = any(not builder.used[node] for node in attached)
-    joined = several or beside or bool(builder.joints.every())
+    joined = several or beside or among
     if joined:
-        _attach(builder, grounded)
+        _attach(builder)
     if stiffened:
         _shear_with_shells(builder)
     plane = not builder.truss and not present <= JOINED
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
-    pieces, held = _held(builder, count, fixed_points, [terms for terms, _ in grounded])
+    pieces, held = _held(builder, count, fixed_points)
+    if not joined:
+        joints.springs = []
     # N/m, and N m of rotations
     size, force = builder.units.length, builder.units.force
     units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
     alone = [] if joined else grounded
     springs = [(_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in alone]
     groups: list[tuple[str, str, Json, str]] = []
-    for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
+    for number in np.unique(builder.of_element).tolist():
+        name, family = builder.names[number], builder.families[number]
         elements = np.flatnonzero(builder.of_element == number)
-        if not len(elements):
-            continue
         sets = builder.deck.element_sets
         if name not in sets or not np.array_equal(sets[name], elements):
             name = f"{name} ({family.place})"
@@ -222,9 +212,7 @@ def finished(builder: ModelBuilder) -> Model:
     }
 
 
-def _held(
-    builder: ModelBuilder, count: int, fixed_points: Held, grounded: list[list[Term]]
-) -> tuple[int, bool]:
+def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
     """(pieces of the deck, whether they are several and supports or springs hold each)."""
     joints, nodes = builder.joints, len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
@@ -236,7 +224,7 @@ def _held(
     moves[loose] = True
     for number, motions in fixed_points:
         fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
-    rows = [*joints.equations, *(terms for terms, _ in joints.springs), *grounded]
+    rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
     return held_apart(builder.deck, x, moves, fixed, rows)
 
 
@@ -272,15 +260,13 @@ def _drop_alone(builder: ModelBuilder) -> None:
         builder.ignored.append(f"{left} {told}")
 
 
-def _attach(builder: ModelBuilder, grounded: list[tuple[list[Term], float]]) -> None:
-    """Masses and grounded springs as those between numbered nodes."""
+def _attach(builder: ModelBuilder) -> None:
+    """Masses at places as those of numbered nodes."""
     masses, builder.masses = builder.masses, []
-    size, joints = builder.units.length, builder.joints
+    size = builder.units.length
     for node, place, mass, inertia in masses:
         own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
         builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
-    for ((node, motion, _),), value in grounded:
-        joints.springs.append(([(*joints.alias.get((node, motion), (node, motion)), 1.0)], value))
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:

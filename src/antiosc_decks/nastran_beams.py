@@ -43,11 +43,9 @@ class BeamProfile(NamedTuple):
     #: from plane 1 to the first principal axis, about the beam's axis, radians
     angle: float = 0.0
 
-    @property
-    def numbers(self) -> list[float]:
-        """What changes along a tapered beam."""
-        p = self.profile
-        return [p.A, p.I, p.I_side, p.mixed, p.J, self.extra]
+
+#: A, I1, I2, I12, J and nonstructural mass: what changes along a tapered beam.
+Station = list[float]
 
 
 class BeamProfiles:
@@ -59,25 +57,22 @@ class BeamProfiles:
         self.told: list[str] = []
         #: places (end, along planes 1 and 2) of the neutral axis beside the shear centre
         self.neutral = np.zeros((2, 2))
+        #: its form, of which numbers are those of `stations`, and whether it deforms in shear
+        self.form, self.sheared = profiles.rectangle(1.0, 1.0), True
         read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
-        #: (place from 0 to 1, cross-section), ascending
-        self.stations: list[tuple[float, BeamProfile]] = sorted(read(), key=lambda one: one[0])
-        places = [place for place, _ in self.stations]
-        inside = 0 <= places[0] <= places[-1] <= 1
-        entry.needs(inside, f"X/XB of {entry.name} lies between 0 and 1.")
-        ended = len(places) == 1 or places[-1] == 1
+        #: place from 0 to 1 -> the cross-section there, ascending
+        self.stations: dict[float, Station] = dict(sorted(read().items()))
+        first, *others = self.stations.values()
+        self.tapered = any(not np.allclose(one, first, rtol=1e-6, atol=0) for one in others)
+        least, last = min(self.stations), max(self.stations)
+        entry.needs(0 <= least <= last <= 1, f"X/XB of {entry.name} lies between 0 and 1.")
+        ended = not others or last == 1
         entry.needs(ended, f"{entry.name} gives no section at X/XB = 1.")
-
-    @property
-    def tapered(self) -> bool:
-        """Whether the cross-section changes along the beam."""
-        first, *others = (one.numbers for _, one in self.stations)
-        return any(not np.allclose(one, first, rtol=1e-6, atol=0) for one in others)
 
     def at(self, s: float) -> BeamProfile:
         """The cross-section at s from 0 to 1, linear between stations."""
-        places, some = zip(*self.stations, strict=True)
-        table = np.array([one.numbers for one in some]).T
+        table = np.array(list(self.stations.values())).T
+        places = list(self.stations)
         A, first, second, mixed, J, extra = (float(np.interp(s, places, c)) for c in table)
         mean, half = (first + second) / 2, math.hypot((first - second) / 2, mixed)
         angle = math.atan2(2 * mixed, first - second) / 2 if mixed else 0.0
@@ -85,10 +80,10 @@ class BeamProfiles:
             first, second = mean + half, mean - half
         told = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
         self.entry.needs(min(A, first, second) > 0, told)
-        own = replace(some[0].profile, A=A, I=first, I_side=second, J=J or (first + second) / 2)
-        return BeamProfile(own, extra, some[0].sheared, angle)
+        own = replace(self.form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
+        return BeamProfile(own, extra, self.sheared, angle)
 
-    def _by_constants(self) -> list[tuple[float, BeamProfile]]:
+    def _by_constants(self) -> dict[float, Station]:
         entry = self.entry
         label = f"{entry.name} {entry.text(0)}"
         fields, start = FIELDS[entry.name]
@@ -125,14 +120,10 @@ class BeamProfiles:
             self.told.append(f"K1 and K2 of {label}, which differ: {what}")
         if not values[4]:
             self.told.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
-        found = []
-        for place, (area, first, second, mixed, torsion, extra) in rows.items():
-            factor = shear or profiles.RECTANGLE
-            own = profiles.Profile(area, first, second, torsion, factor, mixed=mixed)
-            found.append((place, BeamProfile(own, extra, shear > 0)))
-        return found
+        self.form, self.sheared = replace(self.form, shear=shear or self.form.shear), shear > 0
+        return rows
 
-    def _along(self, rows: dict[float, list[float]]) -> int:
+    def _along(self, rows: dict[float, Station]) -> int:
         """Add the values of PBEAM at further places to those at 0; the field after them."""
         entry, starts = self.entry, {}
         given = ("YES", "YESA", "NO")
@@ -150,7 +141,7 @@ class BeamProfiles:
         entry.needs(0.0 not in starts, "X/XB of PBEAM lies between 0 and 1.")
         return start
 
-    def _listed(self) -> list[tuple[float, BeamProfile]]:
+    def _listed(self) -> dict[float, Station]:
         entry = self.entry
         kind = entry.text(3).upper()
         entry.needs(kind in SHAPES, f"{entry.name} of the type {kind!r} is not supported; give its "
@@ -164,13 +155,12 @@ class BeamProfiles:
             middle = np.array([first[2], first[3]]) / 2
             self.neutral[:] = profiles.centroid(_angle(*first)) - middle
         extra = entry.real(8 + count)
-        stations = [(0.0, BeamProfile(self._shape(kind, first), extra, True))]
+        stations = {0.0: self._shape(kind, first, extra)}
         start = 9 + count
         while entry.name == "PBEAML" and entry.words(start, start + 2):
             own = self._dimensions(start + 2, first)
             beside = entry.real(start + 2 + count, extra)
-            one = BeamProfile(self._shape(kind, own), beside, True)
-            stations.append((entry.real(start + 1, 1.0), one))
+            stations[entry.real(start + 1, 1.0)] = self._shape(kind, own, beside)
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
             told = f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
@@ -184,13 +174,13 @@ class BeamProfiles:
         self.entry.needs(min(d) > 0 or full, f"{self.entry.name} needs dimensions above 0.")
         return d
 
-    def _shape(self, kind: str, d: Sequence[float]) -> profiles.Profile:
+    def _shape(self, kind: str, d: Sequence[float], extra: float) -> Station:
         try:
             made = SHAPES[kind](*d)
-            if isinstance(made, profiles.Profile):
-                return made
-            found = profiles.walled(made, profiles.box_torsion(*d) if kind == "BOX1" else None)
-            return found if kind in ("L", "Z") else replace(found, mixed=0.0)
+            if not isinstance(made, profiles.Profile):
+                made = profiles.walled(made, profiles.box_torsion(*d) if kind == "BOX1" else None)
+            self.form, mixed = made, made.mixed if kind in ("L", "Z") else 0.0
+            return [made.A, made.I, made.I_side, mixed, made.J, extra]
         except ValueError as error:
             told = f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
             raise self.entry.place.error(f"{told} other for the type {kind!r}.") from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile, zip_longest
 from typing import NamedTuple
 
@@ -69,11 +69,10 @@ class Entry(Placed):
         """Number of an element's property; by default that of the element."""
         return 0 if self.name == "CONROD" else self.whole(1, self.whole(0)) + self.place.scope
 
-    def its_property(self, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
-        """(entry, first field) of an element's property, among some."""
+    def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
+        """An element's property, among some."""
         number = self.property_number()
-        self.needs(number in known, f"{self.name} has no {name} {number}.")
-        return known[number]
+        return self.place.found(known, number, f"{self.name} has no {name} {number}.")
 
     def real(self, k: int, default: float | None = 0.0) -> float:
         """A number; MeshError if it is none, or missing without a default."""
@@ -365,8 +364,8 @@ CELLS = {
 }
 #: Entries that are read as the nearest that is here -> what of them is not taken.
 NEAREST = {
-    **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "the rigidity in transverse shear of {} {}"),
-    "BEGIN SUPER": "the reduction of {} superelements ({}), the whole that they divide is read",
+    **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "rigidity in transverse shear"),
+    "BEGIN SUPER": "reduction of superelements (the whole that they divide is read)",
 }
 _PLATE, _MEMBRANE = (0, 1, 2, 1, None, 1, None, 3), (0, 1, 2, None, None, None, None, 3)
 #: Entries of older versions -> those that they are now, and which of the older fields is in each of
@@ -381,7 +380,20 @@ OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
     **{"CWEDGE": ("CPENTA", ()), "PIHEX": ("PSOLID", (0, 1, 2)), "CRIGD1": ("RBE2", ())},
     "CRIGD2": ("CRIGD2", ()),
 }
-#: Of these, elements that name their material.
+#: Entries that define several of their kind in one line -> the number of fields of one.
+SEVERAL = {
+    **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS", "PVISC", "PQUAD2", "PTRIA2"), 4),
+    **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), 4),
+    **dict.fromkeys(("PDAMP", "PMASS"), 2),
+}
+_OF_BARS = ((1,), (4, 5, 6), (7,))
+#: Entry -> the one that gives defaults, of which fields that are blank together.
+DEFAULTS = {
+    "GRID": ("GRDSET", ((1,), (5,), (6,))),
+    "CBAR": ("BAROR", _OF_BARS),
+    "CBEAM": ("BEAMOR", _OF_BARS),
+}
+#: Of the older ones, elements that name their material.
 OF_MATERIAL = ("CHEXA1", "CHEXA2", "CWEDGE")
 #: Properties that give sections.
 PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
@@ -467,7 +479,39 @@ def is_other(name: str) -> bool:
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
     """What becomes of the entries of a deck."""
-    return Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
+    found = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
+    for entry in entries:
+        if entry.name in NEAREST:
+            label = f"{entry.name}, {NEAREST[entry.name]}"
+            found.options.append((label, entry.place, Fate("ignored")))
+    return found
+
+
+def separated(entries: Sequence[Entry]) -> list[Entry]:
+    """The entries, each with one definition."""
+    found = []
+    for entry in entries:
+        if (width := SEVERAL.get(entry.name)) is None:
+            found.append(entry)
+            continue
+        starts = (k for k in range(0, 8, width) if entry.text(k))
+        found += [replace(entry, fields=entry.fields[k : k + width]) for k in starts]
+    return found
+
+
+def fill(entries: Sequence[Entry]) -> None:
+    """Blank fields are those of the entry that gives defaults in the same part."""
+    names = {name for name, _ in DEFAULTS.values()}
+    given = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
+    for entry in entries if given else ():
+        name, groups = DEFAULTS.get(entry.name, ("", ()))
+        if default := given.get((name, entry.place.scope)):
+            entry.fields += [""] * (8 - len(entry.fields))
+            for some in groups:
+                if not any(entry.text(k) for k in some):
+                    if some in ((1,), (5,)):  # numbers of properties and systems
+                        default.whole(some[0], 0)
+                    entry.fields[some[0] : some[-1] + 1] = [default.text(k) for k in some]
 
 
 def renew(entries: Sequence[Entry]) -> list[Entry]:
@@ -491,11 +535,7 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
         elif old in ("PQUAD1", "PTRIA1"):
             entry.fields = _plate(entry)
         elif order:
-            every = (["" if k is None else entry.text(at + k) for k in order] for at in (0, 4))
-            first, second = every
-            if entry.name == "PSHELL" and second[0]:  # two of them in one entry
-                more.append(Entry(entry.name, entry.place, second))
-            entry.fields = first
+            entry.fields = ["" if k is None else entry.text(k) for k in order]
         known.update([entry.text(0)] if entry.name == "PSOLID" else [])
     return [entry for number, entry in made.items() if number not in known] + more
 

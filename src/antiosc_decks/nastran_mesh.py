@@ -20,7 +20,7 @@ from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whol
 from antiosc.io.neutral import CORNERS
 from antiosc_decks import nastran_cards as cards
 from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
-from antiosc_decks.sources import Account, Sources
+from antiosc_decks.sources import Account, Fate, Sources
 
 
 @dataclass(frozen=True)
@@ -79,28 +79,14 @@ class Systems:
         self._node = node
         self._placed: dict[int, System] = {}
         self._open: set[int] = set()
-        self._given: dict[int, tuple[Entry, int]] = {}
         self._moved: Mapping[int, System] = {}
-        for entry in entries:
-            if entry.name.startswith("CORD2"):
-                self._give(entry, 0, 16)
-            for start in (0, 4) if entry.name.startswith("CORD1") else ():
-                if entry.text(start):
-                    self._give(entry, start, 4)
+        own = [entry for entry in entries if entry.name.startswith(("CORD1", "CORD2"))]
+        self._given = defined_once(own, "coordinate system")
 
     def move(self, moved: Mapping[int, System]) -> None:
         """Parts of the deck lie elsewhere: scope -> where their basic system is."""
         self._moved = moved
         self._placed.clear()
-
-    def _give(self, entry: Entry, start: int, width: int) -> None:
-        """Define a system; MeshError if it is defined otherwise, too."""
-        known, first = self._given.setdefault(entry.number(start), (entry, start))
-        alike = known.name == entry.name and all(
-            known.text(first + k) == entry.text(start + k) for k in range(width)
-        )
-        entry.needs(alike, f"the coordinate system {entry.text(start)} is defined more than once, "
-                    f"first otherwise in {known.place}.")  # fmt: skip
 
     def __call__(self, number: int, place: Place) -> System:
         """The system `number`; MeshError if there is none, or it depends on itself."""
@@ -109,17 +95,17 @@ class Systems:
             return self._moved.get(place.scope, BASIC)
         number += place.scope
         if number not in self._placed:
-            place.needs(number in self._given, f"there is no coordinate system {own}.")
+            entry = place.found(self._given, number, f"there is no coordinate system {own}.")
             closed = number not in self._open and len(self._open) <= 200
             place.needs(closed, f"the coordinate system {own} depends on itself.")
             self._open.add(number)
-            self._placed[number] = self._place(*self._given[number])
+            self._placed[number] = self._place(entry)
             self._open.discard(number)
         return self._placed[number]
 
-    def _place(self, entry: Entry, start: int) -> System:
+    def _place(self, entry: Entry) -> System:
         if entry.name.startswith("CORD1"):
-            points = [self._node(entry.whole(start + k), entry.place) for k in (1, 2, 3)]
+            points = [self._node(entry.whole(k), entry.place) for k in (1, 2, 3)]
         else:
             base = self(entry.whole(1, 0), entry.place)
             points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
@@ -225,8 +211,6 @@ class NastranDeck:
     systems_of: dict[int, int] = field(default_factory=dict)
     #: what is special about elements that are beams, by their number
     beams: dict[int, Beam] = field(default_factory=dict)
-    #: entries that are read as others, in the deck's terms
-    converted: list[str] = field(default_factory=list)
 
     def named(self, *names: str) -> list[Entry]:
         """All entries of these names."""
@@ -275,10 +259,9 @@ class NastranDeck:
         """Row of the node in field k of an entry."""
         return self.row(entry.whole(k), entry.place)
 
-    def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
-        """Number of a property -> (its entry, its first field); `width` fields make one of them."""
-        every = ((one, k) for one in self.named(name) for k in range(0, 8, width) if one.text(k))
-        return {entry.number(k): (entry, k) for entry, k in every}
+    def properties(self, name: str) -> dict[int, Entry]:
+        """Number of a property -> its entry."""
+        return {entry.number(0): entry for entry in self.named(name) if entry.text(0)}
 
     def property_numbers(self) -> IntArray:
         """Number of the property of each element."""
@@ -362,14 +345,12 @@ def read(sources: Sources) -> NastranDeck:
         if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
             told = f"a superelement of the type {entry.text(1)} is not read"
             raise entry.place.error(f"{told}; write its elements out.")
+    bulk.entries = cards.separated(bulk.entries)
     scope_parts(bulk.entries)
+    cards.fill(bulk.entries)
     found = _nodes(bulk, sources.name)
     found.deck.told += [*bulk.told, *found.account.unknown()]
-    for name, sentence in cards.NEAREST.items():
-        if count := len(found.named(name)):
-            found.converted.append(sentence.format(count, name))
     bulk.entries += cards.renew(bulk.entries)
-    _defaults(found)
     _rods_of_bars(found)
     _elements(found)
     found.set_groups()
@@ -385,7 +366,6 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
-    fill_grids(bulk.entries)
     grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
@@ -444,29 +424,6 @@ def _scalar_points(bulk: Bulk) -> IntArray:
     return np.array(sorted(numbers), dtype=np.int64)
 
 
-def fill_grids(entries: list[Entry]) -> None:
-    """Blank systems and supports of GRID are those of GRDSET of the part."""
-    defaults = {entry.place.scope: entry for entry in entries if entry.name == "GRDSET"}
-    for grid in entries if defaults else ():
-        if grid.name == "GRID" and grid.place.scope in defaults:
-            grid.fields += [""] * (7 - len(grid.fields))
-            given = defaults[grid.place.scope]
-            for k in (1, 5):
-                grid.fields[k] = grid.text(k) or str(given.whole(k, 0))
-            grid.fields[6] = grid.text(6) or given.text(6)
-
-
-def _defaults(found: NastranDeck) -> None:
-    """Blank fields of CBAR and CBEAM are those of BAROR and BEAMOR."""
-    for name, given in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")):
-        for default in found.named(given)[:1]:
-            for entry in found.named(name):
-                entry.fields += [""] * (8 - len(entry.fields))
-                for some in ((1,), (4, 5, 6), (7,)):
-                    if not any(entry.text(k) for k in some):
-                        entry.fields[some[0] : some[-1] + 1] = [default.text(k) for k in some]
-
-
 def _rods_of_bars(found: NastranDeck) -> None:
     """CBAR of a PBAR without second moments are CROD; the model tells it."""
     every = found.named("PBAR")
@@ -475,10 +432,11 @@ def _rods_of_bars(found: NastranDeck) -> None:
     for entry in found.named("CBAR"):
         if (entry.text(1) or entry.text(0)) in bare:
             entry.name, entry.fields = "CROD", entry.fields[:4]
-    for number, entry in bare.items():
+    for entry in bare.values():
         area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
         entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
-        found.converted.append(f"bending, pins and offsets of PBAR {number} (no I1, I2): rods")
+        told = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
+        found.account.options.append((told, entry.place, Fate("ignored")))
 
 
 def _elements(found: NastranDeck) -> None:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, IntArray, Place, real_number, whole_number
+from antiosc.io.deck import Array, Place, real_number, whole_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import ModelBuilder, add_mass, add_total
-from antiosc_decks.constraints import along, lever, separate_copies
+from antiosc_decks.constraints import along, lever
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
@@ -25,12 +25,14 @@ ALL = (0, 1, 2, 3, 4, 5)
 ROUNDING_ARM = 1e-9
 #: Share of the largest moment of inertia that a negative one may have by rounding.
 INERTIA_ROUNDING = 1e-6
-#: Element -> its property, the number of fields of one of these, and what it gives.
-SCALAR = {"CELAS": ("PELAS", 4, "stiffness"), "CDAMP": ("PDAMP", 2, "damping")}
-SCALAR["CMASS"] = ("PMASS", 2, "mass")
-#: Elements along axes at their place -> their property, the number of fields of one of these.
-BUSHES = {"CVISC": ("PVISC", 4), "CBUSH1D": ("PBUSH1D", 32), "CBUSH": ("PBUSH", 8)}
-BUSHES["CGAP"] = ("PGAP", 8)
+#: Element -> its property, and what it gives.
+SCALAR = {
+    "CELAS": ("PELAS", "stiffness"),
+    "CDAMP": ("PDAMP", "damping"),
+    "CMASS": ("PMASS", "mass"),
+}
+#: Elements along axes at their place -> their property.
+BUSHES = {"CVISC": "PVISC", "CBUSH1D": "PBUSH1D", "CBUSH": "PBUSH", "CGAP": "PGAP"}
 #: Those of them that act along their line, without arms.
 ON_LINE = ("CVISC", "CBUSH1D")
 #: Entries that give masses.
@@ -49,9 +51,7 @@ class Joints:
 
     def read(self) -> None:
         """Rigid elements, constraints, springs and dampers."""
-        found, joints = self.found, self.builder.joints
-        for row in found.systems_of:
-            joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
+        found = self.found
         for name, rigid in RIGID.items():
             for entry in found.named(name):
                 rigid(self, entry)
@@ -63,10 +63,10 @@ class Joints:
                 self._mpc(entry)
         for kind in ("CELAS", "CDAMP"):
             self._scalars(kind)
-        for kind, (name, width) in BUSHES.items():
-            known = found.properties(name, width)
+        for kind, name in BUSHES.items():
+            known = found.properties(name)
             for entry in found.named(kind):
-                self._bush(entry, *entry.its_property(name, known))
+                self._bush(entry, entry.its_property(name, known))
 
     def read_masses(self) -> None:
         """Masses at nodes, and those spread over elements."""
@@ -171,16 +171,16 @@ class Joints:
 
     def _scalars(self, kind: str) -> None:
         """Springs, dampers or masses between two motions, or of one against the ground."""
-        name, width, what = SCALAR[kind]
-        known, builder = self.found.properties(name, width), self.builder
+        name, what = SCALAR[kind]
+        known, builder = self.found.properties(name), self.builder
         for entry in self.found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
-                own, k = entry.its_property(name, known)
-                value = own.real(k + 1, None)
-                if name == "PELAS" and own.real(k + 2):
-                    builder.tell_once(f"GE of PELAS {own.text(k)}")
+                own = entry.its_property(name, known)
+                value = own.real(1, None)
+                if name == "PELAS" and own.real(2):
+                    builder.tell_once(f"GE of PELAS {own.text(0)}")
             ends = self.found.scalar_ends(entry)
             terms: list[Term] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
@@ -188,22 +188,24 @@ class Joints:
                 first = 3 * (motion // 3)
                 unit = builder.units.length if first and what == "mass" else 1.0
                 terms += along(row, axis, first, sign * unit)
-            entry.needs(value >= 0, f"{entry.name} has a negative {what}.")
             if what != "mass":
-                (builder.sprung if what == "stiffness" else builder.damped)(terms, value)
-            elif value:
+                builder.link(entry.name, what, terms, value, entry.place)
+                continue
+            entry.needs(value >= 0, f"{entry.name} has a negative mass.")
+            if value:
                 # three of them, one along each axis, are one mass
                 share = value / 3 if len(ends) == 1 and ends[0][1] < 3 else 0.0
                 builder.scalar_mass(terms, value * self.factor, share * self.factor)
 
-    def _bush(self, entry: Entry, own: Entry, at: int) -> None:
-        """Springs and dampers at one place, of CBUSH on rigid arms; `at`: where `own` begins."""
-        constants = self._constants(entry.name, own, at)
+    def _bush(self, entry: Entry, own: Entry) -> None:
+        """Springs and dampers at one place, of CBUSH on rigid arms."""
+        constants = self._constants(entry.name, own)
         if entry.name in ON_LINE:  # the system is in another field
             fields = [*entry.fields[:4], "", "", "", entry.text(4)]
             entry = Entry(entry.name, entry.place, fields)
         acts = [bool(k or c) for k, c in zip(*constants, strict=True)]
         rows = [self.found.at(entry, k) for k in (2, 3) if entry.text(k)]
+        entry.needs(rows, f"{entry.name} acts on no node.")
         x = self.found.deck.points[rows]
         apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
         own_place = entry.name == "CBUSH"
@@ -224,18 +226,16 @@ class Joints:
                     terms += along(row, arm, 3, sign)
                 terms += along(row, axis, first, sign)
             stiffness, damping = (values[k] for values in constants)
-            entry.needs(stiffness >= 0, f"{entry.name} has a negative stiffness.")
-            entry.needs(damping >= 0, f"{entry.name} has a negative damping.")
-            if stiffness:
-                self.builder.sprung(terms, stiffness)
-            self.builder.damped(terms, damping)
+            for what, value in (("stiffness", stiffness), ("damping", damping)):
+                if value:
+                    self.builder.link(entry.name, what, terms, value, entry.place)
 
-    def _constants(self, name: str, own: Entry, at: int) -> Constants:
+    def _constants(self, name: str, own: Entry) -> Constants:
         """(stiffnesses, dampings) of the six motions; what is not taken is told."""
         told = self.builder.tell_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
         if name == "CVISC":  # along the line, and against the twist about it
-            values["B"][0], values["B"][3] = own.real(at + 1), own.real(at + 2)
+            values["B"][0], values["B"][3] = own.real(1), own.real(2)
         elif name == "CBUSH1D":
             values["K"][0], values["B"][0] = own.real(1), own.real(2)
             if own.words(3):
@@ -372,48 +372,39 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
     given = found.parameter("WTMASS")
     factor = given.real(1, None) if given else 1.0
     ends = beams.divide(found)
-    copies = separate_copies(found.deck)
-    found.set_groups()
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
+    found.set_groups()
     Properties(found, builder, factor).read()
     builder.find_nodes()
     _supports(found, builder)
     joints = Joints(found, builder, factor)
     joints.read()
     beams.join(builder, ends)
-    builder.join_copies(copies)
     joints.read_masses()
     autospc = found.parameter("AUTOSPC")
     if builder.truss and not (autospc and autospc.text(1).upper() == "NO"):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    builder.ignored += [*found.converted, *found.account.ignored()]
+    builder.ignored += found.account.ignored()
     return finished(builder)
 
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
-    for row, grid in enumerate(found.grids):
-        if grid.text(6):
-            _fix(found, builder, np.array([row]), grid.text(6), grid.place)
+    for row in found.systems_of:
+        builder.joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
+    every = [(np.array([row]), text, grid)
+             for row, grid in enumerate(found.grids) if (text := grid.text(6))]  # fmt: skip
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in found.constraints(number):
             entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")
-            _fix(found, builder, rows, components, entry.place)
+            every.append((rows, components, entry))
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
                 moved.append(entry.place)
+    for rows, components, entry in every:
+        scalar = np.isin(rows, list(found.scalar))
+        builder.fix(rows[scalar], [0])
+        builder.fix(rows[~scalar], motions_of(components, entry.place))
+    builder.hold()
     if moved:
         builder.ignored.append(f"the motion of SPC ({lines(moved)}), fixed instead")
-
-
-def _fix(
-    found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
-) -> None:
-    motions = motions_of(components, place)
-    scalar, turned = (np.isin(rows, list(some)) for some in (found.scalar, found.systems_of))
-    builder.fix(rows[scalar], [0])
-    builder.fix(rows[~scalar & ~turned], motions)
-    for row in rows[turned]:
-        own = np.isin(np.arange(6), motions)
-        frame = found.frame(int(row), place)
-        builder.fixed[row] |= builder.joints.fixed_along(int(row), own, frame)

@@ -16,7 +16,7 @@ from antiosc_decks.builder import Family, ModelBuilder
 from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
 from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of
-from antiosc_decks.properties import Material, isotropic, symmetric, tube
+from antiosc_decks.properties import Material, symmetric, tube
 
 #: Material -> the field of its density.
 MATERIALS = {"MAT1": 4, "MAT2": 7, "MAT8": 7, "MAT9": 22, "MAT11": 10}
@@ -79,7 +79,7 @@ class Properties:
         material.density = density * self.factor if density else None
         if entry.name == "MAT1":
             E, G, nu = _moduli(entry)
-            material.constants = isotropic(E, nu)
+            material.set_isotropic(E, nu)
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
                 told = f"G of MAT1 {number}, which does not follow from E and NU"
@@ -106,9 +106,8 @@ class Properties:
     def _material(self, entry: Entry, k: int) -> Material:
         """The material whose number is in field k (from 0)."""
         number = entry.number(k)
-        entry.needs(number in self._materials, "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with "
-                    f"the number {number % SCOPE}.")  # fmt: skip
-        return self._materials[number]
+        told = "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number "
+        return entry.place.found(self._materials, number, f"{told}{number % SCOPE}.")
 
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
@@ -155,15 +154,19 @@ class Properties:
         else:
             area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
-        material, extra = self._material(entry, k), extra * self.factor
-        self.builder.add_rods(elements, material, "rods", area, entry.place, extra, torsion)
+        length = self.builder.units.length
+        own = self.builder.isotropic(self._material(entry, k), "rods")
+        own |= {"area": area * length**2, "torsion": torsion * length**4}
+        own["rho"] += self._beside(extra, area)
+        self.builder.add("rods", elements, Family("Truss", own, entry.place))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        t, extra, sides = entry.real(2, None), entry.real(3), (entry.real(4), entry.real(5))
+        t, extra, *sides = entry.real(2, None), *entry.reals(3, 6)
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
-        material, extra = self._material(entry, 1), extra * self.factor
-        what, place = "shear panels", entry.place
-        self.builder.add_rods(elements, material, what, t, place, extra, effective=sides)
+        own = self.builder.isotropic(self._material(entry, 1), "shear panels")
+        own |= {"thickness": t * self.builder.units.length, "sides": sides}
+        own["rho"] += self._beside(extra, t)
+        self.builder.add(name, elements, Family("Panel", own, entry.place))
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
@@ -245,11 +248,7 @@ class Properties:
             else:
                 arguments = self.builder.isotropic(material, "shells") | {"thickness": own * length}
                 arguments["rho"] += extra
-                if offset:
-                    arguments["offset"] = offset * length
-                    arguments |= geometry.side_of(self.found.deck, some, length)
-                    self._tell_curved(entry, some)
-                self.builder.add(name, some, Family("Shell", arguments, entry.place))
+                self.builder.add_shells(name, some, Family("Shell", arguments, entry.place), offset)
 
     def _by_thickness(
         self, elements: IntArray, thickness: float, entry: Entry
@@ -338,22 +337,9 @@ class Properties:
         self, entry: Entry, name: str, elements: IntArray, kind: str, own: Json, offset: float
     ) -> None:
         """Add a family with directions: one axis, or one in each element."""
-        deck, length = self.found.deck, self.builder.units.length
-        normals = geometry.normals_of(deck, elements)
+        normals = geometry.normals_of(self.found.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        axis = geometry.common_direction(axes, least=1 - 1e-6)
-        own = {**own, "top": geometry.top_of(deck, elements, length)}
-        given = geometry.everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
-        own["axis"] = given
-        if offset:
-            own["offset"] = offset * length
-            self._tell_curved(entry, elements)
-        self.builder.add(name, elements, Family(kind, own, entry.place))
-
-    def _tell_curved(self, entry: Entry, elements: IntArray) -> None:
-        if geometry.curved(self.found.deck, elements):
-            told = f"the area of the offset surface of {entry.name} {entry.text(0)}"
-            self.builder.tell_once(f"{told}, that at the nodes is taken")
+        self.builder.add_shells(name, elements, Family(kind, own, entry.place), offset, axes)
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
@@ -370,8 +356,7 @@ class Properties:
         nodes = [self.found.at(entry, k) for k in (2, 3)]
         side = np.diff(self.found.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
-        angle = math.radians(entry.real(where))
-        rotated = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
+        rotated = geometry.turned(side, normal, entry.real(where))
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
 

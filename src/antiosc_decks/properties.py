@@ -28,6 +28,11 @@ class Material(Placed):
     #: E and G of beams and rods, where they do not follow from `constants`
     of_lines: tuple[float, float] | None = None
 
+    def set_isotropic(self, E: float, nu: float) -> None:
+        """Give it the constants of an isotropic material."""
+        self.needs(nu > -1, f"Poisson's ratio lies above -1; it is {nu:g}.")
+        self.constants = isotropic(E, nu)
+
     def elasticity(self) -> Array:
         """The constants; MeshError without such."""
         found = self.constants
@@ -205,14 +210,21 @@ def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
     return [x for block, _ in deck.blocks_of(elements) for x in deck.points[block.corners]]
 
 
-def _unit(v: Array) -> Array:
+def unit(v: Array) -> Array:
+    """Rows as vectors of length 1; zero stays zero."""
     length = np.linalg.norm(v, axis=1, keepdims=True)
     return np.asarray(v / np.where(length > 0, length, 1.0))
 
 
+def turned(v: Array, axis: Array, degrees: float) -> Array:
+    """Vectors across unit vectors, rotated about these."""
+    angle = math.radians(degrees)
+    return np.asarray(math.cos(angle) * v + math.sin(angle) * np.cross(axis, v))
+
+
 def tangents_of(deck: Deck, elements: IntArray) -> Array:
     """Unit vectors (n, 3) along lines, from their first node to their last."""
-    return _unit(np.array([x[1] - x[0] for x in corners_of(deck, elements)]).reshape(-1, 3))
+    return unit(np.array([x[1] - x[0] for x in corners_of(deck, elements)]).reshape(-1, 3))
 
 
 def normals_of(deck: Deck, elements: IntArray) -> Array:
@@ -221,7 +233,7 @@ def normals_of(deck: Deck, elements: IntArray) -> Array:
     for block, mine in deck.blocks_of(elements):
         x = deck.points[block.corners]
         found[mine] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
-    return _unit(found)
+    return unit(found)
 
 
 def measures_of(deck: Deck, elements: IntArray) -> Array:
@@ -277,12 +289,6 @@ def top_of(deck: Deck, elements: IntArray, length: float) -> Everywhere | list[f
     normals = normals_of(deck, elements)
     top = common_direction(normals)
     return everywhere(deck, elements, normals, length) if top is None else top.tolist()
-
-
-def side_of(deck: Deck, elements: IntArray, length: float) -> dict[str, Everywhere]:
-    """The side of the normals, as an argument, of shells that no one direction is above."""
-    top = top_of(deck, elements, length)
-    return {"top": top} if isinstance(top, dict) else {}
 
 
 def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:

@@ -68,7 +68,7 @@ BAD = {
                 "more than a file of"),
     "hb cut": (HB + "RSA" + 11 * " " + f"{1:14d}{1:14d}{1:14d}\n"
                + f"{'(2I8)':16}{'(1I8)':16}{'(1E20.12)':20}\n{1:8d}{2:8d}\n{1:8d}\n",
-               "the file ends after 0 of 1 lines"),
+               "the file ends within a matrix, after 0 of 1 lines"),
     "op4 complex": (f"{1:8d}{1:8d}{6:8d}{4:8d}KAA     1P,3E24.16\n", "KAA is complex"),
     "op4 cut": (f"{1:8d}{1:8d}{6:8d}{2:8d}KAA     1P,3E24.16\n{1:8d}{1:8d}{1:8d}\n",
                 "bad, line 2: the file ends within a matrix"),

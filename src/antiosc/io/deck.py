@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from antiosc.base.errors import MeshError
 from antiosc.io.neutral import Model
 
 IntArray = NDArray[np.int64]
+K = TypeVar("K")
+V = TypeVar("V")
 
 #: Largest number of a node or element; larger ones indicate a damaged file.
 LARGEST_NUMBER = 2**62
@@ -78,6 +81,11 @@ class Place:
         """Raise this error unless something holds."""
         if not holds:
             raise self.error(text)
+
+    def found(self, known: Mapping[K, V], key: K, text: str) -> V:
+        """What is known by a key; this error without such."""
+        self.needs(key in known, text)
+        return known[key]
 
 
 class Placed:

@@ -128,7 +128,7 @@ WRONG = {
     "*ELEMENT,TYPE=ROTARYI,ELSET=P\n8,2\n*ROTARYINERTIA,ELSET=P\n1,2,3,4\n": (2, "products"),
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0,2,0,0\n": (2, "gives no axes"),
     "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,3\n*SPRING,ELSET=S\n\n1.\n2.\n": (2, "it has 2"),
-    "*ELEMENT,TYPE=DASHPOTA,ELSET=S\n7,2,3\n*DASHPOT,ELSET=S\n\n-4.\n": (4, "-4 is negative"),
+    "*ELEMENT,TYPE=DASHPOTA,ELSET=S\n7,2,3\n*DASHPOT,ELSET=S\n\n-4.\n": (4, "coefficient, -4"),
     "*ELEMENT,TYPE=DCOUP3D,ELSET=D\n7,6\n*DISTRIBUTING COUPLING,ELSET=D\n": (2, "no nodes with w"),
 }
 

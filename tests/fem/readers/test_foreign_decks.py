@@ -44,7 +44,7 @@ SECTION = "*{} SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
 SAME = [
     (RIGID.format("123", "12", "46"), RIGID.format("1 2 3", "1 2", "4 6"), ""),
     (BAR + "CROD,1,7,1,2\nPROD,7,1,3.,,,2.-9\n",
-     BAR + "CBAR,1,7,1,2,0.,1.,0.\nPBAR,7,1,3.,,0.,,2.-9\n", "PBAR 7"),
+     BAR + "CBAR,1,7,1,2,0.,1.,0.\nPBAR,7,1,3.,,0.,,2.-9\n", "1 PBAR without I1 and I2"),
     (BUSH + ".5\n", BUSH + ",5,0.,0.,10.\n", ""),
     *((PLATE + "PSHELL,7,1,.4,1,,1\n", PLATE + f"PSHELL,7{given}\n", "PSHELL 7")
       for given in (",1,.4,,,1", ",,.4,1,,1")),

@@ -256,6 +256,10 @@ def test_the_case_control_selects_nonstructural_mass(tmp_path):
 def test_nonstructural_mass_of_nothing_is_refused(tmp_path):
     with pytest.raises(MeshError, match="of no element"):
         bdf.read(tmp_path, SHELLS + "NSM,3,PSHELL,99,2.-9\n")
+    card = "*NONSTRUCTURAL MASS,ELSET=ALL,UNITS=MASS PER AREA\n3e-9\n"
+    for sheet in (PLATE.replace("2.\n", "0.\n"), LAYERS.replace("1.5,", "-.5,")):
+        with pytest.raises(MeshError, match="without thickness"):
+            inp.read(tmp_path, sheet + inp.STEEL + card)
 
 
 def test_measures_of_cells():

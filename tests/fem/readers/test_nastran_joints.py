@@ -264,6 +264,8 @@ WRONG = {
     "PBUSH,3,K,1.\nCBUSH,9,3,2,3,,,,\n,,4\n": "system",
     "PBUSH,3,M,1.\nCBUSH,9,3,2,3\n": "its line M would change",
     "CBUSH,9,4,2\nPBUSH,4,K,-1.\n": "CBUSH has a negative stiffness",
+    "CBUSH,9,4\nPBUSH,4,K,1.\n": "CBUSH acts on no node",
+    "MAT1,5,1.,,-1.\n": "Poisson's ratio lies above -1",
     "RBAR,9,1,2,12345,6\n": "CNA or CNB",
     "RBE3,9,,7,123\n": "RBE3 names no nodes with weights",
     "MPC,1,1,7,1.,2,1,1.\n": "MPC acts on components from 1 to 6",

@@ -445,6 +445,6 @@ def test_the_neutral_axis_of_an_angle():
 def test_the_product_of_inertia_of_a_z():
     """-t a (a + w) (h + t)/2, as MYSTRAN has it."""
     fields = ["1", "1", "", "Z", *[""] * 4, "10.", "1.", "22.", "28."]
-    ((_, one),) = BeamProfiles(Entry("PBARL", PLACE, fields)).stations
-    assert one.profile.mixed == pytest.approx(-3 * 10 * 11 * 25 / 2)
-    assert pytest.approx(2 * 33 + 22) == one.profile.A
+    ((A, _, _, mixed, _, _),) = BeamProfiles(Entry("PBARL", PLACE, fields)).stations.values()
+    assert mixed == pytest.approx(-3 * 10 * 11 * 25 / 2)
+    assert pytest.approx(2 * 33 + 22) == A

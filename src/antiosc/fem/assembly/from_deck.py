@@ -101,12 +101,9 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
 #: That of the triangles beside quadrilaterals.
 TRIANGLES = "triangles"
-#: Families whose arguments a deck gives as they are.
-PLAIN: dict[str, Callable[..., Family]] = {
-    "Solid": Solid,
-    "AnisotropicSolid": AnisotropicSolid,
-    "Shell": Shell,
-    "Truss": Truss,
+FAMILIES: dict[str, Callable[..., Family]] = {
+    family.__name__: family
+    for family in (Solid, AnisotropicSolid, Shell, Truss, GivenSheet, Laminate, Beam)
 }
 
 
@@ -314,16 +311,14 @@ def _part(
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
     """A section's class with its arguments; InputError that names the deck's line."""
     try:
+        own = dict(arguments)
         for name in ("axis", "top"):  # one direction, or one in each element
-            if isinstance(arguments.get(name), dict):
-                arguments = {**arguments, name: Nearest(**arguments[name])}
-        if kind in PLAIN:
-            return PLAIN[kind](**arguments)
-        if kind == "GivenSheet":
-            return GivenSheet(**arguments)
-        if kind == "Laminate":
-            layers = [Layer(**layer) for layer in arguments["layers"]]
-            return Laminate(**{**arguments, "layers": layers})
-        return Beam(**{**arguments, "section": Section(**arguments["section"])})
+            if isinstance(own.get(name), dict):
+                own[name] = Nearest(**own[name])
+        if "layers" in own:
+            own["layers"] = [Layer(**layer) for layer in own["layers"]]
+        if "section" in own:
+            own["section"] = Section(**own["section"])
+        return FAMILIES[kind](**own)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error
