@@ -83,7 +83,7 @@ def main(
         "factor cannot use it: a site takes MUMPS 4.8 to 7.4 times as long, a map 1.6 to 2.6 times "
         "([table](cholmod_or_mumps.md)). A Schur complement of the multipliers needs a regular K "
         "of the parts, which the free post does not have. So `assemble` eliminates both, and gives "
-        f"faces whose mean has {layout.WIDE} dofs or more the nested basis.",
+        f"faces whose mean has {layout.DENSE_ROW} dofs or more the nested basis.",
     ]
     (out / "spiders.md").write_text("\n".join(text) + "\n")
     return found
@@ -92,17 +92,17 @@ def main(
 def measured(size: int, joint: ao.Mean | ao.Rigid) -> dict[str, Row]:
     """Way -> its numbers."""
     parts = {"block": block(size), "post": post()}
-    usual = layout.WIDE
+    usual = layout.DENSE_ROW
     found = {"block alone": alone(parts["block"])}
     kinds = {"as assemble does": usual}
     if isinstance(joint, ao.Mean) and 3 * (2 * size + 1) ** 2 <= MOST_DENSE:
         kinds["eliminated, no basis"] = 10**9
     for way, least in kinds.items():
-        layout.WIDE = least
+        layout.DENSE_ROW = least
         try:
             part, seconds = clocked(lambda: ao.assemble(parts, [joint]))
         finally:
-            layout.WIDE = usual
+            layout.DENSE_ROW = usual
         b = functional(part, SITE).b
         found[way] = {**by_both(part, b), "joint s": seconds}
     found["bordered"] = bordered(part, joint, of_post(parts["post"]))

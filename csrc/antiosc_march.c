@@ -1,6 +1,7 @@
 /* The library as one translation unit. */
 #include "arrow_modes.c"
 #include "batch.c"
+#include "cells.c"
 #include "coupled.c"
 #include "crossings.c"
 #include "expected.c"

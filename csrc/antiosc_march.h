@@ -499,6 +499,31 @@ AOM_API int aom_batch_solve(aom_batch *batch, int64_t n, const aom_impact *impac
                             aom_outcome *outcomes, aom_pulse_nodes *pulses, int64_t max_attempts,
                             int64_t *done);
 
+/* ---- Cells of a mesh ------------------------------------------------------------------------- */
+
+/* `tabulate_tensor` of UFCx 0.5 and later; before 0.10 it takes no `custom`. */
+typedef void (*aom_kernel)(double *out, const double *w, const double *c, const double *x,
+                           const int *entity, const uint8_t *permutation, void *custom);
+
+/* A form with one number a cell, and the vectors that one of its coefficients is in turn. */
+typedef struct aom_cells {
+    aom_kernel kernel;
+    int n_nodes, n_coefficients; /* of a cell */
+    int first, n_dofs;           /* place of that coefficient among those of the cell; its size */
+    int n_vectors;
+    const int32_t *nodes;        /* [cells][n_nodes] */
+    const double *points;        /* [nodes][3] */
+    const double *coefficients;  /* [cells][n_coefficients], numbers of dofs in place of the vectors */
+    const double *constants;
+    const double *vectors;       /* [dofs][n_vectors] */
+    const double *weights;       /* [n_vectors] */
+} aom_cells;
+
+/* Of the cells begin to end - 1 the weighted sums over the vectors, into out [cells]; `memory` holds
+ * n_coefficients + 3 n_nodes + n_vectors n_dofs numbers. */
+AOM_API void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory,
+                           double *out);
+
 #ifdef __cplusplus
 }
 #endif

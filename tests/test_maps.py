@@ -18,6 +18,9 @@ import meshio
 
 import antiosc as ao
 import parts
+from antiosc.app.live import headline_of_map
+from antiosc.app.results import presentations
+from antiosc.app.scene_file.run import Results
 from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
@@ -196,6 +199,23 @@ def test_bad_input(steel, options, words):
         ao.impact_map(steel, **{"where": "top", **options})
 
 
+def test_a_map_tells_the_blow_that_deflects_a_held_sheet_most(recwarn):
+    groups = {"ends": (1, lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.2))}
+    sheet = ao.Structure(
+        parts.plate((10, 6), groups=groups),
+        ao.Shell(**parts.STEEL, thickness=1e-3),
+        [ao.Support("ends")],
+    )
+    points, options = [(0.02, 0.03), (0.09, 0.03)], {"direction": (0, 0, -1)}
+    for speed, count in ((1e-3, 0), (2.0, 1)):
+        blow = ao.RigidMass(0.05, speed), ao.Hertz(1e9), 2e-3
+        found = ao.impact_map(sheet, points, *blow, **options)
+        far = [str(one.message) for one in recwarn if "deflects by" in str(one.message)]
+        assert len(far) == count
+    ratio = found.peak_deflection[1] / 1e-3
+    assert f"(90, 30, 0) mm: 'structure' deflects by {ratio:.3g} mm, {ratio:.3g} times" in far[0]
+
+
 def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     """In a corner of a face a quarter of the patch carries the whole force."""
     middle, corner = (0.06, 0.04, 0.03), (0.12, 0.08, 0.03)
@@ -207,6 +227,12 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
     assert hardest(hard) == 0
     assert "1 doubtful" in hard.summary()
+    rows = dict(presentations(Results(map=hard))[1].sections["Map"][0])
+    assert "1 doubtful" in rows["sites"]
+    assert rows["peak force"] == "1.000 N to 1.000 N"
+    assert headline_of_map(dataclasses.replace(hard, contact_time=hard.peak_force)).numbers[1:] == [
+        ("peak force", "1.00 N to 1.00 N"), ("contact time", "1.00 s to 1.00 s")
+    ]  # fmt: skip
     stressed = dataclasses.replace(hard, peak_stress=hard.peak_force, stress_points=hard.points)
     assert "largest stress 1.00 Pa at (60, 40, 30) mm" in stressed.summary()
     assert "and the largest stress" in stressed.summary()

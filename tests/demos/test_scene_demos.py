@@ -130,7 +130,9 @@ def test_assembly_accuracy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 def test_spiders(tmp_path: Path) -> None:
     """Elimination and multipliers give one compliance; the factor of Rigid is leaner eliminated."""
-    found = demo("spiders").main(sizes=(12,), out=tmp_path)  # a mean of more dofs than `wide.WIDE`
+    found = demo("spiders").main(
+        sizes=(12,), out=tmp_path
+    )  # a mean of more dofs than `layout.DENSE_ROW`
     assert set(found) == {"Mean of 625 nodes", "Rigid of 625 nodes"}
     for ways in found.values():
         exact = ways["bordered"]["compliance"]

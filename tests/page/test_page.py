@@ -182,7 +182,7 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
         kind.value = "exposure";
         kind.dispatchEvent(new Event("change"));"""
     )
-    assert "danger" in browser.run("return document.getElementById('what').textContent")
+    assert "yield strength" in browser.run("return document.getElementById('what').textContent")
     high = browser.run("return document.getElementById('high').textContent")
     assert float(high) == pytest.approx(found.exposure.max(), rel=5e-3)
 

@@ -347,7 +347,7 @@ WRONG = {
     "falls": (FALL + "ensemble = {sigma = 2.0}\n" + ASKED, [(17, "ensemble"), (20, "ensemble")]),
     "frf": (
         '[frf]\npath = "none.csv"\n[from_frf]\nband = [5.0]\ndamping = "rubber"\n' + SITE + HIT,
-        [(2, "exist"), (4, "shape"), (5, "viscous"), (6, "structure")]),
+        [(2, "exist"), (4, "shape"), (5, "viscous"), (6, "[matrices]")]),
 }  # fmt: skip
 
 

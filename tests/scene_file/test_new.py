@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("jinja2")
 
 from antiosc.app import new as template
-from antiosc.app.new import look_at_part
+from antiosc.app.new import inspect_part
 from paths import DEMOS, MESHES
 from scene_files import antiosc, numbers
 
@@ -43,7 +43,7 @@ def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(sid
     cells = np.stack([low + k for k in (0, a, a + b, b, c, a + c, a + b + c, b + c)], axis=1)
     path = tmp_path / "box.vtu"
     meshio.write(path, meshio.Mesh(points, [("hexahedron", cells)]))
-    found = look_at_part(path)
+    found = inspect_part(path)
     assert found.family == "Solid"
     assert found.read["unit"] == "mm"
     np.testing.assert_allclose(found.high - found.low, [0.4, 0.3, 0.05])
@@ -69,7 +69,7 @@ def test_a_sheet_gets_the_anti_oscillators_that_its_waves_need(tmp_path):
     """Twenty gave 245 N where Zv = 98 N is the most that a sheet can bear; 1 ms cut the rebound."""
     sheet = tmp_path / "sheet.geo"
     sheet.write_text('SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.2, 0.1};')
-    scene = tomllib.loads(template.text("s.toml", "sheet.geo", look_at_part(sheet)))
+    scene = tomllib.loads(template.text("s.toml", "sheet.geo", inspect_part(sheet)))
     assert scene["extract"]["n"] >= 100
     assert scene["simulate"]["duration"] > 0.02  # half a period of 22 Hz
 
@@ -80,7 +80,7 @@ def test_a_geometry_of_three_units_or_more_is_taken_in_millimetres(side, unit, t
     script.write_text(
         f'SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, {side}, {side / 2}, {side / 2}}};'
     )
-    found = look_at_part(script)
+    found = inspect_part(script)
     assert found.read.get("unit") == unit
     length = 1e-3 * side if unit else side
     assert found.length == pytest.approx(length)

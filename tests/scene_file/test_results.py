@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import info, live as assets, report as output, results as told
+from antiosc.app import info, live as assets, report as output, results as shown
 from antiosc.app.new import write_scene
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.run import Results
@@ -80,7 +80,7 @@ def test_every_component_of_a_probe_is_a_column_and_the_largest_is_told(
         values = values + values.swapaxes(1, 2)
     asked = {"eye": {"quantity": quantity, "times": np.arange(7.0)}}
     given = {"history": HIT, "probes": {"eye": values}}
-    probe = told.Probe(results(tmp_path, asked=asked, **given), "eye")
+    probe = shown.Probe(results(tmp_path, asked=asked, **given), "eye")
     found = probe.table()
     assert list(found) == [f"eye{name}" for name in names]
     components = values[:, *np.triu_indices(shape[0])] if tensor else values.reshape(7, -1)
@@ -136,16 +136,16 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     found = results(tmp_path, asked, map=Map(**{**vars(TWO), "plot": broken}))
     assert output.write_output(found, tmp_path) == []
     assert found.warnings == ["map.png is not drawn: no colours."]
-    write = told.Picture("a", "b", lambda path: path.write_bytes(b"png"))
-    fails, behind = (told.Picture("c", "d", broken, again=k) for k in (False, True))
-    one, two = told.drawn([write, fails, behind])
+    write = shown.Picture("a", "b", lambda path: path.write_bytes(b"png"))
+    fails, behind = (shown.Picture("c", "d", broken, same_view=k) for k in (False, True))
+    one, two = shown.drawn([write, fails, behind])
     assert one == ("a", "b", f"data:image/png;base64,{base64.b64encode(b'png').decode()}")
     assert two == ("c", "Not drawn: no colours.", "")
 
 
 def test_names_in_pictures_are_no_formulas():
-    assert told.plain("$a$\n") == r"\$a\$?"
-    assert told.plain("x" * 61) == "x" * 57 + "…"
+    assert shown.escaped("$a$\n") == r"\$a\$?"
+    assert shown.escaped("x" * 61) == "x" * 57 + "…"
 
 
 def test_names_with_control_characters_are_refused(tmp_path):

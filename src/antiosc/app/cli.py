@@ -72,11 +72,11 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         return int(options.run(options))
     except AntioscError as error:
-        _tell(error)
+        _print_error(error)
         return 1
 
 
-def _tell(error: AntioscError) -> None:
+def _print_error(error: AntioscError) -> None:
     """An error on the first rank; the sentences of a scene file begin with its name."""
     from antiosc.app.scene_file.document import SceneFileError
 
@@ -88,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="antiosc",
         description="Impacts on structures by anti-oscillators, from scene files in TOML.",
-        epilog="To begin: antiosc new part.step, or antiosc new. docs/scene_files.md tells more.",
+        epilog="To begin: antiosc new part.step, or antiosc new. docs/scene_files.md says more.",
     )
     parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
     commands = parser.add_subparsers(title="commands", metavar="command")

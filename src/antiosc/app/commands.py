@@ -7,18 +7,30 @@ import sys
 import traceback
 from argparse import Namespace
 from dataclasses import replace
+from math import pi, sqrt
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import antiosc
 from antiosc.app import new, report, results
 from antiosc.app.scene_file import outline, run
 from antiosc.app.scene_file.build import Call, Evaluation
-from antiosc.app.scene_file.document import read
+from antiosc.app.scene_file.document import Table, read
 from antiosc.app.scene_file.scene import STUDIES, Compiled, compiled
 from antiosc.app.scene_file.schema import schema
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.process import free_memory
 from antiosc.base.progress import say
+from antiosc.base.texts import engineering
+from antiosc.simulation.reference import FIRST
+from antiosc.simulation.scene import DEFAULT_TOL
+from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
+from antiosc.studies.drops.body import MODES
+from antiosc.studies.drops.drop import GRAVITY
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
 
 
 def guarded(options: Namespace) -> int:
@@ -40,18 +52,18 @@ def _new(options: Namespace) -> int:
     file, part = options.file, options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
-    path, told = new.write_scene(file or "scene.toml", part, options.drop)
+    path, sentences = new.write_scene(file or "scene.toml", part, options.drop)
     say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
-    for sentence in told:
+    for sentence in sentences:
         say(sentence)
     return 0
 
 
 def _check(options: Namespace) -> int:
     found = compiled(read(options.file))
-    told = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
+    sentences = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
     say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
-    for sentence in told:
+    for sentence in sentences:
         say(f"{options.file}: {sentence}")
     return 0
 
@@ -77,7 +89,7 @@ def _export(options: Namespace) -> int:
             given |= {"impactor": scene.impactor, "contact": scene.contact}
         shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
         given |= {name: asked[name] for name in ("duration", *shared) if name in asked}
-    with run.telling(scene.warnings):
+    with run.collected_warnings(scene.warnings):
         Evaluation(scene.document)(Call(antiosc.export, given))
     for sentence in scene.warnings:
         say(f"warning: {sentence}", sys.stderr)
@@ -99,9 +111,7 @@ def _study(options: Namespace) -> int:
     if getattr(options, "store", None) is not None:
         scene = _stored(scene, options.store)
     if options.dry_run:
-        from antiosc.app.forecast import text
-
-        say(text(scene))
+        say(_forecast(scene))
         return 0
     page = None if options.report is None else report.checked(options.report)
     # --out, or a folder named after a scene that has [output]
@@ -130,6 +140,94 @@ def _stored(scene: Compiled, path: str) -> Compiled:
     assert scene.sample is not None
     arguments = {**scene.sample.arguments, "store": checks.new_file("--store", path)}
     return replace(scene, sample=replace(scene.sample, arguments=arguments))
+
+
+# -- `--dry-run`: what a scene would compute and what it costs, before anything is factored
+
+
+def _forecast(scene: Compiled) -> str:
+    """Family, dofs, n, step and cost; the structure is built for it, but not factored."""
+    found = run.results(scene, ("structure", "impactor", "contact"))
+    rows: list[tuple[str, str]] = []
+    if found.structure is not None:
+        dofs = f"{found.structure.dofs}"
+        rows += [*results.advice_of(found), ("dofs", dofs), ("factor", _factor(found.structure))]
+    rows += [(f"box of {one.name}", one.text()) for one in outline.outlines(scene)]
+    rows += _of_model(scene, found)
+    if scene.fall is not None:
+        rows += _of_fall(scene.fall.arguments)
+    if found.impactor is not None and found.contact is not None:
+        rows += _of_impact(scene, found)
+    rows += [("warning", sentence) for sentence in found.warnings]
+    return results.format_rows(rows)
+
+
+def _factor(structure: Structure) -> str:
+    """Entries and memory of the Cholesky factor, by the analysis that makes it."""
+    from antiosc.fem import missing
+
+    if missing is not None or not hasattr(structure.K, "getSizes"):
+        return "by SciPy; not forecast"
+    from antiosc.fem.linalg.solver_choice import BYTES, Plan
+
+    entries = Plan(structure.K).entries
+    if not entries:
+        return "not forecast"
+    return (
+        f"{entries:.3g} entries, {BYTES * entries / 1e9:.2g} GB of {free_memory() / 1e9:.3g} GB "
+        f"free; {4e-9 * entries:.2g} Gflop for each solve"
+    )
+
+
+def _of_model(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+    if scene.model is None or found.structure is None:
+        return []
+    asked = scene.document.data.get("extract", {})
+    sites = len(scene.document.data.get("sites", {}))
+    if "band" in asked:
+        until = asked["band"] / (2 * pi)
+        return [("anti-oscillators", f"as many as needed up to {engineering(until, 'Hz')}")]
+    from antiosc.fem.extraction.extract import DEFAULT_COUNT
+
+    n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
+    return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
+
+
+def _of_fall(asked: Table) -> list[tuple[str, str]]:
+    height, gravity = asked["height"], asked.get("gravity", GRAVITY)
+    rows = [
+        ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
+        ("first touch", f"after {engineering(sqrt(2 * height / gravity), 's')}"),
+        ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
+    ]
+    if "ensemble" in asked:
+        rows.append(("falls", f"{asked.get('n', 100)}"))
+    return rows
+
+
+def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+    asked = scene.document.data.get("simulate", {})
+    rows = []
+    if "strike" in scene.document.data:
+        tol = scene.document.data["strike"].get("tol")
+        rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
+    try:
+        band = impact_band(found.impactor, found.contact)
+    except AntioscError as error:
+        rows.append(("contact time", f"not forecast: {error}"))
+        return rows
+    time = BAND_OVER_PULSE * pi / band
+    rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
+    rows.append(("band of the impact", f"up to {engineering(band / (2 * pi), 'Hz')}"))
+    if "strike" not in scene.document.data:
+        step = asked.get("step", time / FIRST)
+        tol = asked.get("tol", DEFAULT_TOL)
+        how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
+        rows.append(("step", f"{engineering(step, 's')}, {how}"))
+    impacts = len(next(iter(run.varied(scene).values()), [0]))
+    if impacts > 1:
+        rows.append(("sweep", f"{impacts} impacts"))
+    return rows
 
 
 _OTHERS = {"new": _new, "check": _check, "export": _export, "schema": _schema}

@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc import __version__
 from antiosc.app.fmu import identifier, write_c, write_fmu
-from antiosc.app.run_data import LASTING, RunData, of_model, of_scene
+from antiosc.app.run_data import CONTACT_TIMES, of_model, of_scene
 from antiosc.base import checks, files
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact import ContactLaw, Linear
@@ -190,7 +190,7 @@ def equal_stiffness(
     if isinstance(law, Linear):
         return float(law.stiffness)
     if duration is None:  # contact times on a rigid wall
-        duration = LASTING * BAND_OVER_PULSE * np.pi / impact_band(impactor, law)
+        duration = CONTACT_TIMES * BAND_OVER_PULSE * np.pi / impact_band(impactor, law)
     hit = simulate(model, impactor, law, duration=duration)
     deepest = float(hit.indentation.max())
     if not hit.peak_force > 0 or not deepest > 0:
@@ -287,7 +287,11 @@ def export(
             )
         _MODELS[ending](target, _chain(source, ending), impactor, contact, duration)
         return
-    data = _run_data(source, scene, duration, checks.tolerance(tol))
+    tol = checks.tolerance(tol)
+    if scene is not None:
+        data = of_scene(scene, duration, tol, plain=scene is not source)
+    else:
+        data = of_model(source)  # type: ignore[arg-type]
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
     _RUNS[ending](target, data, **options)
 
@@ -353,11 +357,3 @@ def _motion(model: LinearBody, initial: float | Motion) -> float | Motion:
     if modes.direction is None or modes.inertia is None:
         return -speed
     return Motion(tuple(float(-speed * x) for x in modes.direction))
-
-
-def _run_data(
-    source: LinearBody | SceneParts, scene: SceneParts | None, duration: float | None, tol: float
-) -> RunData:
-    if scene is None:
-        return of_model(source)  # type: ignore[arg-type]
-    return of_scene(scene, duration, tol, plain=scene is not source)

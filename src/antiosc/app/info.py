@@ -199,10 +199,6 @@ def _threads() -> str:
     return f"1, more for large factors while cores are free; {count}, {process.free_cores()} free"
 
 
-def _attribute(module: str) -> Callable[[], str]:
-    return lambda: importlib.import_module(module).__version__
-
-
 def _petsc() -> str:
     start_petsc()
     from petsc4py import PETSc
@@ -237,8 +233,12 @@ def _gmsh() -> str:
     return done.stdout.split()[-1]
 
 
-def _package(name: str, module: str, version: Callable[[], str], *, meshes: bool = True) -> Package:
-    """A package whose names elsewhere follow from its module."""
+def _package(
+    name: str, module: str = "", version: Callable[[], str] | None = None, *, meshes: bool = True
+) -> Package:
+    """A package whose names elsewhere follow from its module, which is named as it by default."""
+    module = module or name
+    version = version or (lambda: importlib.import_module(module).__version__)
     real = "-real" if module in ("dolfinx", "petsc4py", "slepc4py") else ""
     pypi = "" if real or module == "mpi4py" else module
     conda = {"gmsh": "python-gmsh", "dolfinx": "fenics-dolfinx", "matplotlib": "matplotlib-base"}
@@ -248,19 +248,19 @@ def _package(name: str, module: str, version: Callable[[], str], *, meshes: bool
 
 
 PACKAGES = [
-    _package("NumPy", "numpy", _attribute("numpy"), meshes=False),
-    _package("SciPy", "scipy", _attribute("scipy"), meshes=False),
-    _package("matplotlib", "matplotlib", _attribute("matplotlib"), meshes=False),
-    _package("jinja2", "jinja2", _attribute("jinja2"), meshes=False),
+    _package("NumPy", "numpy", meshes=False),
+    _package("SciPy", "scipy", meshes=False),
+    _package("matplotlib", meshes=False),
+    _package("jinja2", meshes=False),
     _package("MPI", "mpi4py", _mpi),
-    _package("mpi4py", "mpi4py", _attribute("mpi4py")),
+    _package("mpi4py"),
     _package("PETSc", "petsc4py", _petsc),
-    _package("petsc4py", "petsc4py", _attribute("petsc4py")),
+    _package("petsc4py"),
     _package("SLEPc", "slepc4py", _slepc),
-    _package("slepc4py", "slepc4py", _attribute("slepc4py")),
-    _package("dolfinx", "dolfinx", _attribute("dolfinx")),
-    _package("gmsh", "gmsh", _gmsh),
-    _package("threadpoolctl", "threadpoolctl", _attribute("threadpoolctl"), meshes=False),
-    _package("meshio", "meshio", _attribute("meshio")),
-    _package("h5py", "h5py", _attribute("h5py")),
+    _package("slepc4py"),
+    _package("dolfinx"),
+    _package("gmsh", version=_gmsh),
+    _package("threadpoolctl", meshes=False),
+    _package("meshio"),
+    _package("h5py"),
 ]

@@ -10,7 +10,7 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -27,7 +27,7 @@ from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
 from antiosc.simulation.truncation import softest
-from antiosc.studies.map_results import ImpactMap, hardest
+from antiosc.studies.map_results import ImpactMap, hardest, trusted
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -69,27 +69,35 @@ def policy(program: str) -> str:
 
 def embedded(data: Data) -> str:
     """Data as JSON that may stand in a script element: no text in it can end that."""
-    text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    text = json.dumps(
+        plain(data, _packed), allow_nan=False, separators=(",", ":"), ensure_ascii=True
+    )
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _plain(value: object) -> object:
-    if isinstance(value, dict):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, np.ndarray):
-        own = np.ascontiguousarray(value)
-        kind = KINDS[own.dtype.newbyteorder("<").str]
-        packed = own.astype(own.dtype.newbyteorder("<")).tobytes()
-        return {"$": kind, "of": base64.b64encode(packed).decode("ascii")}
+def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist) -> object:
+    """A value of JSON; NaN and infinity become None, and arrays what `of_array` returns."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(each, of_array) for key, each in value.items()}
     if isinstance(value, bytes):
-        return {"$": "u1", "of": base64.b64encode(value).decode("ascii")}
+        value = np.frombuffer(value, dtype=np.uint8)
+    if isinstance(value, np.ndarray):
+        return plain(of_array(value), of_array)
+    if isinstance(value, list | tuple):
+        return [plain(each, of_array) for each in value]
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, int | str) else str(value)
+
+
+def _packed(values: Array) -> Data:
+    """An array as base64 text with its kind."""
+    own = np.ascontiguousarray(values)
+    own = own.astype(own.dtype.newbyteorder("<"))
+    text = base64.b64encode(own.tobytes()).decode("ascii")
+    return {"$": KINDS[own.dtype.str], "of": text}
 
 
 #: Relative error of the forces of the runs on the page, and of those that colour a map.
@@ -97,7 +105,7 @@ TOL, COARSE = 1e-6, 1e-3
 #: Nodes of the curve of the computed case that the page keeps.
 CURVE = 2000
 #: Digits of an exponent.
-RAISED = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
+SUPERSCRIPTS = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
 def blow_of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
@@ -118,17 +126,17 @@ def blow_of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
     local = getattr(law, "compliance", 0.0)
     speed = abs(float(system.beta[0] @ system.v))
     return {
-        **given(law, modal(striker.modes, striker.start, loads[1]), hit.impactor, speed),
+        **impact_data(law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed),
         "ratio": _ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
-        "body": modal(body.modes, body.start, loads[0], local),
+        "body": modal_data(body.modes, body.start, loads[0], local),
         "bars": _bars(hit, bars, local),
         "computed": _computed(hit),
     }
 
 
-def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
+def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
     """What does not depend on the site: the law, the striker, and where the sliders stand.
 
     None for what has no slider: the mass of a striker that vibrates, a measured law's stiffness.
@@ -144,7 +152,9 @@ def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) ->
             "kind": law.kind,
             "name": type(law).__name__,
             "params": [value for value in values if np.isfinite(value)],
-            "unit": "N/m" if exponent == 1 else f"N/m{format(exponent, 'g').translate(RAISED)}",
+            "unit": "N/m"
+            if exponent == 1
+            else f"N/m{format(exponent, 'g').translate(SUPERSCRIPTS)}",
         },
         "striker": striker,
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
@@ -154,7 +164,7 @@ def given(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) ->
     }
 
 
-def modal(
+def modal_data(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
 ) -> Data:
     """A body in free modes, as `pose` of engine.js takes it; `local`: compliance of its patch."""
@@ -181,7 +191,7 @@ def _ratio(model: LinearBody) -> float | None:
 
 
 def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
-    """Relative errors by quantity and cause, and the bodies whose impacts tell mesh and truncation.
+    """Relative errors by quantity and cause, and bodies for those of mesh and truncation.
 
     On the page the bar of such a cause grows as the difference that its body makes there.
     """
@@ -193,7 +203,7 @@ def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
     moving = hit.assembly.bodies["structure"].start.any()
     if shares and not moving and getattr(model, "strain_error", None) is not None:
         bodies = {"mesh": model.corrected(), "truncation": softest(model)}
-        variants = {cause: modal(one.modal(), local=local) for cause, one in bodies.items()}
+        variants = {cause: modal_data(one.modal(), local=local) for cause, one in bodies.items()}
     return {"shares": shares, "variants": variants}
 
 
@@ -204,8 +214,8 @@ def _computed(hit: History) -> Data:
         time = np.linspace(0.0, float(time[-1]), CURVE)
         force = hit.force_at(time)
     numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
-    told = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
-    return {"time": time, "force": force, **numbers, **told}
+    counts = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    return {"time": time, "force": force, **numbers, **counts}
 
 
 #: The cause of the largest share of a bar -> what reduces it.
@@ -219,8 +229,8 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
 }
-#: What is told of a striker, with its unit, and the word before it.
-STRIKERS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
+#: What is said of a striker, with its unit, and the word before it.
+STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
 
 class Headline(NamedTuple):
@@ -258,15 +268,16 @@ def headline_of_map(found: ImpactMap) -> Headline:
     numbers = [("sites", f"{len(found)}")]
     sentences = []
     if found.peak_force is not None and found.contact_time is not None:
-        worst_site = hardest(found)
-        low, high = float(np.nanmin(found.peak_force)), float(found.peak_force[worst_site])
-        numbers.append(("peak force", f"{engineering(low, 'N')} to {engineering(high, 'N')}"))
-        times = (engineering(float(end(found.contact_time)), "s") for end in (np.nanmin, np.nanmax))
-        numbers.append(("contact time", " to ".join(times)))
+        worst_site, own = hardest(found), trusted(found)
+        high = float(found.peak_force[worst_site])
+        for name, unit in (("peak_force", "N"), ("contact_time", "s")):
+            ends = (float(end(getattr(found, name)[own])) for end in (np.nanmin, np.nanmax))
+            text = " to ".join(engineering(each, unit) for each in ends)
+            numbers.append((name.replace("_", " "), text))
         where = place(found.points[worst_site])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
         if found.doubtful.any():
-            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of it.")
+            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of these.")
     if found.peak_stress is not None:
         sentences.append(_most_dangerous(found))
     worst = float(found.error.max())
@@ -284,15 +295,15 @@ def _most_dangerous(found: ImpactMap) -> str:
     assert found.stress_points is not None
     share = found.exposure
     i = hardest(found, of=found.peak_stress if share is None else share)
-    told = (
+    text = (
         f"A blow at {place(found.points[i])} stresses the part most:"
         f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"
     )
     if share is None:
-        return f"{told}; the material has no yield_strength to compare it with."
+        return f"{text}; the material has no yield_strength to compare it with."
     count = int(np.sum(share >= 1))
     where = f"at {count} of {len(found)} sites" if count else "nowhere"
-    return f"{told}, {share[i]:.3g} of the yield strength; yield is reached {where}."
+    return f"{text}, {share[i]:.3g} of the yield strength; yield is reached {where}."
 
 
 def _struck(hit: History, structure: Structure | None) -> str:
@@ -305,12 +316,12 @@ def _struck(hit: History, structure: Structure | None) -> str:
 def _body(body: LinearBody | None) -> str:
     """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
     kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
-    told = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
-    for name, (unit, word) in STRIKERS.items():
+    text = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
+    for name, (unit, word) in STRIKER_WORDS.items():
         value = getattr(body, name, None)
         if isinstance(value, float) and value:
-            told.append(f"{word} {engineering(value, unit)}")
-    return " ".join(told)
+            text.append(f"{word} {engineering(value, unit)}")
+    return " ".join(text)
 
 
 def _named(described: str) -> str:
@@ -320,20 +331,20 @@ def _named(described: str) -> str:
 
 def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     """Whether strengths are reached, and where; else the largest stress of the picture."""
-    told = []
+    sentences = []
     for peak in fields.values():
         if peak.exposure is not None:
             sentence = peak.margin().sentence
-            told.append(f"{sentence[0].upper()}{sentence[1:]}.")
+            sentences.append(f"{sentence[0].upper()}{sentence[1:]}.")
         if peak.doubt:
-            told.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
+            sentences.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
     if not fields and worst is not None:
         value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
-        told.append(
+        sentences.append(
             f"The largest von Mises stress is about {value} at {place(worst['place'])}, {time};"
             " the material has no yield_strength to compare it with."
         )
-    return told
+    return sentences
 
 
 def _absorbed(hit: History) -> str:
@@ -391,20 +402,20 @@ def data_of_history(
         from antiosc.app import live_meshes
 
         part = live_meshes.of_structure(structure, hit)
-    place = _place(hit, own) if part is not None else None
+    place = _striker_place(hit, own) if part is not None else None
     return {"engine": engine(), "blow": own, "part": part, "place": place}
 
 
-def drawn(data: Data) -> str:
+def caption(data: Data) -> str:
     """What the picture of the set-up shows, in words."""
-    told = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
+    text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
     place = data.get("place")
     if place and place["radius"] and not data["blow"]["radius"]:
-        told += " The striker is drawn as a steel ball of its mass."
-    return told
+        text += " The striker is drawn as a steel ball of its mass."
+    return text
 
 
-def _place(hit: History, own: Data) -> Data | None:
+def _striker_place(hit: History, own: Data) -> Data | None:
     """The place of the striker in the picture; None for a site without coordinates."""
     points, direction = list(places_of(hit.model).values()), info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:

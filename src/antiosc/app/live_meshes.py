@@ -8,11 +8,10 @@ run, as many as it needs. Of a map it gets the free modes of every site, one aft
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc.app.live import Data, given, modal
+from antiosc.app.live import Data, impact_data, modal_data
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
@@ -22,20 +21,17 @@ from antiosc.fem.fields import source
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import checked_body
 from antiosc.results.fields import shapes_of
+from antiosc.results.pictures import MAP_QUANTITIES
 from antiosc.simulation.histories import History
 from antiosc.studies.map_results import ImpactMap, hardest
 from antiosc.studies.maps import sides
 
-if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-
-
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.
-FIELDS, MISSED = (12, 8), 0.01
+MOST_FIELDS, FIELD_ERROR = (12, 8), 0.01
 #: Times of the run by which fields are chosen.
 TIMES = 120
 #: A point whose displacement is this share of the largest one in all shapes is held.
-HELD = 1e-12
+HELD_RATIO = 1e-12
 #: Whole numbers of coordinates and fields.
 STEPS = 32767
 #: Half the width of a beam without outline on the page, over the size of the part.
@@ -58,10 +54,12 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     to_shapes = _by_coordinates(hit)
     page = geometry(points[used], faces)
     page["held"] = _held(moved).astype(np.uint8)
-    page["motion"] = fields(moved @ to_shapes, x, FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
+    page["motion"] = fields(
+        moved @ to_shapes, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1)
+    )
     if stress is not None:
         own = [each[used] @ to_shapes for each in stress]
-        page["stress"] = [fields(each, x, FIELDS[1], _equivalent) for each in own]
+        page["stress"] = [fields(each, x, MOST_FIELDS[1], _equivalent) for each in own]
         page["worst"] = _worst(own, x, points[used], times)
     return page
 
@@ -150,7 +148,7 @@ def _held(moved: Array) -> BoolArray:
     """Points (P,) with a component that no shape moves, though it moves elsewhere."""
     reach = np.abs(moved).max(axis=2, initial=0.0)
     moves = reach.max(axis=0) > 0
-    return (reach[:, moves] <= HELD * reach.max()).any(axis=1)
+    return (reach[:, moves] <= HELD_RATIO * reach.max()).any(axis=1)
 
 
 def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
@@ -170,7 +168,7 @@ def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -
     kept = min(most, count)
     for k in range(1, kept + 1):
         error = exact - flat @ own[:, :k] @ (own[:, :k].T @ turned)
-        if np.abs(error).max(initial=0.0) <= MISSED * np.abs(exact).max(initial=0.0):
+        if np.abs(error).max(initial=0.0) <= FIELD_ERROR * np.abs(exact).max(initial=0.0):
             kept = k
             break
     basis = (flat @ own[:, :kept]).T
@@ -200,18 +198,12 @@ def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
 
 
 #: Most sites with models on a page.
-MOST = 5000
+MOST_SITES = 5000
 #: Area of the part over that of the map from which the part is drawn behind it.
-BEHIND = 1.02
-#: Quantities of a map that the page shows: what it strikes anew first.
-SHOWN = {
-    "peak_force": ("peak force", "N"),
-    "contact_time": ("contact time", "s"),
-    "peak_deflection": ("peak deflection (computed case)", "m"),
-    "peak_stress": ("largest stress (computed case)", "Pa"),
-    "exposure": ("danger: stress over yield (computed case)", ""),
-    "k0": ("static stiffness", "N/m"),
-}
+LARGER_AREA = 1.02
+#: Quantities of a map that the page shows: first those that it strikes anew.
+SHOWN = ("peak_force", "contact_time", "peak_deflection", "peak_stress", "exposure", "k0")
+COMPUTED = ("peak_deflection", "peak_stress", "exposure")
 
 
 def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[Data, Data] | None:
@@ -224,11 +216,11 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
         return None
     striker = checked_body("impactor", impactor)
     speed = striker.velocity
-    if len(found) > MOST or found.peak_force is None or not isinstance(speed, float):
+    if len(found) > MOST_SITES or found.peak_force is None or not isinstance(speed, float):
         return None
     form = striker.modal()
     start = form.rigid_motion(-speed)
-    one = given(law, modal(form, start), impactor, abs(speed))
+    one = impact_data(law, modal_data(form, start), impactor, abs(speed))
     forms = [found.model(i).modal() for i in range(len(found))]
     local = found.local_compliance + striker.local_compliance
     if not isinstance(law, Hertz):
@@ -251,8 +243,11 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
         .ravel(),
         "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
         "first": hardest(found),
-        "names": {name: SHOWN[name][0] for name in quantities},
-        "units": {name: SHOWN[name][1] for name in quantities},
+        "names": {
+            name: MAP_QUANTITIES[name][0] + " (computed case)" * (name in COMPUTED)
+            for name in quantities
+        },
+        "units": {name: MAP_QUANTITIES[name][1] for name in quantities},
         "quantities": quantities | every,
     }
     if structure is not None:
@@ -262,17 +257,15 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
 
 def _skin(structure: Structure, mapped: float) -> Data | None:
     """The surface of a part, the same on all ranks; None where there is none behind the map's."""
-    from antiosc.app import live_meshes as body
-
     try:
-        points, faces, _ = body.surface(structure, np.zeros((structure.rows, 0)))
+        points, faces, _ = surface(structure, np.zeros((structure.rows, 0)))
     except InputError:
         return None
     points, faces = structure.comm.bcast((points, faces), root=0)
-    if _area(points, faces) < BEHIND * mapped:
+    if _area(points, faces) < LARGER_AREA * mapped:
         return None
     used, faces = np.unique(faces, return_inverse=True)
-    return body.geometry(points[used], faces.reshape(-1, 3))
+    return geometry(points[used], faces.reshape(-1, 3))
 
 
 def _area(points: Array, faces: IntArray) -> float:

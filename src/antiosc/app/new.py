@@ -22,10 +22,9 @@ from scipy.spatial import cKDTree
 
 import antiosc
 from antiosc.app.report import rendered
-from antiosc.app.scene_file.outline import GEOMETRIES, LARGEST
+from antiosc.app.scene_file.outline import GEOMETRIES, Outline, check_size
 from antiosc.base import checks, files, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import in_words
 from antiosc.base.errors import (
     AntioscError,
     InputError,
@@ -49,16 +48,16 @@ LONGEST_IN_METRES = 3.0
 #: Elements along the longest side of a geometry that is meshed.
 ELEMENTS = 20
 #: Words in the names of groups that hold a part, the likeliest first.
-HOLDS = (
+SUPPORT_WORDS = (
     *("clamp", "fix", "held", "hold", "support", "encastre", "mount", "bolt", "feet", "foot"),
     *("base", "ground", "root", "rim", "ends", "left", "bottom", "edges"),
 )
 #: Words in the names of groups that are struck.
-STRUCK = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", "front", "middle")
+SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", "front", "middle")
 #: Cosine between neighbouring faces of one side of a part.
-ONE_SIDE = np.cos(np.radians(15.0))
+SAME_SIDE_COSINE = np.cos(np.radians(15.0))
 #: Share of the nodes of a part that lie at most on a plane that holds it.
-AT_PLANE = 0.6
+LARGEST_PLANE = 0.6
 #: Share of the distance to the edge of its side that the radius of a site has, and the share of the
 #: longest side of the part, at most.
 RADIUS, LARGEST_RADIUS = 0.4, 0.02
@@ -67,19 +66,19 @@ UP = np.array([0.1, 0.2, 1.0])
 #: Distance from the edge of a side, over the size of the part, from which more room is no merit.
 ROOM = 0.1
 #: Distance [m] of nodes that are joined, where a mesh falls into pieces.
-MERGED = 1e-6
+MERGE_DISTANCE = 1e-6
 #: Distance over the size of the part within which nodes lie on a plane.
 ON_PLANE = 1e-6
 #: The material of a new scene, of the part and of the ball.
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Thickness of a sheet, and diameter of a bar, over the longest side of the part: guesses.
-THIN, SLENDER = 0.005, 0.03
+THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 #: Lowest frequency of a plate of length L that is held at one end, over √(D/ρh)/L².
-LOWEST = 0.56
+LOWEST_FREQUENCY = 0.56
 
 
 @dataclass(frozen=True)
-class Look:
+class Inspection:
     """What was found; lengths in m.
 
     Attributes
@@ -119,41 +118,43 @@ class Look:
     @property
     def thickness(self) -> float:
         """A guess of a sheet's thickness, or of a bar's diameter."""
-        return float(f"{(SLENDER if self.family == 'Beam' else THIN) * self.length:.1g}")
+        return float(
+            f"{(DIAMETER_RATIO if self.family == 'Beam' else THICKNESS_RATIO) * self.length:.1g}"
+        )
 
     @property
     def duration(self) -> float:
         """Three half periods [s] of a sheet's lowest bending vibration, as if held at one end."""
         E, nu, rho = STEEL["E"], STEEL["nu"], STEEL["rho"]
         bending = self.thickness * sqrt(E / (12 * (1 - nu**2) * rho))
-        return float(f"{1.5 * self.length**2 / (LOWEST * bending):.1g}")
+        return float(f"{1.5 * self.length**2 / (LOWEST_FREQUENCY * bending):.1g}")
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """What was found, for the terminal; of a part that is dropped not how it is struck."""
         side = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         unit = self.read.get("unit")
-        told = [f"{name}: {self.cells}, {side} mm; taken as {self.family}."]
+        sentences = [f"{name}: {self.cells}, {side} mm; taken as {self.family}."]
         if unit:
-            told.append(f'its coordinates are taken as millimetres (unit = "{unit}"): look at it.')
+            sentences.append(
+                f'its coordinates are taken as millimetres (unit = "{unit}"): look at it.'
+            )
         if "merge" in self.read:
-            told.append("its pieces are joined at nodes that coincide (merge).")
+            sentences.append("its pieces are joined at nodes that coincide (merge).")
         held = f"held at the group {self.where!r}" if self.where else "free: it has no supports"
         if self.of_deck:
             held = "supports and materials are those of the deck"
         if self.plane:
             held = f"held at the nodes on the plane through {_rounded(self.plane[0])} m"
-        groups = ", ".join(self.groups) or "none"
-        told.append(
-            f"it reaches from {in_words(self.low)} to {in_words(self.high)}; groups: {groups}."
-        )
+        outline = Outline(name, self.groups, self.low, self.high, 0.0)
+        sentences.append(f"it reaches {outline.text()}.")
         if drop:
             point = _rounded(self.point)
             how = "dropped without supports, z up, as [drop] says"
-            return [*told, f"{how}; an accelerometer is at {point} m."]
-        return [*told, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
+            return [*sentences, f"{how}; an accelerometer is at {point} m."]
+        return [*sentences, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
 
 
-def look_at_part(path: Path) -> Look:
+def inspect_part(path: Path) -> Inspection:
     """Read or mesh the file of a part and look at it.
 
     Raises
@@ -161,8 +162,7 @@ def look_at_part(path: Path) -> Look:
     AntioscError
         It cannot be read or meshed, or is too large to be looked at.
     """
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB")
+    check_size(path)
     with finite_element_packages():
         from antiosc.io.reading import STATES_UNIT, outline
     read: Read = {}
@@ -176,7 +176,7 @@ def look_at_part(path: Path) -> Look:
         try:
             mesh = antiosc.read_mesh(str(path), **read)
         except MeshError:  # of pieces that share no nodes
-            read["merge"] = MERGED
+            read["merge"] = MERGE_DISTANCE
             mesh = antiosc.read_mesh(str(path), **read)
         if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
             read["gdim"] = 3
@@ -184,10 +184,10 @@ def look_at_part(path: Path) -> Look:
         if length >= LONGEST_IN_METRES and not states_unit:
             read["unit"] = "mm"
         mesh = antiosc.read_mesh(str(path), **read)
-    return _seen(mesh, read)
+    return _inspect_mesh(mesh, read)
 
 
-def look_at_deck(path: Path) -> Look:
+def inspect_deck(path: Path) -> Inspection:
     """What a deck has: the largest of its meshes, with its own supports and materials.
 
     Raises
@@ -195,24 +195,23 @@ def look_at_deck(path: Path) -> Look:
     AntioscError
         It cannot be read, or is too large to be looked at.
     """
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB")
+    check_size(path)
     with finite_element_packages():
         from antiosc.fem.assembly import with_parts
     for unit in ("mm", "m"):
-        told: list[str] = []
-        with warnings_to(told.append):
+        messages: list[str] = []
+        with warnings_to(messages.append):
             part = antiosc.read_model(str(path), unit=unit)
-        if not any("wave speed" in sentence for sentence in told):
+        if not any("wave speed" in sentence for sentence in messages):
             break
     members = [m for m, _ in with_parts(part).fields(np.zeros((part.rows, 0)), None)]
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-    found = _seen(mesh, {"unit": unit})
+    found = _inspect_mesh(mesh, {"unit": unit})
     free = np.zeros(len(found.points), dtype=bool)
     return replace(found, where=None, plane=None, held=free, of_deck=True)
 
 
-def _seen(mesh: Mesh, read: Read) -> Look:
+def _inspect_mesh(mesh: Mesh, read: Read) -> Inspection:
     from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.platform import compat
 
@@ -220,8 +219,8 @@ def _seen(mesh: Mesh, read: Read) -> Look:
     nodes = compat.geometry_nodes(mesh.dolfinx)
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
     low, high = (np.array(_rounded(ends, size)) for ends in (x.min(axis=0), x.max(axis=0)))
-    where = _group(mesh, HOLDS)
-    struck = _nodes_of(mesh, _group(mesh, STRUCK))
+    where = _group(mesh, SUPPORT_WORDS)
+    struck = _nodes_of(mesh, _group(mesh, SITE_WORDS))
     held, plane = np.zeros(len(x), dtype=bool), None
     if where is not None:
         held[_nodes_of(mesh, where)] = True
@@ -237,7 +236,7 @@ def _seen(mesh: Mesh, read: Read) -> Look:
         radius = _radius(inscribed, edge, float((high - low).max()), "size" in read)
         radius = radius if family == "Solid" else None
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
-    return Look(
+    return Inspection(
         family, read, low, high, list(mesh.groups), cells, where, plane,
         _rounded(point, size), _rounded(direction), radius, x, faces, held,
     )  # fmt: skip
@@ -265,7 +264,7 @@ def _plane(
     sides = [(2, low), (0, low), (1, low), (0, high), (1, high)]
     for axis, corner in sides:
         on = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
-        if min(3, len(x) // 4) <= on.sum() <= max(1.0, AT_PLANE * len(x)):
+        if min(3, len(x) // 4) <= on.sum() <= max(1.0, LARGEST_PLANE * len(x)):
             return on, [_rounded(corner, size), np.eye(3)[axis].tolist()]
     return np.zeros(len(x), dtype=bool), None
 
@@ -323,7 +322,7 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
         pairs.append(np.stack([order[at + first], order[at + second]], axis=1))
     both = np.vstack(pairs)
     a, b = owner[both].T
-    both = both[np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > ONE_SIDE]
+    both = both[np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > SAME_SIDE_COSINE]
     links = coo_matrix((np.ones(len(both)), owner[both].T), shape=(len(faces),) * 2)
     side = connected_components(links, directed=False)[1]
     at_edge = np.ones(len(owner), dtype=bool)
@@ -360,7 +359,7 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
 
 
-def draw(found: Look, path: Path, drop: bool = False) -> None:
+def draw(found: Inspection, path: Path, drop: bool = False) -> None:
     """A picture of the part: its outer faces; if not dropped, what holds it and the impact."""
     from antiosc.base.charts import save_figure
     from antiosc.base.surfaces import Deformed, deformed_figure
@@ -387,7 +386,7 @@ Physical Curve("clamp") = {4};
 """
 
 
-def text(name: str, source: str, found: Look | None, drop: bool = False) -> str:
+def text(name: str, source: str, found: Inspection | None, drop: bool = False) -> str:
     """The scene as a text; `source` is the file of the part as the scene names it.
 
     `found`: what is known of the part. `drop`: it falls.
@@ -416,19 +415,19 @@ def _band() -> float:
     return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
 
 
-def _looked(part: Path, drop: bool) -> tuple[Look | None, list[str]]:
-    """What is found in a file, and sentences that tell it or why it is not known."""
+def _inspected(part: Path, drop: bool) -> tuple[Inspection | None, list[str]]:
+    """What is found in a file, and sentences that describe it, or say why it is not known."""
     deck = part.suffix.lower() in DECK_ENDINGS
     try:
         with progress.doing(f"looking at {part.name}"):
-            found = look_at_deck(part) if deck else look_at_part(part)
+            found = inspect_deck(part) if deck else inspect_part(part)
     except (AntioscError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
         return None, [f"{part.name} could not be looked at: {why}."]
     return found, found.sentences(part.name, drop)
 
 
-def _pictured(found: Look, path: Path, drop: bool) -> list[str]:
+def _draw_if_possible(found: Inspection, path: Path, drop: bool) -> list[str]:
     """A sentence on the picture; none where it cannot be drawn."""
     if path.exists():
         return []
@@ -442,40 +441,40 @@ def _pictured(found: Look, path: Path, drop: bool) -> list[str]:
 def write_scene(
     path: str | os.PathLike[str], part: str | None = None, drop: bool = False
 ) -> tuple[Path, list[str]]:
-    """Write a new scene file, complete or absent; its path, and what is told of the part.
+    """Write a new scene file, complete or absent; its path, and what is sentences of the part.
 
     InputError if it exists.
     """
     target = checks.new_file("the scene file", path)
     _absent(target)
-    told: list[str] = []
+    sentences: list[str] = []
     source = target.with_suffix(".geo") if part is None else Path(part)
     if part is None:
         _absent(source)
         files.write_text(source, PLATE, "the geometry")
-        told.append(f"{source} is a plate to begin with; put your own part in its place.")
+        sentences.append(f"{source} is a plate to begin with; put your own part in its place.")
     else:
         checks.path("the file of the part", part)
     part = os.path.relpath(source, target.parent)
     if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    found, sentences = _looked(source, drop)
-    told += sentences
+    found, of_part = _inspected(source, drop)
+    sentences += of_part
     content = text(target.name, part, found, drop)
-    beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
+    temporary = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
     try:
-        with beside.open("x", encoding="utf-8") as stream:
+        with temporary.open("x", encoding="utf-8") as stream:
             stream.write(content)
         try:
-            os.link(beside, target)  # fails if the target exists; a rename would replace it
+            os.link(temporary, target)  # fails if the target exists; a rename would replace it
         finally:
-            beside.unlink()
+            temporary.unlink()
     except FileExistsError:
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
     picture = target.with_suffix(".png")
-    return target, told + ([] if found is None else _pictured(found, picture, drop))
+    return target, sentences + ([] if found is None else _draw_if_possible(found, picture, drop))
 
 
 def _absent(target: Path) -> None:

@@ -23,7 +23,14 @@ import numpy as np
 import antiosc
 from antiosc.app import info, live
 from antiosc.app.live import Data
-from antiosc.app.results import advice_of, drawn, error_budget, shown, told, with_prefixes
+from antiosc.app.results import (
+    advice_of,
+    drawn,
+    error_budget,
+    format_number,
+    presentations,
+    with_prefixes,
+)
 from antiosc.app.scene_file.run import Results, on_first
 from antiosc.app.scene_file.scene import by_strengths
 from antiosc.app.scene_file.schema import Output
@@ -69,22 +76,9 @@ def _cell(value: object) -> object:
 def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     """A JSON file; NaN and infinity become null."""
     head = {"antiosc": info.version(), "units": "SI"}
-    text = json.dumps(_plain({**head, **content}), indent=1, allow_nan=False)
+    text = json.dumps(live.plain({**head, **content}), indent=1, allow_nan=False)
     files.write_text(path, text + "\n", "the numbers")
     return path
-
-
-def _plain(value: object) -> object:
-    """A value of JSON."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def write_output(found: Results, target: Path) -> list[Path]:
@@ -95,8 +89,8 @@ def write_output(found: Results, target: Path) -> list[Path]:
     if wanted.fields and found.history is not None and found.structure is not None:
         path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
         written.append(Path(path))
-    # what structures tell is asked on every rank, and written on the first
-    parts = told(found)
+    # what structures hold is asked on every rank, and written on the first
+    parts = presentations(found)
     tables = {n: t for one in parts for n, t in one.tables.items()} if wanted.csv else {}
     content: dict[str, object] = {}
     if wanted.json:
@@ -218,9 +212,9 @@ def page(found: Results) -> str:
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = path.read_text(encoding="utf-8")
     script = "" if data is None else live.script()
-    model, *parts = told(found)
+    model, *parts = presentations(found)
     views = (each for one in (*parts, model) for each in one.pictures)
-    pictures = list(drawn(each for each in views if not (one_view and each.again)))
+    pictures = list(drawn(each for each in views if not (one_view and each.same_view)))
     stills = [each for each in pictures if each.heading.startswith(STILLS) and each.data]
     return rendered(
         Path(__file__).with_name("page") / "report.html",
@@ -238,7 +232,7 @@ def page(found: Results) -> str:
         script=script,
         policy=live.policy(script),
         live="" if data is None else live.embedded(data),
-        drawn="" if data is None else live.drawn(data),
+        drawn="" if data is None else live.caption(data),
     )
 
 
@@ -273,8 +267,10 @@ def rendered(template: Path, **content: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"shown": shown, "prefixed": with_prefixes, "zipped": _zipped}
-    environment.tests["numeric"] = lambda cell: shown(cell).strip("-–+.0123456789eE% ") == ""
+    environment.filters |= {"shown": format_number, "prefixed": with_prefixes, "zipped": _zipped}
+    environment.tests["numeric"] = lambda cell: (
+        format_number(cell).strip("-–+.0123456789eE% ") == ""
+    )
     return str(environment.get_template(template.name).render(content))
 
 

@@ -1,6 +1,6 @@
-"""What the results of a scene tell: on the terminal, in files, and on the page of a report.
+"""How the results of a scene are presented: on the terminal, in files, and on the page of a report.
 
-Each kind of result is described once, as `Told`: texts, tables, and pictures over time.
+Each kind of result is described once, as `Presentation`: texts, tables, and pictures over time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from antiosc.app.scene_file.build import Call
 from antiosc.app.scene_file.document import label
 from antiosc.app.scene_file.run import Results, varied
-from antiosc.app.scene_file.scene import looked_at
+from antiosc.app.scene_file.scene import probe_times
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.charts import (
@@ -34,13 +34,13 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, place as placed, prefixed, span
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of, places_of
-from antiosc.results.pictures import plot_deformed, plot_map
+from antiosc.results.pictures import MAP_QUANTITIES, plot_deformed, plot_map
 from antiosc.simulation.bodies import GRAVITY
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES
 from antiosc.simulation.histories.results import covers
 from antiosc.studies.advice import advise
-from antiosc.studies.map_results import hardest
+from antiosc.studies.map_results import hardest, trusted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,14 +62,14 @@ class Picture:
     ----------
     heading, caption : what it shows, with units.
     draw : writes it to a file of this ending.
-    again : whether it shows what the one before it does, and fails where that does.
+    same_view : whether it shows what the one before it does, and fails where that does.
     """
 
     heading: str
     caption: str
     draw: Callable[[Path], object]
     ending: str = ".png"
-    again: bool = False
+    same_view: bool = False
 
 
 class Drawn(NamedTuple):
@@ -84,7 +84,7 @@ def drawn(pictures: Iterable[Picture]) -> Iterator[Drawn]:
     """Pictures as data; every rank must ask for all: fields are shared among them."""
     before = ""
     for one in pictures:
-        if one.again and not before:
+        if one.same_view and not before:
             continue
         caption, before = one.caption, ""
         with progress.doing(f"drawing: {one.heading}"), tempfile.TemporaryDirectory() as folder:
@@ -113,7 +113,7 @@ def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture
 def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
     """Curves over time: (name, times in s, values)."""
     for name, time, values in islice(given, CURVES):
-        ax.plot(1e3 * time, values, lw=1.2, label=plain(name))
+        ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
     legend_beside(ax)
@@ -132,7 +132,7 @@ def spectrum(model: AntiOscillators, ax: Axes) -> None:
     ax.set_ylabel("share of the static mass" if several else "mass (kg)")
 
 
-def plain(name: str) -> str:
+def escaped(name: str) -> str:
     """A name of the scene in a picture: not read as a formula."""
     shown = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
     return shown if len(shown) <= 60 else f"{shown[:57]}…"
@@ -146,7 +146,7 @@ Block: TypeAlias = Rows | Columns | str
 
 #: Rows of a table of a sweep that are printed; the files hold all.
 ROWS = 30
-#: Units of what a probe tells.
+#: Units of the quantities of probes.
 PROBE_UNITS = {
     **{"displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "rotation": "rad"},
     **{"stress": "Pa", "von_mises": "Pa"},
@@ -160,11 +160,6 @@ SECTION_FORCES = {
     | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
     | dict.fromkeys(("Q1", "Q2"), "N/m"),
 }
-#: Units of the quantities of a map.
-MAP_UNITS = {
-    **{"k0": "N/m", "m_st": "kg", "omega_1": "rad/s", "peak_force": "N", "contact_time": "s"},
-    **{"impulse": "N s", "peak_deflection": "m", "peak_stress": "Pa"},
-}
 #: How a part in space is shown: name -> (elevation, azimuth) in degrees; None: the usual view.
 VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
 ENERGIES = ("kinetic", "strain", "contact", "dissipated")
@@ -172,23 +167,23 @@ ENERGIES = ("kinetic", "strain", "contact", "dissipated")
 # -- words and tables
 
 
-def lines(rows: Rows) -> str:
+def format_rows(rows: Rows) -> str:
     """Names and values in two columns."""
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
 
 
-def columns(table: Columns) -> str:
+def format_columns(table: Columns) -> str:
     """A table with a line of names; of long ones the first rows; units with prefixes."""
     own = with_prefixes(table)
     rows = list(zip(*own.values(), strict=True))
-    cells = [list(own), *([shown(value) for value in row] for row in rows[:ROWS])]
+    cells = [list(own), *([format_number(value) for value in row] for row in rows[:ROWS])]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     pairs = [zip(row, widths, strict=True) for row in cells]
-    told = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
+    text = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
     if len(rows) > ROWS:
-        told.append(f"… and {len(rows) - ROWS} more rows (see sweep.csv)")
-    return "\n".join(told)
+        text.append(f"… and {len(rows) - ROWS} more rows (see sweep.csv)")
+    return "\n".join(text)
 
 
 def with_prefixes(table: Columns) -> dict[str, list[object]]:
@@ -206,7 +201,7 @@ def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
     return f"{title} ({own})", [factor * v for v in numbers]
 
 
-def shown(value: object) -> str:
+def format_number(value: object) -> str:
     """A number to five digits; a dash for one that is not finite."""
     if isinstance(value, float | np.floating):
         return f"{value:.5g}" if np.isfinite(value) else "–"
@@ -249,8 +244,8 @@ def error_budget(history: Any) -> Any:
 
 
 @dataclass
-class Told:
-    """What one kind of result tells; made on every rank, for fields are shared among them.
+class Presentation:
+    """How one kind of result is presented; made on every rank, for ranks share fields.
 
     Attributes
     ----------
@@ -272,20 +267,20 @@ class Told:
     pictures: Sequence[Picture] = ()
 
 
-def _model(found: Results) -> Told:
+def _model(found: Results) -> Presentation:
     """The structure and its reduced model; in a report it stands behind the pictures."""
-    told, part, model = Told(), found.structure, found.model
+    shown, part, model = Presentation(), found.structure, found.model
     blocks: list[Block] = []
     if part is not None:
-        told.text = [part.describe()]
-        told.numbers["structure"] = part.describe()
+        shown.text = [part.describe()]
+        shown.numbers["structure"] = part.describe()
     if model is not None:
         rows = _model_rows(model)
-        told.text = [*told.text, lines(rows)]
+        shown.text = [*shown.text, format_rows(rows)]
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
         own = {name: getattr(model, name, None) for name in names}
-        told.numbers["model"] = own | {"points": places_of(model)}
-        told.plotted["model"] = model
+        shown.numbers["model"] = own | {"points": places_of(model)}
+        shown.plotted["model"] = model
         blocks.append(rows)
         if np.ndim(model.k0) == 0:
             table = {"anti-oscillator": range(1, model.n + 1)}
@@ -293,15 +288,15 @@ def _model(found: Results) -> Told:
             blocks.append(table | {"stiffness (N/m)": model.k})
         masses = "Frequency (Hz) and mass of each anti-oscillator: in kg at one site, as share"
         stiff = "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share"
-        told.pictures = [
+        shown.pictures = [
             chart("Anti-oscillators", f"{masses} of the static mass at several.",
                   partial(spectrum, model)),
             Picture("Dynamic stiffness", f"{stiff} of the static mass that the anti-oscillators"
                     " hold.", partial(plot_model, model), ".svg"),
         ]  # fmt: skip
     if blocks or part is not None:
-        told.sections["Model"] = blocks
-    return told
+        shown.sections["Model"] = blocks
+    return shown
 
 
 def advice_of(found: Results) -> Rows:
@@ -341,7 +336,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
     return [*rows, ("antiresonances", f"{first or 'none'}{more} Hz")]
 
 
-def _impact(found: Results) -> Told:
+def _impact(found: Results) -> Presentation:
     """A history with its probes and its largest stresses."""
     hit, peaks = found.history, found.stresses or {}
     probes = [Probe(found, name) for name in found.probes or ()]
@@ -361,8 +356,8 @@ def _impact(found: Results) -> Told:
         for name, bar in budget.items()
     }
     several = isinstance(hit, SceneHistory)
-    return Told(
-        text=[hit.summary(), str(budget or ""), lines([*asked, *stresses])],
+    return Presentation(
+        text=[hit.summary(), str(budget or ""), format_rows([*asked, *stresses])],
         tables={"history.csv": own, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
@@ -421,8 +416,8 @@ def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
     """The verdicts on the largest stresses, or the values where no strength is known."""
     rows = []
     for name, peak in peaks.items():
-        told = _largest(peak) if peak.exposure is None else peak.margin().sentence
-        rows.append((_words(name), told))
+        sentence = _largest(peak) if peak.exposure is None else peak.margin().sentence
+        rows.append((_words(name), sentence))
         if peak.mesh_error is not None and (value := peak.values.max()):
             share = peak.mesh_error[np.argmax(peak.values)] / value
             rows.append(("", f"estimated error by the mesh: {share:.1%} of it"))
@@ -466,7 +461,7 @@ def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
     shown.append(chart("Energies", about, partial(curves, energies, "energy (J)")))
     if probes:
         about = "The component of each probe with the largest value; of probes with several units"
-        about += " each is divided by its largest value, which the legend tells."
+        about += " each is divided by its largest value, which the legend states."
         shown.append(chart("Probes", about, partial(_signals, probes)))
     if found.structure is not None:
         about = "The structure at the time of the largest displacement of its site, or of the"
@@ -474,7 +469,7 @@ def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
         arrow = _struck(found.model)
         for name, view in (VIEWS if arrow else {"": None}).items():
             draw = partial(plot_deformed, found.structure, hit, view=view, **arrow)
-            shown.append(Picture(f"Deformed structure{name}", about, draw, again=bool(name)))
+            shown.append(Picture(f"Deformed structure{name}", about, draw, same_view=bool(name)))
     for name, peak in (found.stresses or {}).items():
         about = f"The largest value at each node over the run: {_words(name)}."
         shown.append(Picture("Largest stress", about, peak.plot))
@@ -503,7 +498,7 @@ class Probe:
         self.name = name
         self.quantity: str = asked.get("quantity", "displacement")
         times = asked.get("times", found.history.time)
-        given = looked_at(found.history) if isinstance(times, Call) else times
+        given = probe_times(found.history) if isinstance(times, Call) else times
         self.times = np.reshape(given, -1).astype(float)
         values: Array = np.asarray(found.probes[name])
         self.tensor = values.ndim == 3
@@ -575,7 +570,7 @@ def _signals(probes: Sequence[Probe], ax: Axes) -> None:
     curves(shares, "share of the largest value", ax)
 
 
-def _fall(found: Results) -> Told:
+def _fall(found: Results) -> Presentation:
     """A fall, or an ensemble of them; its accelerometers and largest stress."""
     fall, worst, peaks = found.fall, found.worst, found.peaks or {}
     single, status = hasattr(fall, "summary"), getattr(fall, "status", "")
@@ -600,8 +595,8 @@ def _fall(found: Results) -> Told:
         numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
         about = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", about, worst.plot))
-    return Told(
-        text=[fall.summary() if single else columns(table), lines(rows)],
+    return Presentation(
+        text=[fall.summary() if single else format_columns(table), format_rows(rows)],
         tables={"fall.csv": table},
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
@@ -611,11 +606,11 @@ def _fall(found: Results) -> Told:
     )
 
 
-def _blow(found: Results) -> Told:
+def _blow(found: Results) -> Presentation:
     """A blow that was found."""
     blow = found.found
     about = "Signals in the band that is compared, and the contact force (N) that was found."
-    return Told(
+    return Presentation(
         text=[blow.summary()],
         tables={"force.csv": {"time (s)": blow.time, "force (N)": blow.force}},
         numbers={"found": blow.numbers()},
@@ -625,7 +620,7 @@ def _blow(found: Results) -> Told:
     )
 
 
-def _sweep(found: Results) -> Told:
+def _sweep(found: Results) -> Presentation:
     """A sweep: what was varied, and the results of each impact."""
     batch = found.batch
     lists = {label(place): list(values) for place, values in varied(found.compiled).items()}
@@ -636,23 +631,23 @@ def _sweep(found: Results) -> Told:
         name, values = next(iter(lists.items()))
         numbers = all(isinstance(v, int | float) for v in values)
         ax.plot(values if numbers else range(len(values)), batch.peak_force, "o-", ms=4, lw=1)
-        ax.set_xlabel(plain(f"{name} (SI)"))
+        ax.set_xlabel(escaped(f"{name} (SI)"))
         ax.set_ylabel("peak force (N)")
 
     about = "Peak force (N) of each impact, over the first value that varies."
-    return Told(
-        [columns(table)], {"sweep.csv": table}, {"sweep": table}, sections={"Sweep": [table]},
-        pictures=[chart("Sweep", about, draw)],
+    return Presentation(
+        [format_columns(table)], {"sweep.csv": table}, {"sweep": table},
+        sections={"Sweep": [table]}, pictures=[chart("Sweep", about, draw)],
     )  # fmt: skip
 
 
-def _sample(found: Results) -> Told:
+def _sample(found: Results) -> Presentation:
     """A Monte Carlo study: quantiles, and the inputs and results of each run."""
     sample, table = found.sample, _quantiles(found.sample, QUANTITIES)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     about = "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
-    return Told(
-        text=[columns(table)],
+    return Presentation(
+        text=[format_columns(table)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
         numbers={"monte_carlo": table},
         plotted={"monte_carlo": sample},
@@ -661,14 +656,19 @@ def _sample(found: Results) -> Told:
     )
 
 
-def _map(results: Results) -> Told:
+def _map(results: Results) -> Presentation:
     """A map: the range of each quantity, and the hardest impact of each of several surfaces."""
     found, quantities, surfaces = results.map, results.map.quantities(), results.map.surfaces()
-    rows = [("sites", f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else ""))]
+    sites = f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else "")
+    if found.doubtful.any():
+        sites += f"; {found.doubtful.sum()} doubtful ones are not in these ranges"
+    rows = [("sites", sites)]
+    units = {name: MAP_QUANTITIES[name][1] for name in quantities if name in MAP_QUANTITIES}
     for name, values in quantities.items():
-        known = values[np.isfinite(values)]
+        known = values[trusted(found)]
+        known = known[np.isfinite(known)]
         if known.size:
-            rows.append((_words(name), span(known.min(), known.max(), MAP_UNITS.get(name, ""))))
+            rows.append((_words(name), span(known.min(), known.max(), units.get(name, ""))))
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
@@ -676,12 +676,12 @@ def _map(results: Results) -> Told:
             force = engineering(found.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))
-    heads = {n: f"{n} ({MAP_UNITS[n]})" if n in MAP_UNITS else n for n in quantities}
+    heads = {n: f"{n} ({units[n]})" if units.get(n) else n for n in quantities}
     table = {"surface": found.names.tolist()} if len(surfaces) > 1 else {}
     table |= {f"{axis} (m)": found.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": found.points, "surface": found.names.tolist(), **quantities}
-    return Told(
-        text=[lines(rows)],
+    return Presentation(
+        text=[format_rows(rows)],
         tables={"map.csv": table | {heads[name]: values for name, values in quantities.items()}},
         numbers={"map": numbers | {"doubtful": found.doubtful}},
         plotted={"map": found},
@@ -695,21 +695,21 @@ def _map(results: Results) -> Told:
     )  # fmt: skip
 
 
-#: Object of a scene -> what it tells.
-_KINDS: dict[str, Callable[[Results], Told]] = {
+#: Object of a scene -> how it is presented.
+_KINDS: dict[str, Callable[[Results], Presentation]] = {
     **{"history": _impact, "fall": _fall, "found": _blow},
     **{"batch": _sweep, "sample": _sample, "map": _map},
 }
 
 
-def told(found: Results) -> list[Told]:
-    """What there is to be told: the structure with its model first, then the results."""
-    there = (tell for name, tell in _KINDS.items() if getattr(found, name) is not None)
-    return [_model(found), *(tell(found) for tell in there)]
+def presentations(found: Results) -> list[Presentation]:
+    """What is presented of a scene: the structure with its model first, then the results."""
+    present = (one for name, one in _KINDS.items() if getattr(found, name) is not None)
+    return [_model(found), *(one(found) for one in present)]
 
 
 def text(found: Results) -> str:
     """Title, structure, model, and what the simulation, the sweep or the map found."""
     title = str(found.compiled.document.data.get("title", ""))
-    pieces = [title, *(piece for one in told(found) for piece in one.text)]
+    pieces = [title, *(piece for one in presentations(found) for piece in one.text)]
     return "\n\n".join(piece for piece in pieces if piece)

@@ -34,7 +34,7 @@ OF_CONTACT = {
 OF_SITE = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
 #: Expected contact times for which the step is chosen by default, how often that is doubled until
 #: the bodies part, and how much longer a run may be.
-LASTING, DOUBLED, LONGER = 20, 6, 1024
+CONTACT_TIMES, MOST_DOUBLINGS, LONGEST_RUN = 20, 6, 1024
 _MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
 
 
@@ -150,8 +150,8 @@ def of_model(model: LinearBody) -> RunData:
     if isinstance(model, Obstacle) or not body.B.size:
         raise InputError("an obstacle, or a model without a site, has no motion to export.")
     count = body.B.shape[1]
-    names = _columns(body)
-    system = _linear(body)
+    names = _column_names(body)
+    system = _body_system(body)
     inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
     outputs, variables = _site_outputs(names)
     return RunData(
@@ -168,8 +168,8 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    first = LASTING * assemble(scene, 1.0).lasting
-    spans = [first * 2**k for k in range(DOUBLED + 1)] if duration is None else [duration]
+    first = CONTACT_TIMES * assemble(scene, 1.0).lasting
+    spans = [first * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
         assembly = assemble(scene, span)
         _refuse_coupled(assembly.bodies)
@@ -190,9 +190,9 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     listed = [(c.a, c.b) for c in scene.contacts]
     contacts, contact_variables = _contact_outputs(listed, plain)
     sites, site_variables = _site_outputs(names)
-    parameters, starts = _speeds(assembly, plain)
+    parameters, starts = _initial_speeds(assembly, plain)
     span = float(span)  # its repr is that of C
-    options = (LONGER * span, found.share, 0.0, 0.0, assembly.lasting / FINE)
+    options = (LONGEST_RUN * span, found.share, 0.0, 0.0, assembly.lasting / FINE)
     return RunData(
         assembly.system, options, span, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
         shift[:, columns].copy(), np.concatenate((contacts, sites)),
@@ -209,7 +209,7 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
             )
 
 
-def _linear(body: SceneBody) -> System:
+def _body_system(body: SceneBody) -> System:
     """A body alone as a system: a row a site, no contact."""
     count, size = body.B.shape[1], body.omega.size
     none = np.zeros(0)
@@ -221,7 +221,7 @@ def _linear(body: SceneBody) -> System:
     )  # fmt: skip
 
 
-def _columns(body: SceneBody, prefix: str = "") -> list[str]:
+def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
     """Names of a body's columns with a dot behind: "tip.", "tip.1."; "" of the only one."""
     names = [""] * body.B.shape[1]
     for site, columns in body.sites.items():
@@ -241,7 +241,7 @@ def _sites(assembly: Assembly, plain: bool) -> tuple[list[str], Array, list[int]
         prefix = {"structure": "", "impactor": "impactor_"}[name] if plain else name
         span = range(assembly.columns[name].start, assembly.columns[name].stop)
         columns += span
-        names += [prefix for _ in span] if plain else _columns(body, prefix)
+        names += [prefix for _ in span] if plain else _column_names(body, prefix)
     return names, np.ascontiguousarray(assembly.B.T[columns]), columns
 
 
@@ -268,7 +268,7 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 
-def _speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Array]:
+def _initial_speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Array]:
     """Initial speeds of strikers that can be set, and their modal velocities (N, J)."""
     variables: list[Variable] = []
     rows = []

@@ -239,6 +239,17 @@ class Model(Structure):
     ]
 
 
+class Cells(Structure):
+    """`aom_cells`"""
+
+    _fields_ = [
+        ("kernel", c_void_p),
+        *((name, c_int) for name in ("n_nodes", "n_coefficients", "first", "n_dofs", "n_vectors")),
+        *((name, c_void_p) for name in ("nodes", "points", "coefficients", "constants")),
+        *((name, c_void_p) for name in ("vectors", "weights")),
+    ]
+
+
 _PACKAGE = Path(__file__).parents[1]
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
@@ -289,10 +300,11 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_batch_solve": (
         c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
     ),
+    "aom_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
-_LONG = ("aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve")
+_LONG = ("aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums")
 
 
 def source_hash(folder: Path) -> str:

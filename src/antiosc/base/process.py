@@ -229,6 +229,18 @@ def free_cores() -> int:
     return max(1, min(allowed, idle))
 
 
+def threads() -> int:
+    """Number of threads for work that is divided among any: the user's choice, or idle cores."""
+    own = chosen()
+    return max(1, int(own[1])) if own and own[1].isdecimal() else free_cores()
+
+
+def processor_features() -> set[str]:
+    """Names of what this processor can do ("avx2"), as Linux lists them; none elsewhere."""
+    lines = _text("/proc/cpuinfo").splitlines()
+    return set(next((line.split() for line in lines if line.startswith("flags")), []))
+
+
 def _running_elsewhere() -> int | None:
     """Threads of other processes that run or wait for a core; None where /proc is missing."""
     load = _text("/proc/loadavg").split()

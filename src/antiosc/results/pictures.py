@@ -220,18 +220,19 @@ def _outer(kind: str, cells: IntArray) -> IntArray:
     return np.asarray(listed[first[count == 1]])
 
 
-QUANTITY_LABELS = {
-    "k0": "static stiffness (N/m)",
-    "m_st": "static mass (kg)",
-    "omega_1": "first antiresonance (rad/s)",
-    "error": "bound on the relative error of Z",
-    "peak_force": "peak force (N)",
-    "contact_time": "contact time (s)",
-    "restitution": "coefficient of restitution",
-    "impulse": "impulse (N s)",
-    "peak_deflection": "peak deflection (m)",
-    "peak_stress": "largest stress in the part (Pa)",
-    "exposure": "largest stress over the yield strength",
+#: Quantity of a map -> what it is, and its unit.
+MAP_QUANTITIES = {
+    "k0": ("static stiffness", "N/m"),
+    "m_st": ("static mass", "kg"),
+    "omega_1": ("first antiresonance", "rad/s"),
+    "error": ("bound on the relative error of Z", ""),
+    "peak_force": ("peak force", "N"),
+    "contact_time": ("contact time", "s"),
+    "restitution": ("coefficient of restitution", ""),
+    "impulse": ("impulse", "N s"),
+    "peak_deflection": ("peak deflection", "m"),
+    "peak_stress": ("largest stress in the part", "Pa"),
+    "exposure": ("largest stress over the yield strength", ""),
 }
 
 
@@ -280,7 +281,8 @@ def plot_map(
         )
     grey = found.doubtful & ~found.doubtful.all()
     value = np.where(grey, np.nan, known[quantity])
-    label = QUANTITY_LABELS.get(quantity, quantity)
+    label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
+    label += f" ({unit})" if unit else ""
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
     figure, axes, scale, unit = space(found.points, shown=path is None)
     x = scale * found.points

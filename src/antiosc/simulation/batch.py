@@ -30,6 +30,7 @@ from antiosc.simulation.histories.results import (
     Ended,
     tell_all,
     tell_rotation,
+    too_far,
     verdict_of,
 )
 from antiosc.simulation.reference import MAX_CONTACTS, MAX_STEPS, Settings
@@ -189,7 +190,7 @@ def common_length(lengths: dict[str, int]) -> int:
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 4096  # scenes that are solved at once without one
-LOOKED_AT = 3  # models of which the shortest impact is asked whether they suffice for it
+LOOKED_AT = 3  # models of which the worst impact is run again and checked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -313,36 +314,50 @@ def simulate_many(
             ready(min(count * chunk, len(todo)))
     _raise(rows)
     tell_all([r.verdict for r in rows])
+    struck = [i for i, row in enumerate(rows) if row.impulse > 0]
+    rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
     if n != "auto":
-        _tell_too_few(scenes, steps, rows, n, settings)
+        reduced = [i for i in struck if info_of(scenes[i].model).method == "krylov"]
+        sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in reduced]
+        rerun(sharpness, lambda hit: too_few(hit.model, hit.assembly))
+    hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
+    deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
+    rerun(deflections, too_far)
     scene = max(range(len(rows)), key=lambda i: rows[i].turned[1])
     tell_rotation(f"{rows[scene].turned[0]} of scene {scene}", rows[scene].turned[1])
     return _gathered(rows)
 
 
-def _tell_too_few(
+def _warn_of_worst(
     scenes: Sequence[Impact],
-    steps: Sequence[float | None],
-    rows: Sequence[_Row],
-    n: int | str | None,
-    settings: Settings,
+    run: Callable[[int], History],
+    ranked: Sequence[tuple[float, int]],
+    check: Callable[[History], str],
 ) -> None:
-    """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
-    sharp = [
-        (row.peak_force / row.impulse, i)
-        for i, row in enumerate(rows)
-        if row.impulse > 0 and info_of(scenes[i].model).method == "krylov"
-    ]
+    """Warn of what `check` finds in the worst scenes by `ranked` (rank > 0, scene), run again.
+
+    Of each model the worst scene is run, of `LOOKED_AT` models at most.
+    """
     seen: set[int] = set()
-    for _, i in sorted(sharp, reverse=True):
-        if len(seen) == LOOKED_AT:
+    for rank, i in sorted(ranked, reverse=True):
+        if len(seen) == LOOKED_AT or not rank > 0:
             return
         if id(scenes[i].model) not in seen:
             seen.add(id(scenes[i].model))
-            hit, _ = _impact(scenes[i], steps[i], n, settings)
-            if sentence := too_few(hit.model, hit.assembly):
+            if sentence := check(run(i)):
                 warn(f"scene {i}: {sentence}", AccuracyWarning)
                 return
+
+
+def _deflection(model: LinearBody, impulse: float) -> float:
+    """Bound of a sheet's modal deflection by an impulse [N s], over its thickness; 0 if not held.
+
+    A push by F ≥ 0 deflects a mode of frequency ω, at rest before, by b² ∫F dt / ω at most.
+    """
+    thickness = info_of(model).thickness
+    if thickness is None or not (modal := model.modal()).omega.all():
+        return 0.0
+    return impulse * float(np.sum(modal.b**2 / modal.omega)) / thickness
 
 
 # -- one scene in, one row out

@@ -182,7 +182,7 @@ class ImpactMap(ReprMixin):
             title += f"{'peak force':>12}  at"
         rows = [title]
         for name, own in surfaces.items():
-            k0 = self.models.k0[own]
+            k0 = self.models.k0[trusted(self, own)]
             row = f"{name or 'sites':<{width}}{len(own):>7}{span(k0.min(), k0.max(), 'N/m'):>32}"
             if self.peak_force is not None:
                 i = hardest(self, own)
@@ -192,7 +192,7 @@ class ImpactMap(ReprMixin):
         if self.doubtful.any():
             stress = "" if self.peak_stress is None else " and the largest stress"
             rows.append(
-                f"{self.doubtful.sum()} doubtful sites are left out of the peak forces{stress}"
+                f"{self.doubtful.sum()} doubtful sites are left out of k0, the peak forces{stress}"
             )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, of=self.peak_stress)
@@ -214,6 +214,13 @@ class ImpactMap(ReprMixin):
         return plot_map(self, path, quantity)
 
 
+def trusted(found: ImpactMap, own: IntArray | None = None) -> IntArray:
+    """Numbers of the sites, of some or all, that are not doubtful; of all where no other is."""
+    own = np.arange(len(found)) if own is None else own
+    sound = own[~found.doubtful[own]]
+    return sound if sound.size else own
+
+
 def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
     """Number of the site of the largest peak force, of some or all that are not doubtful.
 
@@ -222,7 +229,5 @@ def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = No
     """
     of = found.peak_force if of is None else of
     assert of is not None
-    own = np.arange(len(found)) if own is None else own
-    trusted = own[~found.doubtful[own]]
-    own = trusted if trusted.size else own
+    own = trusted(found, own)
     return int(own[np.argmax(np.nan_to_num(of[own], nan=-1.0))])

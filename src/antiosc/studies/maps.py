@@ -34,6 +34,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
 from antiosc.base.stresses import equivalent
+from antiosc.base.texts import place as placed
 from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.extraction import shapes_of_models
@@ -59,10 +60,11 @@ from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import Force, motions, peak_deflections
+from antiosc.simulation.histories.results import beyond_linear
 from antiosc.simulation.reference import Settings
 from antiosc.simulation.scene import impact
 from antiosc.simulation.two_bodies import Impact, impact_band
-from antiosc.studies.map_results import ImpactMap, MapInfo
+from antiosc.studies.map_results import ImpactMap, MapInfo, hardest
 
 #: Free modes where neither `modes` nor a band says how many.
 FREE_MODES = 20
@@ -483,6 +485,16 @@ def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> 
         )
 
 
+def _tell_deflection(result: ImpactMap, thickness: float | None) -> None:
+    """Warn of the site that deflects most where a sheet that is held stretches."""
+    if thickness is None or not np.all(result.models.k0 > 0):
+        return
+    i = hardest(result, of=result.peak_deflection)
+    assert result.peak_deflection is not None
+    if sentence := beyond_linear("structure", float(result.peak_deflection[i]), thickness):
+        warn(f"a blow at {placed(result.points[i])}: {sentence}", AccuracyWarning)
+
+
 def _struck(
     structure: Structure,
     stressed: FreeSites | None,
@@ -506,6 +518,7 @@ def _struck(
         error = caught
     agree(comm, error)
     parts = [p for p in comm.allgather(part) if p is not None]
+    deflections = np.concatenate([deflection for _, deflection in parts])
 
     def gathered(name: str) -> Array:
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
@@ -521,7 +534,7 @@ def _struck(
         forces = [force for batch, _ in parts for force in batch.force]
         found = largest_stresses(structure, stressed, forces, duration)._asdict()
         seconds["stresses"] = time.perf_counter() - struck
-    return replace(
+    struck_map = replace(
         result,
         **found,
         info=MapInfo(**{**result.info, "seconds": seconds}),
@@ -533,5 +546,7 @@ def _struck(
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),
         impulse=gathered("impulse"),
-        peak_deflection=np.concatenate([deflection for _, deflection in parts]),
+        peak_deflection=deflections,
     )
+    on_root(comm, partial(_tell_deflection, struck_map, structure.plausibility.get("thickness")))
+    return struck_map

@@ -10,7 +10,6 @@ import scipy.sparse
 import antiosc as ao
 from antiosc.fem.assembly import layout
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.parts import checked_parts, checked_places
@@ -46,7 +45,7 @@ def table(supports: list[ao.Support]) -> ao.Structure:
 @pytest.mark.parametrize("supports", [[], [ao.Support("z0")]])
 def test_it_is_the_same_structure(monkeypatch, supports):
     dense = table(supports)
-    monkeypatch.setattr(layout, "WIDE", 60)
+    monkeypatch.setattr(layout, "DENSE_ROW", 60)
     sparse = table(supports)
     assert sparse.eliminated.basis is not None
     assert dense.eliminated.basis is None
@@ -63,13 +62,13 @@ def test_it_is_the_same_structure(monkeypatch, supports):
         own, same = sparse.rigid_inertia[0], dense.rigid_inertia[0]
         assert own.matrix == pytest.approx(same.matrix, rel=1e-9, abs=1e-9 * same.matrix.max())
         direction = np.array([0.3, 0.5, 0.8])
-        moving = rigid_motions(sparse.layout, np.zeros(3))[:, :3] @ direction
+        moving = sparse.layout.places.rigid_motions(np.zeros(3))[:, :3] @ direction
         momentum = sparse.uniform_inertia(direction) @ sparse.eliminated.coordinates(moving)
         assert momentum == pytest.approx(sparse.mass * direction @ direction, rel=1e-12)
 
 
 def test_the_basis_of_many_dofs(monkeypatch):
-    monkeypatch.setattr(layout, "WIDE", 100)
+    monkeypatch.setattr(layout, "DENSE_ROW", 100)
     rng = np.random.default_rng(1)
     places = rng.random((900, 3))
     values = np.where(np.arange(900) < 850, rng.standard_normal((6, 900)), 0.0)

@@ -7,7 +7,6 @@ import pytest
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.assembly.joint import motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.parts import checked_parts, checked_places, checked_points
@@ -77,7 +76,7 @@ def test_an_end_sees_rigid_motions(layout, name):
     if place is not None:
         np.testing.assert_allclose(found.point, place, atol=1e-12)
     about = np.array([0.2, -0.7, 0.3])
-    rigid = rigid_motions(layout, about)
+    rigid = layout.places.rigid_motions(about)
     P = {"all": np.eye(3), "none": np.zeros((3, 3))}.get(has, found.rotation_space)
     np.testing.assert_allclose(found.rotation_space, P, atol=1e-12)
     if has == "about a line":

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.assembly.assembled import rigid_motions
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line, pulled
 from marks import FREE_ON_PURPOSE
@@ -154,7 +153,7 @@ def test_a_tie_keeps_mass_and_rigid_motions(turned):
     low = eigenfrequencies(bar, 7)
     assert (low[:6] < 1e-5 * low[6]).all()
     # rigid motions: no force beside the sizes of its terms, and the parts follow them exactly
-    K, exact = csr(bar.K), rigid_motions(bar.layout, inertia.point)
+    K, exact = csr(bar.K), bar.layout.places.rigid_motions(inertia.point)
     q = bar.eliminated.coordinates(exact)
     assert (np.abs(K @ q) <= 1e-12 * (abs(K) @ np.abs(q)).max(axis=0)).all()
     assert bar.T @ q == pytest.approx(exact, abs=1e-12)

@@ -13,7 +13,7 @@ import parts
 from antiosc.fem.mesh import surface
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
-from antiosc.fem.site.sites import located, tell
+from antiosc.fem.site.sites import located, warn_of_doubts
 from antiosc.fem.structure.structure import on_mesh
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
@@ -220,7 +220,7 @@ def told(part, **facts) -> list[str]:
     arrays = {name: np.full(3, value) for name, value in sound.items()}
     arrays |= {name: np.array(values) for name, values in facts.items()}
     with warnings.catch_warnings(record=True, action="always") as found:
-        tell(part, replace(places, **arrays))
+        warn_of_doubts(part, replace(places, **arrays))
     return [str(one.message) for one in found]
 
 
@@ -254,7 +254,7 @@ def test_a_blow_along_the_surface_is_told(part):
     directions = np.array([[0.0, 0.0, -1.0], [0.999, 0.0, -0.0447]])
     places = located(part, points, directions, np.full(2, 0.04))
     with pytest.warns(ao.AccuracyWarning, match="1 of 2 sites lies along .*, 2.6°") as all_:
-        tell(part, replace(places, size=np.full(2, 0.01)))
+        warn_of_doubts(part, replace(places, size=np.full(2, 0.01)))
     assert len(all_) == 1
     assert "against the normal (0, 0, 1)" in str(all_[0].message)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import inspect
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,15 +22,15 @@ from antiosc.app.scene_file.document import (
     unknown,
 )
 from antiosc.app.scene_file.schema import (
+    FORMS,
     KIND,
-    NUMBER,
     SECTIONS,
     WITHHELD,
     Kind,
     Parameter,
     Section,
     constructors_of,
-    light,
+    only_checks,
     parameters,
     resolved,
     words,
@@ -41,22 +41,12 @@ from antiosc.base.errors import (
     InputError,
     MissingDependencyError,
     warnings_to,
-    without_warnings,
 )
 
 #: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
 #: Largest list of a scene file.
 LONGEST_LIST = 200_000
-#: A sound modulus, density, length and Poisson's ratio, in place of one that is not.
-STAND_IN = 0.3
-#: Form of a section -> its type, and what it must be.
-_FORMS: dict[str, tuple[type, str]] = {
-    "table": (dict, "a table, [{0}]"),
-    "named": (dict, "a table of names, [{0}.NAME]"),
-    "list": (list, "a list of tables, [[{0}]]"),
-    "text": (str, 'a text in "quotes"'),
-}
 
 
 class Mistake(Exception):
@@ -93,8 +83,8 @@ class Call:
         return (*self.place, *within), f"{label(self.place)}: {what.rstrip('.')}."
 
 
-#: Laws that bodies make: "ball.hertz" -> (its class and method, the ball).
-Methods = Mapping[str, tuple[str, object]]
+#: Laws that bodies make: "ball.hertz" -> (its class and method, the ball; None if that is wrong).
+Methods = Mapping[str, tuple[str, Call | None]]
 
 
 def calls_in(value: object) -> Iterator[Call]:
@@ -118,28 +108,6 @@ def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -
     return value
 
 
-#: What is called -> what a progress line says meanwhile.
-DOING = {
-    "read_mesh": "reading the mesh",
-    **dict.fromkeys(
-        ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
-    ),
-    **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
-    "from_frf": "fitting the measurement",
-    **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
-    "simulate_many": "simulating the sweep",
-    "impact_map": "mapping the surface",
-    "nearby": "reducing structures nearby",
-    "probe": "motion of the probes",
-    **dict.fromkeys(
-        ("peak_field", "by_strengths", "Fall.worst", "worst_by_strengths"), "largest stresses"
-    ),
-    "drop": "computing the fall",
-    "find_impact": "finding the blow",
-    "Fall.peak": "peaks of the accelerometers",
-}
-
-
 class Evaluation:
     """Makes the object of each call once; an InputError becomes a SceneFileError with its line."""
 
@@ -154,8 +122,7 @@ class Evaluation:
     def _object(self, call: Call) -> object:
         if call.made is None and call not in self._made:
             arguments = {name: self(value) for name, value in call.arguments.items()}
-            text = DOING.get(call.name)
-            with progress.doing(text) if text else contextlib.nullcontext():
+            with progress.doing(f"computing [{label(call.place)}]" if call.place else call.name):
                 try:
                     self._made[call] = call.make(**arguments)
                 except InputError as error:
@@ -174,7 +141,7 @@ class Builder:
         #: (place, sentence): notes a mistake
         self.note = document.problems.add
         #: warnings of the objects that were made
-        self.told: list[str] = []
+        self.warnings: list[str] = []
 
     # -- sections, each by its form: [x], [[x]], [x.NAME]
 
@@ -188,9 +155,10 @@ class Builder:
                 what = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
                 there = f"There is {listed(known)}."
                 self.note(at, f"{what} {checks.shown(name)}{hint} {there}")
-            elif not isinstance(value, _FORMS[known[name].form][0]):
-                form = _FORMS[known[name].form][1].format(label(at))
-                self.note(at, f"{label(at)} must be {form}.")
+                continue
+            form, what, heading = FORMS[known[name].form]
+            if not isinstance(value, form):
+                self.note(at, f"{label(at)} must be {what}{heading.format(label(at))}.")
 
     def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
         """A section, or an empty one where it is missing or of the wrong form."""
@@ -242,14 +210,15 @@ class Builder:
         methods : laws of bodies, which `kind` may name too.
         """
         makes = section.makes if isinstance(section, Section) else section
-        withheld = {*(given or ())}
-        if isinstance(section, Section):
-            withheld |= set(section.given.split())
+        given = dict(given or {})
+        withheld = {*given, *(section.given.split() if isinstance(section, Section) else ())}
         try:
             if not isinstance(table, dict):
                 got = checks.shown(table)
                 self._wrong(place, f"{label(place)} must be a table of keys; got {got}.")
-            function, own = self._function(makes, table, place, methods or {})
+            function = self._function([*makes, *(methods or ())], table, place)
+            if methods and function in methods:
+                function, given["self"] = methods[function]
             known = {n: p for n, p in parameters(function).items() if n not in withheld}
         except MissingDependencyError as error:
             self.note(place, f"{label(place)} cannot be used here: {error}")
@@ -257,21 +226,14 @@ class Builder:
         except Mistake:
             return None
         arguments, whole = self._values(known, table, place, function)
-        arguments = {**(given or {}), **arguments}
-        whole &= all(value is not None for value in arguments.values())
-        method = function.rpartition(".")[2]
-        made = Call(getattr(own, method, None) or resolved(function), arguments, place)
-        if own is None and (function, None) in (methods or {}).values():
-            return None  # a method of a body that is wrong
-        if light(function):
-            return self._tried(made, known, table, whole)
-        return made if whole else None
+        arguments = {**given, **arguments}
+        if not whole or None in arguments.values():
+            return None
+        made = Call(resolved(function), arguments, place)
+        return self._tried(made) if only_checks(function) else made
 
-    def _function(
-        self, makes: Sequence[str], table: Table, place: Place, methods: Methods
-    ) -> tuple[str, object]:
-        """(the callable, the object whose method it is)."""
-        kinds = [*makes, *methods]
+    def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
+        """The callable that `kind` chooses."""
         chosen = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
         if chosen is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
             chosen = kinds[0]  # the class itself, where the others are its constructors
@@ -280,7 +242,7 @@ class Builder:
         if not isinstance(chosen, str) or chosen not in kinds:
             what = f"{label(place)} has no {KIND} {checks.shown(chosen)}{meant(chosen, kinds)}"
             self._wrong((*place, KIND), f"{what} It may be {listed(kinds)}.")
-        return methods.get(chosen, (chosen, None))
+        return chosen
 
     def _values(
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
@@ -309,7 +271,7 @@ class Builder:
     ) -> NoReturn:
         """Note a key that does not exist, with the nearest that does and what that holds."""
         at = (*place, key)
-        if key in WITHHELD and key in parameters(function, withheld=True):
+        if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
         close = nearest(key, known)
         about = f": {known[close].about}" if close and known[close].about else ""
@@ -317,47 +279,28 @@ class Builder:
         there = f"It takes {listed(known)}." if known else "It takes no keys."
         self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
 
-    def _tried(
-        self, call: Call, known: Mapping[str, Parameter], table: Table, whole: bool
-    ) -> Call | None:
-        """The call with its object; numbers that its constructor refuses are noted.
-
-        Another number stands in for each of them, so that the next mistake is found too; also for
-        those that are missing or wrong otherwise (not `whole`).
-        """
-        arguments = replaced(dict(call.arguments))
-        if whole and any(each.made is None for each in calls_in(call.arguments)):
+    def _tried(self, call: Call) -> Call | None:
+        """The call with its object; None after noting what its constructor refuses."""
+        if any(each.made is None for each in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
-        lost = {n for n, p in known.items() if n not in arguments and (p.needed or n in table)}
-        if None in arguments.values() or any(NUMBER not in known[n].kinds for n in lost):
+        messages: list[str] = []
+        try:
+            with warnings_to(messages.append):
+                made = call.make(**replaced(dict(call.arguments)))
+                if isinstance(made, plausible.Material):
+                    plausible.tell([plausible.of_material(made)])
+        except Exception as error:
+            self.note(*call.refused(error))
             return None
-        arguments |= dict.fromkeys(lost, STAND_IN)
-        while True:
-            told: list[str] = []
-            try:
-                with warnings_to(told.append) if whole else without_warnings():
-                    made = call.make(**arguments)
-                    if whole and isinstance(made, plausible.Material):
-                        plausible.tell([plausible.of_material(made)])
-                self.told += [one for one in told if one not in self.told]
-                return replace(call, made=made) if whole else None
-            except Exception as error:
-                place, sentence = call.refused(error)
-                key = str(place[-1]) if len(place) > len(call.place) else ""
-            if key not in lost and (whole or key):
-                self.note(place, sentence)
-            if key in lost or not isinstance(arguments.get(key), float):
-                return None
-            arguments[key] = STAND_IN
-            lost.add(key)
-            whole = False
+        self.warnings += [one for one in messages if one not in self.warnings]
+        return replace(call, made=made)
 
     # -- values
 
     def value(self, parameter: Parameter, value: object, place: Place) -> object:
         """A value as an argument; raises Mistake after noting what is wrong."""
         converted = self._converted(parameter.kinds, value, place, parameter.about)
-        if parameter.check is not None and not isinstance(converted, Call):
+        if parameter.check is not None and not any(calls_in(converted)):
             try:
                 parameter.check(parameter.name, converted)
             except InputError as error:
@@ -366,7 +309,7 @@ class Builder:
 
     def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> object:
         fitting = [kind for kind in kinds if kind.fits(value)]
-        for kind in [kind for kind in fitting if kind.holds(value)] or fitting:
+        for kind in [kind for kind in fitting if kind.first_entry_fits(value)] or fitting:
             return self._of_kind(kind, value, place, about)
         hint = "."
         if isinstance(value, str):
@@ -394,8 +337,8 @@ class Builder:
             nodes = kind.kind is int
             for key in value if nodes else ():
                 if not re.fullmatch(r"\d{1,15}", key):
-                    told = f"{label(place)} has node numbers as keys; got {key!r}."
-                    self._wrong((*place, key), told)
+                    sentence = f"{label(place)} has node numbers as keys; got {key!r}."
+                    self._wrong((*place, key), sentence)
             return {
                 int(key) if nodes else key: self._converted(kind.items, one, (*place, key), about)
                 for key, one in value.items()
@@ -422,8 +365,8 @@ class Builder:
             if path.exists():
                 what = "which is no regular file"
             elif path.parent.is_dir():
-                beside = [each.name for each in islice(path.parent.iterdir(), 1000)]
-                close = nearest(path.name, beside, 0.7)
+                siblings = [each.name for each in islice(path.parent.iterdir(), 1000)]
+                close = nearest(path.name, siblings, 0.7)
                 what += f" (there is {close!r} in that folder)" if close else ""
         except (OSError, ValueError):  # a name that no system takes
             pass

@@ -73,11 +73,11 @@ class Problems:
         if not self.found:
             return
         lines = lines_of(self.text, [place for place, _ in self.found])
-        told = sorted({(n, told) for n, (_, told) in zip(lines, self.found, strict=True)})
-        shown = [f"{self.name}:{line}: {text}" for line, text in told[:MOST_SHOWN]]
-        if len(told) > MOST_SHOWN:
+        sentences = sorted({(n, text) for n, (_, text) in zip(lines, self.found, strict=True)})
+        shown = [f"{self.name}:{line}: {text}" for line, text in sentences[:MOST_SHOWN]]
+        if len(sentences) > MOST_SHOWN:
             or_more = ", or still more" if len(self.found) >= MOST_FOUND else ""
-            shown.append(f"{self.name}: and {len(told) - MOST_SHOWN} more{or_more}.")
+            shown.append(f"{self.name}: and {len(sentences) - MOST_SHOWN} more{or_more}.")
         raise SceneFileError("\n".join(shown))
 
 
@@ -154,7 +154,7 @@ def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Pl
         problems.add(place, f"the text holds a control character: {checks.shown(value)}.")
 
 
-# -- lines, which `tomllib` does not tell
+# -- lines, which `tomllib` does not give
 
 _TOKEN = re.compile(
     r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\])*"|\'[^\']*\''  # strings

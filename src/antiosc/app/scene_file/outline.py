@@ -18,7 +18,7 @@ import numpy as np
 
 import antiosc
 from antiosc.app.scene_file.build import Call, calls_in
-from antiosc.app.scene_file.document import Place, Table, label, unknown
+from antiosc.app.scene_file.document import Place, label, unknown
 from antiosc.app.scene_file.scene import Compiled
 from antiosc.base import checks
 from antiosc.base._types import Array
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 LARGEST = 50_000_000
 #: Endings of files that have to be meshed first.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
-#: Sections of named points, and their key.
-POINTS = (("sites", "point"), ("probes", "point"), ("accelerometers", "at"), ("sensors", "point"))
+#: Sections of points, and keys that hold a point or names of groups.
+POINTS, KEYS = ("sites", "probes", "accelerometers", "sensors"), ("point", "at", "where")
 #: Names of groups that are listed, and digits of a box.
 MOST_NAMES, DIGITS = 12, 4
 
@@ -87,10 +87,11 @@ class Outline:
 def check(found: Compiled) -> list[str]:
     """Note groups that do not exist and points outside the part, and raise; return sentences.
 
-    They tell the box and the groups of each file, or why it was not read.
+    They describe the box and the groups of each file, or say why it was not read.
     """
-    problems, told = found.document.problems, []
+    problems, sentences = found.document.problems, []
     known: dict[str, Outline] = {}
+    calls = list(dict.fromkeys(calls_in(list(vars(found).values()))))
     for part, call in _meshes(found):
         try:
             known[part] = one = outline(call)
@@ -98,17 +99,17 @@ def check(found: Compiled) -> list[str]:
             problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
             continue
         except AntioscError as error:
-            told.append(f"{_path(call).name} was not looked at: {error}")
+            sentences.append(f"{_path(call).name} was not looked at: {error}")
             continue
-        told.append(f"{one.name} reaches {one.text()}.")
-        for place, group in _named(found.document.data, part):
+        sentences.append(f"{one.name} reaches {one.text()}.")
+        for place, group in _named(calls, part):
             if group not in one.groups:
                 what = f"{label(place)}: in {one.name} the group"
                 problems.add(place, unknown(what, group, one.groups))
-    if len(known) == sum(1 for _ in _meshes(found)):
-        _check_points(found, known)
+    if known and len(known) == sum(1 for _ in _meshes(found)):
+        _check_points(found, calls, known)
     problems.raise_if_any()
-    return told
+    return sentences
 
 
 def outlines(found: Compiled) -> list[Outline]:
@@ -120,30 +121,29 @@ def outlines(found: Compiled) -> list[Outline]:
     return known
 
 
-def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
+def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
         from antiosc.fem.structure import placement
-    data = found.document.data
     at = {} if found.structure is None else found.structure.arguments.get("at", {})
     boxes = {
         part: one.placed(placement(part, at[part].made if part in at else None))
         for part, one in known.items()
     }
-    for section, name in POINTS:
-        for key, table in data.get(section, {}).items():
-            point, snap = table.get(name), table.get("snap")
-            if not boxes or not isinstance(point, list) or len(point) not in (2, 3):
-                continue
-            x = np.pad(np.array(point, dtype=float), (0, 3 - len(point)))
-            own = [boxes[table["part"]]] if table.get("part") in boxes else list(boxes.values())
-            nearest = min(own, key=lambda one: one.distance(x))
-            off, place = nearest.distance(x), (section, key, name)
-            if off and (isinstance(snap, bool) or snap is None or off > snap):
-                box = f"{checks.in_words(nearest.low)} to {checks.in_words(nearest.high)}"
-                told = f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside"
-                told += f" the box of {nearest.name}, from {box}: coordinates are in metres."
-                found.document.problems.add(place, told)
+    for call in calls:
+        key = "at" if "at" in call.arguments else "point"
+        point, snap = call.arguments.get(key), call.arguments.get("snap")
+        if not isinstance(point, tuple) or call.place[:1] not in {(one,) for one in POINTS}:
+            continue
+        x, part = np.resize([*point, 0.0], 3), call.arguments.get("part")
+        own = [boxes[part]] if part in boxes else list(boxes.values())
+        nearest = min(own, key=lambda one: one.distance(x))
+        off, place = nearest.distance(x), (*call.place, key)
+        if off and (isinstance(snap, bool) or snap is None or off > snap):
+            box = f"{checks.in_words(nearest.low)} to {checks.in_words(nearest.high)}"
+            sentence = f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside"
+            sentence += f" the box of {nearest.name}, from {box}: coordinates are in metres."
+            found.document.problems.add(place, sentence)
 
 
 def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
@@ -156,6 +156,12 @@ def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
     for call in calls_in(source):
         if call.name in ("read_mesh", "read_model"):
             yield (str(call.place[1]) if call.place[0] == "parts" else "", call)
+
+
+def check_size(path: Path) -> None:
+    """AntioscError for a file that is too large to be read for its outline."""
+    if path.stat().st_size > LARGEST:
+        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
 
 
 def _path(call: Call) -> Path:
@@ -174,9 +180,8 @@ def outline(call: Call) -> Outline:
         A file that is not read for this: too large, or a package for it is missing.
     """
     path = _path(call)
-    if path.stat().st_size > LARGEST:
-        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
-    with without_warnings():  # a run tells what of the file it does not take
+    check_size(path)
+    with without_warnings():  # a run warns of what it does not take
         try:
             groups, pieces = _read(call, path)
         except (MissingDependencyError, InputError):
@@ -214,35 +219,21 @@ def _largest(cells: Array) -> float:
     return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
 
 
-def _named(data: Table, part: str) -> Iterator[tuple[Place, str]]:
-    """Places of a scene that name a group of a mesh, or of a part, and the group."""
-    own: Table = data["parts"][part] if part else data
-    start: Place = ("parts", part) if part else ()
-    material = own.get("material", {})
-    if material and all(isinstance(each, dict) for each in material.values()):
-        yield from (((*start, "material", group), group) for group in material)
-    tables: list[tuple[Place, Table, str]] = [
-        ((section, key), table, name)
-        for section, name in POINTS
-        for key, table in data.get(section, {}).items()
-    ]
-    if part:
-        joints = enumerate(data.get("joints", ()))
-        tables += [
-            (("joints", i), table, key) for i, table in joints for key in ("a", "b", "group")
-        ]
-    else:
-        tables += [((n,), data.get(n, {}), "where") for n in ("map", "find")]
-        tables += [(("drop",), data.get("drop", {}), "face")]
-    for place, table, key in tables:
-        listed = table.get(key) if isinstance(table.get(key), list) else [table.get(key)]
-        for text in listed or ():
-            at = (*place, key)
-            if part and isinstance(text, str) and text.startswith(f"{part}:"):
-                yield at, text.removeprefix(f"{part}:")
-            elif not part and isinstance(text, str) and (key != "face" or text[:1] not in "+-"):
-                yield at, text
-    for section in ("supports", "attached"):
-        for i, table in enumerate(own.get(section, ())):
-            if isinstance(table.get("where"), str):
-                yield (*start, section, i, "where"), table["where"]
+def _named(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
+    """Places of a scene that name a group of its mesh, or of that of a part, and the group."""
+    for call in calls:
+        own = not part or call.place[:2] == ("parts", part)
+        material = call.arguments.get("material")
+        if own and isinstance(material, dict):
+            start = call.place[:2] if part else ()
+            yield from (((*start, "material", group), group) for group in material)
+        joined = ("a", "b", "group") if call.place[:1] == ("joints",) else ()
+        for key in (*KEYS, "face", *joined):
+            value = call.arguments.get(key)
+            for text in value if isinstance(value, tuple) else [value]:
+                if not isinstance(text, str) or (key == "face" and text[:1] in "+-"):
+                    continue
+                if own:
+                    yield (*call.place, key), text
+                elif text.startswith(f"{part}:"):
+                    yield (*call.place, key), text.removeprefix(f"{part}:")

@@ -49,7 +49,7 @@ def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
     evaluate = Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
     found = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
-    with telling(found.warnings):
+    with collected_warnings(found.warnings):
         for name in wanted:
             setattr(found, name, evaluate(getattr(compiled, name)))
         if compiled.striking and found.history:
@@ -59,8 +59,8 @@ def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
 
 
 @contextlib.contextmanager
-def telling(sentences: list[str]) -> Iterator[None]:
-    """Keep the warnings of the block, each once; an error tells them first: they may say why."""
+def collected_warnings(sentences: list[str]) -> Iterator[None]:
+    """Collect warnings, each once; on an error they are printed first, for they may explain it."""
 
     def keep(message: str) -> None:
         text = " ".join(message.split())
@@ -130,13 +130,6 @@ def variant(
     return Builder(replace(build.document, data=data, problems=replace(main, origins=origins)))
 
 
-def _pair(build: Builder) -> Objects[Call | None]:
-    """Impactor and contact of a variant."""
-    found = Objects[Call | None]()
-    pair(build, found)
-    return found
-
-
 # -- [sweep]
 
 
@@ -151,20 +144,20 @@ def sweep(build: Builder, found: Compiled) -> Call | None:
     """The batch; None without [sweep], or after a mistake in it."""
     lists, known = varied(build), _known(build)
     if "sweep" in build.data and not lists:
-        told = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
-        build.note(("sweep",), told)
+        sentence = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
+        build.note(("sweep",), sentence)
     whole: list[list[object]] = []
     for place, values in lists.items():
         most = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
         at = ("sweep", *place)
         if place[0] not in known or len(place) < 2:
-            told = f"[sweep] has lists of {listed(known)}, as impactor.velocity = [1.0, 2.0]"
-            build.note(at, f"{told}; got {label(place)}.")
+            sentence = f"[sweep] has lists of {listed(known)}, as impactor.velocity = [1.0, 2.0]"
+            build.note(at, f"{sentence}; got {label(place)}.")
         elif not isinstance(values, list) or not 0 < len(values) <= most:
             build.note(at, f"{label(at)} must be a list of 1 to {most} values.")
         elif place[0] == "simulate" and place[1] not in _of_batch():
-            told = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
-            build.note(at, f"{told}; got {place[1]!r}.")
+            sentence = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
+            build.note(at, f"{sentence}; got {place[1]!r}.")
         else:
             whole.append(values)
     if len(whole) < len(lists):
@@ -197,11 +190,6 @@ def _batch(
 ) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
-    taken = [name for name in parameters("simulate_many") if name not in _GIVEN]
-    if lost := [name for name in table if name not in taken]:
-        told = f"[simulate] has {lost[0]!r}, which a sweep does not take"
-        build.note(("simulate", lost[0]), f"{told}; it takes {listed(taken)}.")
-        return None
     swept = {place[0] for place in lists}
     rows: list[tuple[Call | None, ...]] = []
     times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
@@ -210,22 +198,20 @@ def _batch(
         origins = {place: ("sweep", *place, i) for place in lists}
         other = variant(build, values, origins, build.document.problems)
         # only what the values change is made anew
-        own = _pair(other) if swept & {"impactor", "contact"} else found
+        same = (found.impactor, found.contact)
         part = found.model if swept <= {*VARIED} else _model(other)
-        rows.append((part, own.impactor, own.contact))
+        rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
         if times:
-            hit = other.table(
-                "simulate", given=dict(zip(("model", "impactor", "contact"), rows[-1], strict=True))
-            )
+            named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
+            hit = other.table("simulate", given=dict(named))
             for name, each in times.items():
                 each.append(None if hit is None else hit.arguments[name])
-        build.told += [sentence for sentence in other.told if sentence not in build.told]
+        build.warnings += [
+            sentence for sentence in other.warnings if sentence not in build.warnings
+        ]
     if None in chain(*rows, *times.values()):
         return None
-    of_law = "impactor" in swept and str(build.data["contact"].get(KIND)).startswith("impactor.")
-    many = (bool(swept - {*VARIED}), "impactor" in swept, "contact" in swept or of_law)
-    made = ([row[k] for row in rows] if many[k] else rows[0][k] for k in range(3))
-    given = {**dict(zip(_GIVEN, made, strict=True)), **times}
+    given = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
     rest = {name: value for name, value in table.items() if name not in times}
     return build.call(("simulate_many",), rest, ("simulate",), given)
 
@@ -253,8 +239,8 @@ def monte_carlo(build: Builder, found: Compiled) -> Call | None:
     point = _surface(build, found.structure, drawn.pop(POINT)) if POINT in drawn else None
     inputs = _inputs(build, drawn)
     if not inputs and POINT not in table:
-        told = '[monte_carlo] draws nothing, as impactor.velocity = {kind = "normal", mean = 2.0,'
-        build.note(("monte_carlo",), f"{told} sigma = 0.1}}.")
+        like = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
+        build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {like}.")
     shared = {place: law for place, law in inputs.items() if place[0] not in VARIED}
     models = point if POINT in table else found.model
     if shared and POINT in table:
@@ -278,14 +264,14 @@ def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
         at: Place = ("monte_carlo", *place)
         if place[0] not in DRAWN or place[0] not in build.data or len(place) < 2:
             there = listed([n for n in DRAWN if n in build.data])
-            told = f"[monte_carlo] draws values of {there}, or a point; got {label(place)}."
-            build.note(at, told)
+            sentence = f"[monte_carlo] draws values of {there}, or a point; got {label(place)}."
+            build.note(at, sentence)
             continue
         law = found[place] = build.call(DISTRIBUTIONS.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
             other = variant(build, middle, {place: at}, build.document.problems)
-            _pair(other) if place[0] in VARIED else structure(other)
+            pair(other) if place[0] in VARIED else structure(other)
     return found
 
 
@@ -335,11 +321,11 @@ def _run(
     def run(**values: Any) -> tuple[object, ...]:
         own = {place: values[name] for name, place in places.items() if name not in shared}
         other = _drawn(build, own)
-        found = _pair(other)
+        both = pair(other)
         other.document.problems.raise_if_any()
-        for sentence in other.told:
+        for sentence in other.warnings:
             warn(sentence)
-        made = (None if one is None else one.made for one in (found.impactor, found.contact))
+        made = (None if one is None else one.made for one in both)
         model = models(**{n: values[n] for n in shared}) if shared else values.get(POINT, models)
         return (model, *made, duration)
 

@@ -12,11 +12,13 @@ evaluated.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from itertools import product
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -27,10 +29,10 @@ from antiosc.app.scene_file.schema import (
     KIND,
     LAWS,
     MODELS,
-    NUMBERS,
     SECTIONS,
     SOURCES,
-    Parameter,
+    headed,
+    parameters,
     resolved,
 )
 from antiosc.base._types import Array
@@ -44,10 +46,10 @@ if TYPE_CHECKING:
     from antiosc.studies.drops.fall import Fall, WorstField
 
 T = TypeVar("T")
-#: Even times over a run at which its probes are taken, beside those of the run.
-LOOKS = 1001
+#: Number of even times over a run at which probes are evaluated, besides those of the run.
+PROBE_TIMES = 1001
 #: Of a section that is missing.
-NOTHING: Any = None
+MISSING: Any = None
 
 
 @dataclass(kw_only=True)
@@ -64,24 +66,24 @@ class Objects(Generic[T]):
     batch, map, sample : of [sweep], [map] and [monte_carlo].
     fall : of [drop]; `peaks` by name, and `worst`, of the fall.
     found : of [find].
-    warnings : sentences that were told on the way.
+    warnings : sentences of warnings, each once.
     """
 
-    structure: T = NOTHING
-    model: T = NOTHING
-    impactor: T = NOTHING
-    contact: T = NOTHING
-    scene: T = NOTHING
-    history: T = NOTHING
+    structure: T = MISSING
+    model: T = MISSING
+    impactor: T = MISSING
+    contact: T = MISSING
+    scene: T = MISSING
+    history: T = MISSING
     probes: Mapping[str, T] = field(default_factory=dict)
-    stresses: T = NOTHING
-    batch: T = NOTHING
-    map: T = NOTHING
-    sample: T = NOTHING
-    fall: T = NOTHING
+    stresses: T = MISSING
+    batch: T = MISSING
+    map: T = MISSING
+    sample: T = MISSING
+    fall: T = MISSING
     peaks: Mapping[str, T] = field(default_factory=dict)
-    worst: T = NOTHING
-    found: T = NOTHING
+    worst: T = MISSING
+    found: T = MISSING
     warnings: list[str] = field(default_factory=list)
 
 
@@ -157,84 +159,69 @@ _ONE = "simulate strike"
 _SEVERAL = f"{_MANY} loads base motion scene"
 _REDUCED = "sites extract probes sweep map stress"
 _KEEP = "keep one of the two"
-#: (sections, whether they stand "beside" or "without" others, what is wrong with that).
-RULES = (
-    ("joints at points assembly", "without", "parts",
-     "[{0}] belongs to an assembly; this scene has no [parts.NAME]."),
-    ("material structure", "beside", "deck",
-     "[{0}] has no place beside [deck]: a deck has its own materials."),
-    ("material structure", "beside", "parts",
-     "[{0}] has no place beside [parts]: each part has its own: [parts.NAME.{0}]."),
-    ("material structure supports attached", "beside", "matrices",
-     "[{0}] has no place beside [matrices]: matrices have their own; fix nodes by"
-     ' supports = {{12 = "all"}} in [matrices].'),
-    ("material structure supports attached", "beside", "model",
-     "[{0}] has no place beside [model]: a saved model has its own."),
-    ("material structure supports attached", "beside", "frf",
-     "[{0}] has no place beside [frf]: a measurement has none."),
-    ("from_frf", "without", "frf",
-     "[from_frf] belongs to a measurement; this scene has no [frf]."),
-    ("sites", "without", f"{_MESHED} matrices",
-     "[sites] belong to a structure; this scene has none of its own."),
-    ("scene loads base motion", "without", _MANY,
-     "[{0}] belongs to a scene of several contacts: give [[contacts]]."),
-    ("simulate extract", "beside", "strike", f"[strike] chooses what [{{0}}] says; {_KEEP}."),
-    ("strike", "without", f"{_MESHED} matrices",
-     "[strike] needs a structure and one site, [sites.NAME]."),
-    ("accelerometers worst", "without", "drop",
-     "[{0}] belongs to a fall; this scene has no [drop]."),
-    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "beside", "drop",
-     f"[drop] describes a fall and [{{0}}] an impact; {_KEEP}."),
-    ("supports", "beside", "drop",
-     "a part that is dropped is free: leave its [[supports]] out."),
-    ("drop", "without", f"{_MESHED} matrices frf",
-     "[drop] needs a structure, by one of [geometry], [deck], [matrices], [parts], [frf]."),
-    ("sensors", "without", "find",
-     "[sensors] belong to [find]; motion is told by [probes]."),
-    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "beside", "find",
-     f"[find] looks for a blow, and [{{0}}] belongs to one that is described; {_KEEP}."),
-    ("find map", "without", _MESHED,
-     "[{0}] needs a structure of [geometry], [deck] or [parts]."),
-    ("find", "without", "sensors",
-     "[find] needs sensors: give [sensors.NAME] in the order of signals."),
-    *(("probes", "without", others,
-        "[probes] need a structure of this scene and its simulation.")
-       for others in (f"{_MESHED} matrices", f"{_ONE} run")),
-    *(("stress", "without", others, "[stress] needs a structure with a mesh, and its simulation.")
-       for others in (_MESHED, f"{_ONE} run")),
-    *(("sweep", "without", other,
-        "[sweep] varies [impactor], [contact] and [simulate]; give all three.")
-       for other in ("impactor", "contact", "simulate")),
-    *(("monte_carlo", "without", other,
-        "[monte_carlo] needs [impactor], [contact] and [simulate].")
-       for other in ("impactor", "contact", "simulate")),
-)  # fmt: skip
+#: Sections, and others of which each of them needs one.
+NEEDS = (
+    ("joints at points assembly", "parts"),
+    ("from_frf", "frf"),
+    ("sites", f"{_MESHED} matrices"),
+    ("scene loads base motion", _MANY),
+    ("accelerometers worst", "drop"),
+    ("drop", f"{_MESHED} matrices frf"),
+    ("sensors", "find"),
+    ("find map stress", _MESHED),
+    ("find", "sensors"),
+    ("probes", f"{_MESHED} matrices"),
+    ("probes stress", f"{_ONE} run"),
+    *(("sweep monte_carlo", other) for other in ("impactor", "contact", "simulate")),
+)
+#: Sections, others beside which they have no place, and what to do.
+EXCLUDES = (
+    ("material structure", "parts", "give each part its own"),
+    ("material structure", "deck matrices model frf", "leave it out"),
+    ("supports attached", "matrices", 'fix nodes by supports = {12 = "all"} there'),
+    ("supports attached", "model frf", "leave it out"),
+    ("supports", "drop", "a part that is dropped is free: leave it out"),
+    ("simulate extract", "strike", _KEEP),
+    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),
+    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "find", _KEEP),
+)
 
 
 def _check_together(build: Builder) -> None:
     """Note sections that contradict each other, or lack what they need."""
     there = {name for name, value in build.data.items() if value or name != "sensors"}
-    for names, how, others, sentence in RULES:
+    for names, others in NEEDS:
         for name in names.split():
-            if name in build.data and bool(there & set(others.split())) == (how == "beside"):
-                build.note((name,), sentence.format(name))
+            if name in build.data and not there & set(others.split()):
+                build.note((name,), f"{headed(name)} needs {_one_of(others)}.")
+    for names, others, remedy in EXCLUDES:
+        for name, other in product(names.split(), others.split()):
+            if name in build.data and other in there:
+                what = f"{headed(name)} has no place beside {_one_of(other)}"
+                build.note((name,), f"{what}; {remedy}.")
     sources = [name for name in SOURCES if name in there]
     if len(sources) > 1:
         both = f"[{sources[0]}] and [{sources[1]}]"
-        build.note((sources[1],), f"{both} both say what is struck; keep one of them.")
+        build.note((sources[1],), f"{both} both say what is struck; {_KEEP}.")
     if not sources and not build.data.get("bodies"):
         names = ", ".join(f"[{name}]" for name in SOURCES)
         build.note((), f"the scene does not say what is struck: give one of {names}.")
     single = [n for n in ("impactor", "contact", *_ONE.split()) if n in there]
     many = [n for n in _MANY.split() if n in there]
     if single and many:
-        told = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
-        build.note((many[0],), f"{told}; {_KEEP}.")
+        sentence = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
+        build.note((many[0],), f"{sentence}; {_KEEP}.")
     if "ensemble" in build.part("drop"):
-        for name in ("accelerometers", "worst"):
-            told = f"[{name}] is of one fall; [drop] has an ensemble: keep one of them."
-            if name in there:
-                build.note((name,), told)
+        for name in there.intersection(("accelerometers", "worst")):
+            build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
+
+
+def _one_of(names: str) -> str:
+    """A section with what it is, or several that may be chosen from."""
+    first, *rest = names.split()
+    if rest:
+        return f"one of {', '.join(map(headed, names.split()))}"
+    return f"{headed(first)}, {SECTIONS[first].about}"
 
 
 # -- the objects
@@ -247,7 +234,7 @@ def compiled(document: Document) -> Compiled:
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)
-    found = Compiled(document=document, warnings=build.told)
+    found = Compiled(document=document, warnings=build.warnings)
     found.structure = structure(build)
     found.model = model(build, found.structure)
     if "find" in build.data:
@@ -255,9 +242,9 @@ def compiled(document: Document) -> Compiled:
     elif set(_MANY.split()) & set(build.data):
         _several(build, found)
     elif {"impactor", "contact", *_ONE.split()} & set(build.data):
-        pair(build, found)
+        found.impactor, found.contact = pair(build)
         _single(build, found)
-    _told(build, found)
+    _requested(build, found)
     if "drop" in build.data:
         found.fall = build.table("drop", given={"part": found.structure})
         given = {"self": found.fall}
@@ -311,12 +298,6 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
 
 def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
     """The arguments `supports` and `attached`, where there are any."""
-    fixed = ("all", "x", "y", "z", "rx", "ry", "rz")
-    for i, table in enumerate(build.part("supports", list, data)):
-        fix = table.get("fix", "all") if isinstance(table, dict) else "all"
-        for name in fix if isinstance(fix, list) else [fix]:
-            if isinstance(name, str):
-                build.names("component", name, fixed, (*place, "supports", i, "fix"))
     given = {name: build.listed(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in given.items() if value}
 
@@ -326,8 +307,8 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
     table, at = data.get("material"), (*place, "material")
     section = SECTIONS["material"]
     if not isinstance(table, dict):
-        told = f"there is no [{label(at)}]; it takes kind and the constants"
-        build.note(place, f'{told}, as in `[{label(at)}]` `kind = "Solid"`.')
+        sentence = f"there is no [{label(at)}]; it takes kind and the constants"
+        build.note(place, f'{sentence}, as in `[{label(at)}]` `kind = "Solid"`.')
         return None
     if table and all(isinstance(each, dict) for each in table.values()):
         made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
@@ -348,13 +329,10 @@ def _assembly(build: Builder) -> Call | None:
             parts[name] = _part(build, data, place)
         else:
             build.note(place, f"{label(place)} lacks a geometry or a deck.")
-    points = {}
-    for name, value in build.part("points").items():
-        try:
-            coordinates = Parameter("point", (NUMBERS,), about="coordinates, m")
-            points[name] = build.value(coordinates, value, ("points", name))
-        except Mistake:
-            continue
+    points: object = {}
+    with contextlib.suppress(Mistake):
+        rule = parameters("assemble")["points"]
+        points = build.value(rule, build.part("points"), ("points",))
     joints, placed = build.listed("joints"), build.named("at")
     for call in joints:
         for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point
@@ -385,8 +363,8 @@ def model(build: Builder, structure: Call | None) -> Call | None:
         build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
     several = len(build.part("sites")) > 1 or "contacts" in build.data
     if several and "contacts" not in build.data and "simulate" in build.data:
-        told = "[simulate] takes one site, and there are several: give [[contacts]] between"
-        build.note(("sites",), f'{told} "structure:SITE" and [bodies.NAME].')
+        sentence = "[simulate] takes one site, and there are several: give [[contacts]] between"
+        build.note(("sites",), f'{sentence} "structure:SITE" and [bodies.NAME].')
     site = sites if several else next(iter(sites.values()), None)
     return build.table("extract", always=True, given={"structure": structure, "site": site})
 
@@ -394,11 +372,11 @@ def model(build: Builder, structure: Call | None) -> Call | None:
 # -- one impact, a blow that is looked for, or several contacts
 
 
-def pair(build: Builder, found: Objects[Call | None]) -> None:
+def pair(build: Builder) -> tuple[Call | None, Call | None]:
     """Impactor and contact, whose law may be one of the impactor's."""
-    found.impactor = build.table("impactor")
-    methods = own_laws("impactor", build.data.get("impactor"), found.impactor)
-    found.contact = build.table("contact", methods=methods)
+    impactor = build.table("impactor")
+    methods = own_laws("impactor", build.data.get("impactor"), impactor)
+    return impactor, build.table("contact", methods=methods)
 
 
 def _single(build: Builder, found: Compiled) -> None:
@@ -408,7 +386,7 @@ def _single(build: Builder, found: Compiled) -> None:
             build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
     if "strike" not in build.data:
         found.history = build.table("simulate", given={"model": found.model, **both})
-        _tell_opening(build, found)
+        _warn_of_opening(build, found)
         return
     sites = list(build.named("sites").values())
     if len(build.part("sites")) != 1:
@@ -428,24 +406,22 @@ def _single(build: Builder, found: Compiled) -> None:
 _CLOSING = {"initial_velocity", "gravity"}
 
 
-def _tell_opening(build: Builder, found: Compiled) -> None:
+def _warn_of_opening(build: Builder, found: Compiled) -> None:
     """Warn of an impactor that flies away from the structure."""
     speed = getattr(getattr(found.impactor, "made", None), "velocity", 0.0)
     if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
-        build.told.append(
+        build.warnings.append(
             f"impactor.velocity = {speed:g} m/s leads away from the structure, which is not "
             f"touched: a positive one leads along the direction of the site; give {-speed:g}."
         )
 
 
 def _find(build: Builder, found: Compiled) -> None:
-    pair(build, found)
     sensors = list(build.named("sensors").values())
     given: dict[str, object] = {"structure": found.structure, "sensors": sensors}
-    both = {"impactor": found.impactor, "contact": found.contact}
-    given |= {name: call for name, call in both.items() if name in build.data}
+    both = zip(("impactor", "contact"), pair(build), strict=True)
+    given |= {name: call for name, call in both if name in build.data}
     found.found = build.table("find", given=given)
-    found.impactor = found.contact = None  # of the one that is looked for
 
 
 def own_laws(variable: str, table: object, body: Call | None) -> Methods:
@@ -453,16 +429,16 @@ def own_laws(variable: str, table: object, body: Call | None) -> Methods:
 
     Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
     """
-    made = None if body is None else body.made
-    classes: list[type] = [type(made)]
-    if made is None:
+    if body is not None:
+        classes: list[type] = [type(body.made)]
+    else:
         kind = table.get(KIND) if isinstance(table, dict) else None
         classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
         classes = [each for each in classes if each.__name__ == kind] or classes
     return {
-        f"{variable}.{name}": (f"{each.__name__}.{name}", made)
+        f"{variable}.{law}": (f"{each.__name__}.{law}", body)
         for each in classes
-        for name in _laws_of(each)
+        for law in _laws_of(each)
     }
 
 
@@ -475,6 +451,8 @@ def _laws_of(body: type) -> list[str]:
     return [name for name, law in made.items() if law in known]
 
 
+#: The bodies of a scene by name; None: one that is wrong.
+Bodies: TypeAlias = Mapping[str, Call | None]
 #: The name of the structure among the bodies of a scene.
 STRUCTURE = "structure"
 
@@ -484,17 +462,17 @@ def _several(build: Builder, found: Compiled) -> None:
     named, tables = build.named("bodies"), build.part("bodies")
     if STRUCTURE in tables and own:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
-    methods: dict[str, tuple[str, object]] = {}
+    methods: dict[str, tuple[str, Call | None]] = {}
     for name, table in tables.items():
         methods |= own_laws(name, table, named.get(name))
-    ends = _Ends(build, {**own, **dict.fromkeys(tables), **named, **own})
+    every = {**own, **dict.fromkeys(tables), **named, **own}
     bodies = {**own, **named}
     given: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
-    given["contacts"] = _contacts(build, methods, ends)
+    given["contacts"] = _contacts(build, methods, every)
     for i, table in enumerate(build.part("loads", list)):
-        ends.check(table, "end", ("loads", i))
+        _check_end(build, every, table, "end", ("loads", i))
     for name in build.part("motion"):
-        build.names("body", name, ends.bodies, ("motion", name))
+        build.names("body", name, every, ("motion", name))
     more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
     more |= {"motion": build.named("motion")}
     given |= {name: one for name, one in more.items() if one}
@@ -504,7 +482,7 @@ def _several(build: Builder, found: Compiled) -> None:
     found.history = build.table("run", given={"self": found.scene})
 
 
-def _contacts(build: Builder, methods: Methods, ends: _Ends) -> list[Call | None]:
+def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
     """[[contacts]], whose `law` may be one of a body."""
     if not build.part("contacts", list):
         build.note((), "a scene of several bodies needs [[contacts]].")
@@ -521,60 +499,49 @@ def _contacts(build: Builder, methods: Methods, ends: _Ends) -> list[Call | None
             like = 'law = {kind = "Hertz", stiffness = 1e9}'
             build.note(at, f"{label(at)} must be a table, as {like}.")
         for key in ("a", "b"):
-            ends.check(table, key, place)
+            _check_end(build, bodies, table, key, place)
         rest = {key: value for key, value in table.items() if key != "law"}
         found.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
     return found
 
 
-@dataclass(frozen=True)
-class _Ends:
-    """Checks that "body:site" exists, among the bodies of a scene; None: a body that is wrong."""
-
-    build: Builder
-    bodies: Mapping[str, Call | None]
-
-    def check(self, table: object, key: str, place: Place) -> None:
-        """Note an end of a table that names no body, or no site of it."""
-        end = table.get(key) if isinstance(table, dict) else None
-        if not isinstance(end, str):
-            return
-        body, _, site = end.partition(":")
-        if not self.build.names("body", body, self.bodies, (*place, key)):
-            return
-        sites = self._sites(body)
-        if sites is not None and (site or sites):
-            self.build.names(f"site of {body!r}", site, sites, (*place, key))
-
-    def _sites(self, body: str) -> list[str] | None:
-        """Names of the sites of a body; None where the file does not tell them."""
-        if body == STRUCTURE and source(self.build):
-            return None if source(self.build) in MODELS else list(self.build.part("sites"))
-        made = self.bodies[body]
+def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: Place) -> None:
+    """Note an end "body:site" of a table that names no body of a scene, or no site of it."""
+    end = table.get(key) if isinstance(table, dict) else None
+    if not isinstance(end, str):
+        return
+    body, _, site = end.partition(":")
+    if not build.names("body", body, bodies, (*place, key)):
+        return
+    made, sites = bodies[body], list(build.part("sites"))
+    if body != STRUCTURE or not source(build):
         if made is None or made.name == "AntiOscillators.load":
-            return None
-        return list(made.arguments.get("sites", ()))
+            return  # of bodies that are wrong or not read yet nobody knows the sites
+        sites = list(made.arguments.get("sites", ()))
+    elif source(build) in MODELS:
+        return
+    if site or sites:
+        build.names(f"site of {body!r}", site, sites, (*place, key))
 
 
 # -- what a simulation is asked for
 
 
-def looked_at(history: History) -> Array:
-    """Times [s] at which probes tell of a history: its own lie far apart in flights."""
-    return np.union1d(history.time, np.linspace(0.0, history.time[-1], LOOKS))
+def probe_times(history: History) -> Array:
+    """Times [s] of probes: those of a history lie far apart while bodies fly."""
+    return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
-def _told(build: Builder, found: Compiled) -> None:
+def _requested(build: Builder, found: Compiled) -> None:
     """[probes] and [stress]; without it the criteria for which the materials have strengths."""
     part: Call | None = found.structure
     if found.striking and part is None:
         part = Call(lambda history: history.structure, {"history": found.history})
     given = {"structure": part, "history": found.history}
-    found.probes = build.named("probes", given)
-    times = Call(looked_at, {"history": found.history})
+    times = Call(probe_times, {"history": found.history})
     found.probes = {
-        name: probe and replace(probe, arguments={"times": times, **probe.arguments})
-        for name, probe in found.probes.items()
+        name: replace(probe, arguments={"times": times, **probe.arguments})
+        for name, probe in build.named("probes", given).items()
     }
     meshed = found.history is not None and source(build) in _MESHED.split()
     if "stress" in build.data:

@@ -76,7 +76,7 @@ class Kind:
         types = (dict,) if self.name == "table" else _KINDS[self.name][0]
         return isinstance(value, types) and (bool in types or not isinstance(value, bool))
 
-    def holds(self, value: object) -> bool:
+    def first_entry_fits(self, value: object) -> bool:
         """Whether a value of this kind is a list whose first entry is of its kinds, or no list."""
         if not isinstance(value, list) or not value or self.name != "list":
             return True
@@ -94,7 +94,7 @@ class Kind:
         return _KINDS[self.name][1]
 
     @property
-    def many(self) -> str:
+    def plural_text(self) -> str:
         """Several of them, in words."""
         if self.name == "list":
             return f"lists of {plural(self.items or self.each[0])}"
@@ -115,7 +115,7 @@ def words(kinds: Sequence[Kind]) -> str:
 
 def plural(kinds: Sequence[Kind]) -> str:
     """Several of such values, in words."""
-    return " or ".join(dict.fromkeys(kind.many for kind in kinds))
+    return " or ".join(dict.fromkeys(kind.plural_text for kind in kinds))
 
 
 class Unknown:
@@ -202,17 +202,17 @@ class Parameter:
 
 
 @functools.cache
-def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]:
-    """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii".
-
-    `withheld`: those that no file may give, instead.
-    """
+def parameters(function: str) -> Mapping[str, Parameter]:
+    """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
     call = resolved(function)
     described = descriptions(call)
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)
-    # constructors check their values themselves; the values of a batch are lists
-    checked = not light(function) and function != "simulate_many"
+    # fields of dataclasses have checks; the values of a batch are lists
+    checked = CHECKS if not only_checks(function) and function != "simulate_many" else {}
+    if dataclasses.is_dataclass(call):
+        own = {one.name: one.metadata for one in dataclasses.fields(call)}
+        checked = {key: each["check"] for key, each in own.items() if "check" in each}
     found = {}
     for name, given in inspect.signature(
         call, globals=names, locals=names, eval_str=True
@@ -222,12 +222,10 @@ def parameters(function: str, withheld: bool = False) -> Mapping[str, Parameter]
             kinds = (Kind("object", kind=resolved(OBJECTS[full])),)
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
-        if withheld and name in WITHHELD:
-            found[name] = Parameter(name, ())
-        elif kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
+        if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
             needed = given.default is given.empty
             default = None if needed else given.default
-            check = CHECKS.get(full, CHECKS.get(name)) if checked else None
+            check = CHECKS.get(full, checked.get(name))
             found[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
     return found
 
@@ -239,7 +237,7 @@ def resolved(function: str) -> Any:
     return functools.reduce(getattr, function.split("."), antiosc)
 
 
-def light(function: str) -> bool:
+def only_checks(function: str) -> bool:
     """Whether a call only checks and stores values: a class of antiosc that holds data."""
     head = function.partition(".")[0]
     return function in LIGHT or (inspect.isclass(resolved(head)) and head not in HEAVY)
@@ -253,32 +251,30 @@ def descriptions(call: object) -> dict[str, str]:
     for entry in re.split(r"\n(?=\S)", section.group(1)) if section else ():
         head, _, body = entry.partition("\n")
         names, _, rest = head.partition(" : ")
-        # the text after the colon is a type, or tells more than that
-        tells = rest if len(rest.split()) > 6 and "optional" not in rest else ""
-        about = " ".join(f"{tells} {body}".split())
+        # the text after the colon is a type, or says more than that
+        more = rest if len(rest.split()) > 6 and "optional" not in rest else ""
+        about = " ".join(f"{more} {body}".split())
         about = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", about, maxsplit=1)[0].rstrip(".")
         about = about if len(about) <= 160 else f"{about[:157].rsplit(' ', 1)[0]} …"
         found |= {name.strip(): about for name in names.split(",")}
     return found
 
 
-def _named(name: str) -> Any:
-    """What stands under "module:name", imported when it is needed: it may need dolfinx."""
-    return pkgutil.resolve_name(name)
-
-
 def _among(name: str) -> Check:
-    return lambda key, value: checks.choice(key, value, tuple(_named(name)))
+    """A choice from "module:name", which is imported when it is needed: it may need dolfinx."""
+    return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
 
 
 def _by(name: str) -> Check:
-    return lambda _, value: _named(name)(value)
+    return lambda _, value: pkgutil.resolve_name(name)(value)
 
 
 def _of(unit: str) -> Check:
     return functools.partial(checks.positive, unit=unit)
 
 
+#: What a support may fix.
+COMPONENTS = ("all", "x", "y", "z", "rx", "ry", "rz")
 #: Parameter, or function and parameter, -> the check of its value. A function checks its values
 #: when it runs, which is too late for a file that is only looked at.
 CHECKS: dict[str, Check] = {
@@ -305,6 +301,13 @@ CHECKS: dict[str, Check] = {
     ),
     "read_frf.unit": checks.positive,
     "until": _by("antiosc.studies.drops.drop:end_of"),
+    "Sphere.radius": _of("m"),
+    "Support.fix": lambda _, value: [
+        checks.choice("fix", each, COMPONENTS) for each in np.ravel(value).tolist()
+    ],
+    "Sphere.E": _of("Pa"),
+    "Sphere.nu": lambda _, value: checks.poisson(value),
+    "Sphere.rho": _of("kg/m³"),
 }
 
 # -- sections
@@ -391,6 +394,21 @@ def constructors_of(kind: type) -> tuple[str, ...]:
     return (name, *(f"{name}.{n}" for n, returned in made.items() if returned in (name, kind)))
 
 
+#: Form of a section -> its type, what it must be, and its heading.
+FORMS: dict[str, tuple[type, str, str]] = {
+    "table": (dict, "a table, ", "[{0}]"),
+    "named": (dict, "a table of names, ", "[{0}.NAME]"),
+    "list": (list, "a list of tables, ", "[[{0}]]"),
+    "text": (str, 'a text in "quotes"', ""),
+}
+
+
+def headed(name: str) -> str:
+    """The heading of a section: "[material]", "[[contacts]]", "[sites.NAME]"."""
+    section = SECTIONS[name]
+    return FORMS["table" if section.alone else section.form][2].format(name)
+
+
 _STRUCTURE: dict[str, Section] = {
     "geometry": Section("table", "read_mesh", "the mesh or CAD file of the structure"),
     "deck": Section("table", "read_model",
@@ -448,10 +466,10 @@ SECTIONS: dict[str, Section] = {
         "the fall of the structure from a height onto a floor, in place of an impact",
         "part executor"),
     "accelerometers": Section("named", "Fall.peak",
-        "points of a fall whose peak acceleration is told", "self quantity"),
+        "points of a fall whose peak acceleration is reported", "self quantity"),
     "worst": Section("table", "Fall.worst", "the largest stress of a fall at every node",
         "self"),
-    "sensors": Section("named", "Sensor", "sensors whose signals tell a blow, in their order"),
+    "sensors": Section("named", "Sensor", "sensors whose signals identify a blow, in their order"),
     "find": Section("table", "find_impact",
         "a blow that is looked for in the signals of sensors, in place of an impact",
         "structure sensors impactor contact"),
@@ -503,7 +521,7 @@ def _section(name: str, section: Section) -> dict[str, object]:
     if section.form == "text":
         return {"type": "string"}
     if name == "points":
-        return _many({"type": "array", "items": {"type": "number"}})
+        return _any(parameters("assemble")[name].kinds)
     if name == "sweep":  # of a named section: tables of lists
         return _closed(dict.fromkeys((*VARIED, *STRUCTURAL), _many({"type": ["array", "object"]})))
     if name == "monte_carlo":

@@ -30,7 +30,7 @@ from antiosc.fem.assembly.assembled import (
     reduced,
     stacked,
     take_by_strains,
-    tell_motions,
+    warn_of_motions,
 )
 from antiosc.fem.assembly.joint import (
     Constraints,
@@ -46,8 +46,7 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse, largest, nested_basis, rounded, row_numbers
 from antiosc.fem.assembly.parts import (
-    TURN,
-    Share,
+    RowRange,
     checked_parts,
     checked_places,
     checked_points,
@@ -57,9 +56,8 @@ from antiosc.fem.assembly.parts import (
 from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.petsc_algebra import from_csr
 from antiosc.fem.platform import collective, on_root
-from antiosc.fem.structure import Placement
+from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
-from antiosc.fem.structure.meshed import ROTATIONS
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -440,23 +438,23 @@ def put_together(
     made = on_root(comm, work)
     layout.points = made.points
     block = block_of(layout)
-    share = Share.of(comm, layout.count, block)
+    local = RowRange.of(comm, layout.count, block)
     constraints, *whole = kept[0] if kept else (None, None, None)
-    K, M = (share.matrix(one, block) for one in whole)
+    K, M = (local.matrix(one, block) for one in whole)
     if comm.size > 1 and not made.rigid:
-        take_by_strains(K, layout, made.eliminated, made.added, share)
+        take_by_strains(K, layout, made.eliminated, made.added, local)
     self = object.__new__(Structure)
     matrices = AssembledMatrices(
         K,
         M,
-        np.flatnonzero(share.own(made.eliminated.dependent)),
-        share.own(made.modes),
+        np.flatnonzero(local.own(made.eliminated.dependent)),
+        local.own(made.modes),
         made.shift,
         solver,
         layout=layout,
         eliminated=made.eliminated,
         added=made.added,
-        share=share,
+        local=local,
         constraints=constraints,
     )
     self._hold(matrices, started)
@@ -488,7 +486,8 @@ def _joined(
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
     fixed = _fixed(layout)
-    scale = _scale(layout)
+    places = layout.places
+    scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
     held = several("supports", supports, Support, "Support(where, fix)")
     rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
@@ -501,10 +500,10 @@ def _joined(
     if not apart:
         _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
-    basis = nested_basis(everything, fixed, layout.positions)
+    basis = nested_basis(everything, fixed, places.points)
     eliminated = eliminate(rows, fixed, scale, basis)
     constraints = Constraints(rows, fixed, scale, basis)
-    _tell_redundant(eliminated.redundant)
+    _warn_of_redundant(eliminated.redundant)
     free = int(np.count_nonzero(~eliminated.dependent))
     if not free:
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
@@ -512,10 +511,10 @@ def _joined(
     K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
-    strainless = assembled.free_motions(layout, C, fixed, scale)
+    motions = assembled.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
-    tell_motions(layout, *strainless, supported=supported)
-    modes, shift = modes_of(layout, K, M, eliminated, *strainless)
+    warn_of_motions(layout, *motions, supported=supported)
+    modes, shift = modes_of(layout, K, M, eliminated, *motions)
     rigid = modes.shape[1] == free  # its K is rounding, but for the dependent dofs
     if rigid:
         K = from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
@@ -538,21 +537,7 @@ def _fixed(layout: Layout) -> BoolArray:
     return fixed
 
 
-def _scale(layout: Layout) -> Array:
-    """1 for displacements, 1/size for rotations."""
-    scale = np.ones(layout.count)
-    for member in layout.members.values():
-        nodes = np.arange(len(member.nodes))
-        for name in member.part.form.components.keys() & set(ROTATIONS):
-            scale[layout.dofs(member, nodes, name)] = 1 / layout.size
-    for one in layout.condensed.values():
-        scale[one.rows][one.part.kind == TURN] = 1 / layout.size
-    for name in layout.points:
-        scale[layout.of_point(name)[3:]] = 1 / layout.size
-    return scale
-
-
-def _tell_redundant(redundant: Sequence[Redundant]) -> None:
+def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
     for label in dict.fromkeys(label for label, _, _ in redundant):
         own = [(others, times) for name, others, times in redundant if name == label]
         count = sum(times for _, times in own)
@@ -566,26 +551,26 @@ def _tell_redundant(redundant: Sequence[Redundant]) -> None:
 
 
 def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffness]) -> None:
-    """InputError for a part, a piece of one, or a reference point that is joined to nothing."""
-    loose = list(assembled.pieces(layout))
-    piece = np.zeros(layout.count, dtype=int)
-    for k, one in enumerate(loose):
-        piece[one.rows] = k
+    """InputError for a part, a body of one, or a reference point that is joined to nothing."""
+    bodies = assembled.unjoined_bodies(layout)
+    body = np.zeros(layout.count, dtype=int)
+    for k, one in enumerate(bodies):
+        body[one.rows] = k
     # all functionals of one spring belong together
     springs = [Sparse(np.asarray(abs(e.G).sum(axis=0))) for e in elastic]
     links = stacked([*(r.matrix for r in rows if r.label), *springs], layout.count)
     of_row = row_numbers(links)
     touched = scipy.sparse.csr_matrix(
-        (np.ones(links.nnz), (piece[links.indices], of_row)), shape=(len(loose), links.shape[0])
+        (np.ones(links.nnz), (body[links.indices], of_row)), shape=(len(bodies), links.shape[0])
     )
     label = scipy.sparse.csgraph.connected_components(touched @ touched.T, directed=False)[1]
-    largest = np.bincount(label, [len(one.rows) for one in loose]).argmax()
+    largest = np.bincount(label, [len(one.rows) for one in bodies]).argmax()
     for k in np.flatnonzero(label != largest):
-        one = loose[k]
+        one = bodies[k]
         if one.name in layout.points:
             raise InputError(f"the reference point {one.name!r} is joined to nothing.")
-        pieces = sum(other.name == one.name for other in loose)
-        which = f"a piece at {in_words(one.centre)} of the part" if pieces > 1 else "the part"
+        several = sum(other.name == one.name for other in bodies) > 1
+        which = f"a piece at {in_words(one.centre)} of the part" if several else "the part"
         raise InputError(
             f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
         )

@@ -1,4 +1,4 @@
-"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q; strainless motions.
+"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q; free motions.
 
 The rigid motions of all connected pieces of the parts span the motions without strain before the
 parts are joined. Those that satisfy all constraints and stretch no spring are the null vectors of
@@ -7,7 +7,7 @@ K: the rigid motions of the whole, and the mechanisms that the joints leave.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from typing import ClassVar, TypeVar
@@ -23,75 +23,58 @@ from antiosc.base.checks import array
 from antiosc.base.errors import AccuracyError, InputError, known, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
-from antiosc.fem.assembly.parts import MOVE, TURN, Share
+from antiosc.fem.assembly.parts import RowRange
 from antiosc.fem.linalg.algebra import by_strains, force_ratios, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure import (
     SHIFT,
     Dissipation,
+    DofPlaces,
     Plausibility,
     StructureMatrices,
     orthonormal,
-    skew,
     support,
 )
 from antiosc.fem.structure.meshed import Member
-from antiosc.fem.structure.support import on_dofs, polynomials
+from antiosc.fem.structure.support import polynomials
 from antiosc.models.motion import Inertia
 
 #: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
 SATISFIES = 1e-9
 #: Entries of a dense matrix that are worked on at a time.
 ENTRIES_AT_ONCE = 10_000_000
-#: Share of a motion below which a part of it is rounding.
+#: Fraction of a motion below which a part of it is rounding.
 STILL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Loose:
-    """A piece of a part, or a reference point, that moves by itself before it is joined."""
+class RigidBody:
+    """Dofs that move together without strain: before the parts are joined, or of the whole."""
 
-    name: str  # for messages
+    name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
     centre: Array  # (3,) [m]
     size: float  # half of its extent [m]
     motions: Array  # (rows, 6) unit translations and rotations (about the centre, by 1/size)
 
 
-def rigid_motions(layout: Layout, point: Array) -> Array:
-    """The six rigid motions (n, 6) of u: translations along x, y, z, rotations about `point`."""
-    result = np.zeros((layout.count, 6))
+def unjoined_bodies(layout: Layout) -> list[RigidBody]:
+    """Connected bodies of the parts, superelements and points: what moves before it is joined."""
+    found: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
-        result[member.rows] = member.rigid(point)
-    for one in layout.condensed.values():
-        result[one.rows] = one.motions(point)
-    for name, x in layout.points.items():
-        six = np.eye(6)
-        six[:3, 3:] = -skew(x - point)
-        result[layout.of_point(name)] = six
-    if layout.plane:
-        result[:, [2, 3, 4]] = 0.0
-    return result
-
-
-def pieces(layout: Layout) -> Iterator[Loose]:
-    """What moves by itself before it is joined."""
-    for member in layout.members.values():
-        labels = member.pieces
+        labels = member.connected
         for label in range(int(labels.max()) + 1):
             nodes = np.flatnonzero(labels == label)
-            centre, size = _around(member.nodes[nodes], layout)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
-            motions = member.rigid(centre)[rows]
-            yield _loose(layout, member.name, member.first + rows, centre, size, motions)
+            found.append((member.name, member.first + rows, *_around(member.nodes[nodes], layout)))
     for one in layout.condensed.values():
-        centre, size = _around(one.points, layout)
         rows = np.arange(one.first, one.first + one.size)
-        yield _loose(layout, one.name, rows, centre, size, one.motions(centre))
+        found.append((one.name, rows, *_around(one.points, layout)))
     for name, x in layout.points.items():
-        size = layout.size / 2
-        yield _loose(layout, name, layout.of_point(name), x, size, np.eye(6))
+        found.append((name, layout.of_point(name), x, layout.size / 2))
+    places = layout.places
+    return [_rigid_body(places, *one) for one in found]
 
 
 def _around(x: Array, layout: Layout) -> tuple[Array, float]:
@@ -100,58 +83,54 @@ def _around(x: Array, layout: Layout) -> tuple[Array, float]:
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
 
-def whole(layout: Layout, point: Array) -> Loose:
-    """The whole assembly as one piece that moves about `point`."""
-    rows = np.arange(layout.count)
-    return _loose(layout, "all", rows, point, layout.size / 2, rigid_motions(layout, point))
+def whole_body(layout: Layout) -> RigidBody:
+    """The whole assembly as one body, about its middle."""
+    return _rigid_body(
+        layout.places, "all", np.arange(layout.count), layout.middle, layout.size / 2
+    )
 
 
-def _loose(
-    layout: Layout, name: str, rows: IntArray, centre: Array, size: float, motions: Array
-) -> Loose:
-    motions = motions.copy()
+def _rigid_body(
+    places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
+) -> RigidBody:
+    motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
-    if layout.plane:
-        motions[:, [2, 3, 4]] = 0.0
-    return Loose(name, rows, centre, size, motions)
+    return RigidBody(name, rows, centre, size, motions)
 
 
 def free_motions(
     layout: Layout, constraints: Sparse, fixed: BoolArray, scale: Array
-) -> tuple[Array, Array, list[Loose]]:
+) -> tuple[Array, Array, list[RigidBody]]:
     """Motions without strain that satisfy the constraints and leave fixed dofs at zero.
 
-    Returns (rigid motions of the whole (n, r), mechanisms (n, m), the pieces that move in them).
+    Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
     """
-    point = (layout.low + layout.high) / 2
-    together = whole(layout, point).motions
+    together = whole_body(layout).motions
     together = together[:, np.abs(together).max(axis=0) > 0]
     rows = _rows(constraints, fixed, scale)
-    rigid = together @ _null(rows @ together)
-    loose = list(pieces(layout))
-    if len(loose) == 1:
+    rigid = together @ _null_space(rows @ together)
+    bodies = unjoined_bodies(layout)
+    if len(bodies) == 1:
         return rigid, np.zeros((layout.count, 0)), []
-    N = _side_by_side(layout, loose)
-    found = N @ _null(rows @ N)
-    mechanisms = _beside(found, rigid)
+    N = _motions_of(bodies, layout.count)
+    mechanisms = _excluding_rigid(N @ _null_space(rows @ N), rigid)
     moving = [
-        one for one in loose if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
+        one for one in bodies if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
     ]
     return rigid, mechanisms, moving
 
 
-def _side_by_side(layout: Layout, loose: Sequence[Loose]) -> Sparse:
-    """The motions of all pieces as columns of u."""
+def _motions_of(bodies: Sequence[RigidBody], size: int) -> Sparse:
+    """The motions of all bodies as columns (size, k) of u."""
     rows, columns, values, count = [], [], [], 0
-    for one in loose:
+    for one in bodies:
         own = one.motions[:, np.abs(one.motions).max(axis=0) > 0]
         rows.append(np.repeat(one.rows, own.shape[1]))
         columns.append(np.tile(count + np.arange(own.shape[1]), len(own)))
         values.append(own.ravel())
         count += own.shape[1]
     where = np.concatenate(rows), np.concatenate(columns)
-    shape = layout.count, count
-    return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=shape)
+    return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=(size, count))
 
 
 def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
@@ -165,7 +144,7 @@ def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     ).tocsr()
 
 
-def _null(E: Array | Sparse) -> Array:
+def _null_space(E: Array | Sparse) -> Array:
     """An orthonormal basis (k, r) of the columns' combinations that vanish in E (m, k)."""
     k = E.shape[1]
     if not E.shape[0]:
@@ -179,7 +158,7 @@ def _null(E: Array | Sparse) -> Array:
     return np.asarray(right[values <= SATISFIES * max(1.0, values[0])].T)
 
 
-def _beside(found: Array, rigid: Array) -> Array:
+def _excluding_rigid(found: Array, rigid: Array) -> Array:
     """The motions among `found` that are orthogonal to `rigid`, orthonormal."""
     if not found.shape[1]:
         return found
@@ -191,40 +170,19 @@ def _beside(found: Array, rigid: Array) -> Array:
     return np.asarray(U[:, :count] * values[:count])
 
 
-def described(one: Loose, motions: Array) -> str:
-    """The motions (rows of u, m) of a piece in words."""
+def described(one: RigidBody, motions: Array) -> str:
+    """The motions (rows of u, m) of a body in words."""
     coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
     return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)
 
 
-def fields(layout: Layout) -> Array:
-    """Quadratic polynomial displacement fields (n, k) of the whole; the rigid ones come first."""
-    centre, size = (layout.low + layout.high) / 2, float((layout.high - layout.low).max())
-    columns = []
-    for _, field in polynomials(2 if layout.plane else 3):
-        column = np.zeros(layout.count)
-        for member in layout.members.values():
-            column[member.rows] = on_dofs(member.part.form, field, centre, size, member.at)
-        for one in layout.condensed.values():
-            move, turn = field((one.positions - centre) / size)
-            kind, axes = one.part.kind, one.axes.T
-            column[one.rows] = (kind == MOVE) * (axes * move).sum(axis=0) + (
-                (kind == TURN) * (axes * turn).sum(axis=0) / size
-            )
-        for name, x in layout.points.items():
-            move, turn = field(((x - centre) / size)[None])
-            column[layout.of_point(name)] = np.concatenate([move[:, 0], turn[:, 0] / size])
-        columns.append(column)
-    return np.column_stack(columns)
-
-
-#: Share of the largest motion below which a part is at rest, but for rounding.
+#: Fraction of the largest motion below which a part is at rest, but for rounding.
 AT_REST = 1e-6
-#: Share of the largest mass of a motion below which it has none.
+#: Fraction of the largest mass of a motion below which it has none.
 IDLE_MASS = 1e-12
 #: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
-STRAINLESS = 1e-9
+MECHANISM_FORCE = 1e-9
 
 
 def modes_of(
@@ -234,7 +192,7 @@ def modes_of(
     eliminated: Eliminated,
     rigid: Array,
     mechanisms: Array,
-    moving: Sequence[Loose],
+    moving: Sequence[RigidBody],
 ) -> tuple[Array, float]:
     """(M-orthonormal motions without strain, first shift)."""
     found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
@@ -254,15 +212,19 @@ def modes_of(
     u = eliminated.T @ modes
     least = AT_REST * np.abs(u).max()
     left = max(_force_ratio(m, u[m.rows], least) for m in layout.members.values())
-    if left > STRAINLESS:
+    if left > MECHANISM_FORCE:
         raise AccuracyError(
             f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {left:.1e}, "
-            f"limit {STRAINLESS:.0e}): parts or their distances differ too much in size for double "
-            "precision."
+            f"limit {MECHANISM_FORCE:.0e}): parts or their distances differ too much in size for "
+            "double precision."
         )
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
-    polynomial = eliminated.coordinates(fields(layout))
+    size, places = float((layout.high - layout.low).max()), layout.places
+    fields = [field for _, field in polynomials(2 if layout.plane else 3)]
+    polynomial = eliminated.coordinates(
+        np.column_stack([places.values(field, layout.middle, size) for field in fields])
+    )
     return modes, SHIFT * support.first_elastic(comm, K, M, polynomial, modes)
 
 
@@ -278,11 +240,11 @@ def _force_ratio(member: Member, u: Array, least: float) -> float:
     return float(force_ratios(K, moving, multiply(K, moving)).max())
 
 
-def tell_motions(
+def warn_of_motions(
     layout: Layout,
     rigid: Array,
     mechanisms: Array,
-    moving: Sequence[Loose],
+    moving: Sequence[RigidBody],
     *,
     supported: bool,
 ) -> None:
@@ -293,15 +255,14 @@ def tell_motions(
             f"{_in_words(mechanisms, moving)}; join or hold them unless it is intended.",
         )
     if supported and rigid.shape[1]:
-        together = whole(layout, (layout.low + layout.high) / 2)
         warn(
             "the supports leave the assembly free to move as a rigid body: "
-            f"{described(together, rigid)}; hold that too unless it is intended.",
+            f"{described(whole_body(layout), rigid)}; hold that too unless it is intended.",
         )
 
 
-def _in_words(mechanisms: Array, moving: Sequence[Loose]) -> str:
-    """The motion of each piece in mechanisms."""
+def _in_words(mechanisms: Array, moving: Sequence[RigidBody]) -> str:
+    """The motion of each body in mechanisms."""
     names: dict[str, str] = {}
     for one in moving:
         names.setdefault(one.name, described(one, mechanisms))
@@ -309,6 +270,7 @@ def _in_words(mechanisms: Array, moving: Sequence[Loose]) -> str:
 
 
 Found = TypeVar("Found")
+Loads = TypeVar("Loads", Array, Sparse)
 
 
 class Added:
@@ -364,7 +326,7 @@ class AssembledMatrices(StructureMatrices):
     eliminated: Eliminated  # T and the dofs that depend on others
     added: Added  # what joints and attachments add
     #: the rows of this rank; what is said of all dofs (layout, T) every rank has whole
-    share: Share
+    local: RowRange
     #: from which T was made, the supports of the assembly first; on rank 0 alone
     constraints: Constraints | None
 
@@ -378,7 +340,7 @@ class AssembledMatrices(StructureMatrices):
     @property
     def comm(self) -> MPI.Comm:
         """The MPI communicator that shares the matrices."""
-        return self.share.comm
+        return self.local.comm
 
     @property
     def mass(self) -> float:
@@ -410,7 +372,7 @@ class AssembledMatrices(StructureMatrices):
         direction = array("direction", direction, (3,))
         if self.layout.condensed:  # their sites do not tell all of their mass
             return None
-        moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
+        moving = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction
 
         def work() -> Array:  # by one rank: the form is compiled once
             own = np.zeros(self.layout.count)
@@ -420,27 +382,26 @@ class AssembledMatrices(StructureMatrices):
                 own[member.rows] = member.part.uniform_inertia(along)
             return np.asarray(self.T.T @ own + load)
 
-        return self.share.own(on_root(self.comm, work))
+        return self.local.own(on_root(self.comm, work))
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
         if not self.rigid_modes.shape[1] or self.layout.condensed:
             return None
-        point = (self.layout.low + self.layout.high) / 2
-        motions = rigid_motions(self.layout, point)
+        point = self.layout.middle
+        motions = self.places.rigid_motions(point)
         added, S = self.added.inertial_loads(motions)
         loads = np.zeros(motions.shape)
         for member in self.layout.members.values():
             loads[member.rows] = member.part.inertial_loads(motions[member.rows])
             S += motions[member.rows].T @ loads[member.rows]
-        loads = self.share.own(np.asarray(self.T.T @ loads + added))
+        loads = self.local.own(np.asarray(self.T.T @ loads + added))
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
     def rigid_motions(self) -> Array:
-        point = (self.layout.low + self.layout.high) / 2
-        motions = self.eliminated.coordinates(rigid_motions(self.layout, point))
-        return self.share.own(motions[:, np.abs(motions).max(axis=0) > 0])
+        motions = self.eliminated.coordinates(self.layout.places.rigid_motions(self.layout.middle))
+        return self.local.own(motions[:, np.abs(motions).max(axis=0) > 0])
 
     def describe(self, dofs: int) -> str:
         names = self.layout.names
@@ -452,7 +413,7 @@ class AssembledMatrices(StructureMatrices):
 
     def dissipation(self) -> list[Dissipation]:
         """Dashpots, Maxwell branches and layers that relax, of joints and parts."""
-        rows = self.share.rows
+        rows = self.local.rows
         found = [replace(one, G=one.G[:, rows]) for one in self.added.dissipation()]
         for member in self.layout.members.values():
             T = self.T[member.rows]
@@ -473,7 +434,7 @@ class AssembledMatrices(StructureMatrices):
                     whole = (T.T @ csr(one.matrix) @ T).tocsr()
                     whole.sort_indices()
                     block = block_of(self.layout)
-                    made[id(one.matrix)] = self.share.matrix(from_csr("K", whole), block)
+                    made[id(one.matrix)] = self.local.matrix(from_csr("K", whole), block)
                 found.append(replace(one, matrix=made[id(one.matrix)]))
         return found
 
@@ -485,14 +446,13 @@ class AssembledMatrices(StructureMatrices):
         parts = [member for member in self.layout.members.values() if member.part.lossy]
         if not parts:
             return None
-        q = self.share.whole(V)
-        own = [member.part.loss_stiffness(self.T[member.rows] @ q) for member in parts]
+        u = self.expanded(V)
+        own = [member.part.loss_stiffness(u[member.rows]) for member in parts]
         return np.asarray(np.sum([each for each in own if each is not None], axis=0))
 
     # -- from u to the parts
 
     def members(self, name: str | None = None) -> list[Member]:
-        """All parts in their places, or the one that is named."""
         if name is None:
             return list(self.layout.members.values())
         if name in self.layout.condensed:
@@ -505,17 +465,30 @@ class AssembledMatrices(StructureMatrices):
             raise InputError(f"the assembly has no part {name!r}; {parts}.")
         return [self.layout.members[name]]
 
+    #: every rank has u whole and works alone
+    workers: ClassVar[MPI.Comm] = MPI.COMM_SELF
+
+    @property
+    def places(self) -> DofPlaces:
+        """Where the dofs of u are."""
+        return self.layout.places
+
+    def expanded(self, q: Array) -> Array:
+        """u, whole, of columns of q (rows of this rank, k). All ranks must call it."""
+        return np.asarray(self.T @ self.local.whole(q))
+
+    def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
+        """Loads on some rows of u as loads on q, whole."""
+        return self.T[rows].T @ loads
+
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """(part, its dofs (rows, k)) of all parts, or of the one named, for columns of q.
 
-        `shapes` (rows of this rank, k); every rank has the parts whole. All ranks must call it.
+        All ranks must call it.
         """
         members = self.members(name)
-        q = self.share.whole(shapes)
-        return [(member, np.asarray(self.T[member.rows] @ q)) for member in members]
-
-    #: every rank has the parts whole and works alone
-    workers: ClassVar[MPI.Comm] = MPI.COMM_SELF
+        u = self.expanded(shapes)
+        return [(member, u[member.rows]) for member in members]
 
     def decided(self, work: Callable[[], Found]) -> Found:
         """The result of `work()` by rank 0, since another may choose otherwise by rounding."""
@@ -523,11 +496,7 @@ class AssembledMatrices(StructureMatrices):
 
     def own(self, rows: Array) -> Array:
         """The rows of this rank of what `decided` work has found whole."""
-        return self.share.own(rows)
-
-    def joined(self, member: Member, loads: Sparse) -> Sparse:
-        """Loads (rows, …) on the dofs of a part as loads on q, whole."""
-        return self.T[member.rows].T @ loads
+        return self.local.own(rows)
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
@@ -558,17 +527,17 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
     for matrix in (K, M):
         matrix.setBlockSizes(block, block)
-    alone = Share(MPI.COMM_SELF, 0, layout.count)
+    alone = RowRange(MPI.COMM_SELF, 0, layout.count)
     take_by_strains(K, layout, eliminated, added, alone)
     return K, M
 
 
 def take_by_strains(
-    K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, share: Share
+    K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> None:
     """Let products with K be taken by the strains of the parts, where some part has them."""
     if any(by_strains(m.part.K) for m in layout.members.values()):
-        K.setAttr(PRODUCT, _product(layout, eliminated, added, share))
+        K.setAttr(PRODUCT, _product(layout, eliminated, added, local))
 
 
 def _projected(
@@ -624,18 +593,18 @@ def _block_diagonal(blocks: Sequence[Sparse], count: int) -> Sparse:
 
 
 def _product(
-    layout: Layout, eliminated: Eliminated, added: Added, share: Share
+    layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> Callable[[Array], Array]:
     """Products with K by the accurate products of the parts."""
     T, back = eliminated.T, eliminated.T.T.tocsr()
     kept = scipy.sparse.diags(eliminated.dependent.astype(float))
 
     def product(own: Array) -> Array:
-        x = share.whole(own)
+        x = local.whole(own)
         u = T @ x
         force = np.zeros(u.shape)
         for member in layout.members.values():
             force[member.rows] += multiply(member.part.K, u[member.rows])
-        return share.own(np.asarray(back @ force + added.K @ x + kept @ x))
+        return local.own(np.asarray(back @ force + added.K @ x + kept @ x))
 
     return product

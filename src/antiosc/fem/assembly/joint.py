@@ -28,10 +28,10 @@ from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
 from antiosc.io.dof_map import COMPONENTS
 
-#: Share of the largest second moment of a group below which it does not tell a rotation.
+#: Fraction of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
 
-#: Share of a direction that may be missing in what an end has of it: rounding.
+#: Fraction of a direction that may be missing in what an end has of it: rounding.
 MISSING_SHARE = 1e-6
 
 #: Degree of the rule on faces that the ball of an end cuts, and its least number of points in it.
@@ -62,8 +62,8 @@ class Motion:
 
     def has(self, component: str) -> bool:
         """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
-        told = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
-        return self.along(told, np.eye(3)["xyz".index(component[-1])])
+        space = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
+        return self.along(space, np.eye(3)["xyz".index(component[-1])])
 
     def components(self, names: Sequence[str] = COMPONENTS) -> Sparse:
         """Functionals of some displacements and rotations, by default of all six."""
@@ -84,15 +84,19 @@ class Motion:
         return bool(np.abs(all_of - all_of @ self.rotation_space @ all_of).max() <= MISSING_SHARE)
 
     @staticmethod
-    def along(told: Array, direction: Array) -> bool:
+    def along(space: Array, direction: Array) -> bool:
         """Whether a projection (`displacement_space`, `rotation_space`) keeps a unit direction."""
-        return bool(direction @ told @ direction > 1 - MISSING_SHARE)
+        return bool(direction @ space @ direction > 1 - MISSING_SHARE)
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to the end."""
-        arm = point - self.point
-        moved = self.displacements - scipy.sparse.csr_matrix(skew(arm)) @ self.rotations
-        return replace(self, displacements=moved.tocsr(), point=point)
+        return replace(self, displacements=self.displacements_at(point[None]), point=point)
+
+    def displacements_at(self, points: Array) -> Sparse:
+        """Displacements (3P, n) of points (P, 3) that are rigidly connected to the end."""
+        arms = scipy.sparse.csr_matrix(skew(points - self.point).reshape(-1, 3))
+        same = scipy.sparse.vstack([self.displacements] * len(points))
+        return (same - arms @ self.rotations).tocsr()
 
 
 def checked_end(name: str, end: object) -> End:
@@ -177,7 +181,7 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
     return mean(layout, member, member.points_of(group))
 
 
-def tell_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
+def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
     """Warn of a joint that spans more than the smaller of the parts that it joins measures."""
     gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
     names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
@@ -313,6 +317,24 @@ class Rows:
     def free(cls, matrix: Sparse, label: str) -> Rows:
         """Rows that may be solved for any of their dofs."""
         return cls(matrix, np.full(matrix.shape[0], -1), label)
+
+
+def following(
+    layout: Layout,
+    member: Member,
+    nodes: IntArray,
+    motions: Sequence[tuple[tuple[str, ...], Sparse]],
+    label: str,
+) -> Rows:
+    """The dofs of P nodes of a part follow motions [(names of components, (3P, n))]."""
+    rows, pivots = [], []
+    for names, motion in motions:
+        for name, own in layout.of_components(member, names, motion):
+            pivots.append(layout.dofs(member, nodes, name))
+            rows.append(layout.units(pivots[-1]) - own)
+    matrix = scipy.sparse.vstack(rows).tocsr()
+    matrix.eliminate_zeros()
+    return Rows(matrix, np.concatenate(pivots), label)
 
 
 @dataclass(frozen=True, eq=False)

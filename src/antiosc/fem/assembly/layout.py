@@ -5,7 +5,7 @@ parts with meshes, then of superelements, and then six dofs (in the axes of the 
 reference point. A linear functional of u is a row of a sparse matrix with as many columns as u has
 dofs.
 
-Wide functionals: if k of them act on c dofs, elimination would couple all c of them. Instead these
+Dense rows: if k of them act on c dofs, elimination would couple all c of them. Instead these
 dofs get a basis of their own that is orthonormal and nested (multiwavelets; Alpert, *SIAM J. Math.
 Anal.* 24 (1993)): in each half of the group, and in each half of it, all but k vectors are chosen
 so that the functionals vanish on them. Of the whole group k vectors remain on which the functionals
@@ -14,7 +14,7 @@ act. A dof takes part in k vectors for each of log(c) levels, so that K stays sp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -24,9 +24,9 @@ import scipy.sparse.csgraph
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.parts import MOVE, Condensed, Superelement
+from antiosc.fem.assembly.parts import Condensed, Superelement
 from antiosc.fem.platform import compat
-from antiosc.fem.structure import Placement
+from antiosc.fem.structure import MOVE, TURN, DofPlaces, Placement
 from antiosc.fem.structure.meshed import DISPLACEMENTS, Member, MeshedStructure
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix
@@ -100,6 +100,11 @@ class Layout:
         return self._first_point + POINT_DOFS * len(self.points)
 
     @property
+    def middle(self) -> Array:
+        """Middle (3,) of the box around everything [m]."""
+        return np.asarray((self.low + self.high) / 2)
+
+    @property
     def size(self) -> float:
         """Diagonal of the box around everything, m."""
         return float(np.linalg.norm(self.high - self.low))
@@ -124,16 +129,21 @@ class Layout:
         return scipy.sparse.csr_matrix((count, self.count))
 
     @property
-    def positions(self) -> Array:
-        """Coordinates (n, 3) of the node of each dof of u [m]."""
-        x = np.zeros((self.count, 3))
-        for member in self.members.values():
-            x[member.rows] = np.repeat(member.nodes, member.block, axis=0)
-        for one in self.condensed.values():
-            x[one.rows] = one.positions
-        for name, point in self.points.items():
-            x[self.of_point(name)] = point
-        return x
+    def places(self) -> DofPlaces:
+        """Where and what each dof of u is; a dof that the plane lacks has no direction."""
+        x = np.array(list(self.points.values())).reshape(-1, 3)
+        axes = np.vstack([np.eye(3), np.eye(3)])
+        if self.plane:
+            axes[[2, 3, 4]] = 0.0
+        six = DofPlaces(
+            x,
+            np.repeat(np.arange(len(x)), POINT_DOFS),
+            np.tile(axes, (len(x), 1)),
+            np.tile(np.repeat([MOVE, TURN], 3), len(x)),
+        )
+        members, condensed = self.members.values(), self.condensed.values()
+        own = [*(one.places for one in members), *(one.places for one in condensed)]
+        return DofPlaces.joined([*own, six])
 
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
@@ -189,6 +199,18 @@ class Layout:
             total.eliminate_zeros()
         return total
 
+    def of_components(
+        self, member: Member, names: tuple[str, ...], motions: Sparse
+    ) -> Iterator[tuple[str, Sparse]]:
+        """(name, its functionals (P, n)) of the components of a part in its own axes.
+
+        `motions` (3P, n): displacements, or rotations, of P points in the axes of the assembly.
+        """
+        for axis, name in enumerate(names):
+            if name in member.part.form.components:
+                along = member.at.rotation[:, axis]
+                yield name, sum(along[c] * motions[c::3] for c in range(3) if along[c])
+
     def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:
         """Dofs in u of one component (in the axes of the part) of nodes."""
         (component,) = member.part.form.components[name]
@@ -211,7 +233,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
         )
     flat = any(plane.values())
     for name, one in condensed.items():
-        if flat and np.abs(one.axes[one.part.kind == MOVE, 2]).max(initial=0.0) > 1e-12:
+        if flat and np.abs(one.places.axes[one.places.kind == MOVE, 2]).max(initial=0.0) > 1e-12:
             raise InputError(
                 f"the part {name!r} moves in space and the others in their plane: an assembly has "
                 "parts of one sort."
@@ -227,20 +249,20 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
     return flat
 
 
-#: A functional of more dofs is wide; of fewer a dense block is as good. With 5000 dofs K has a
-#: third of the entries and is made in a fifth of the time; with 1300 the factor is 1.5 times as
+#: A functional of more dofs is a dense row; of fewer a dense block is as good. With 5000 dofs K has
+#: a third of the entries and is made in a fifth of the time; with 1300 the factor is 1.5 times as
 #: large.
-WIDE = 1500
+DENSE_ROW = 1500
 #: Most functionals that share their dofs, for instance six of each of two means of one group.
 MOST_SHARING = 24
 #: Dofs of a piece of a group that is not halved any more.
 SMALLEST_PIECE = 48
-#: Share of the largest coefficient below which one is rounding.
+#: Fraction of the largest coefficient below which one is rounding.
 ROUNDED_COEFFICIENT = 1e-13
 
 
 def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Sparse | None:
-    """W (n, n), orthogonal, with which wide functionals f W of u = W q act on few q; None: none.
+    """W (n, n), orthogonal, with which dense rows f W of u = W q act on few q; None: none.
 
     Parameters
     ----------
@@ -252,23 +274,23 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     own = (functionals @ free).tocsr()
     own.eliminate_zeros()
     count = np.diff(own.indptr)
-    wide = np.flatnonzero(count > WIDE)
-    if not len(wide):
+    dense = np.flatnonzero(count > DENSE_ROW)
+    if not len(dense):
         return None
-    narrow = np.zeros(own.shape[1], dtype=bool)
-    narrow[own[count <= WIDE].indices] = True
-    pattern = abs(own[wide])
+    in_sparse_row = np.zeros(own.shape[1], dtype=bool)
+    in_sparse_row[own[count <= DENSE_ROW].indices] = True
+    pattern = abs(own[dense])
     shared = pattern @ pattern.T
     _, label = scipy.sparse.csgraph.connected_components(shared, directed=False)
     entries: list[tuple[IntArray, IntArray, Array]] = []
     changed = np.zeros(own.shape[1], dtype=bool)
     for k in np.unique(label):
-        rows = own[wide[label == k]]
+        rows = own[dense[label == k]]
         columns = np.unique(rows.indices)
-        if rows.shape[0] > MOST_SHARING or narrow[columns].any():
+        if rows.shape[0] > MOST_SHARING or in_sparse_row[columns].any():
             # those of its dofs that others act on keep their places; few of them do no harm
-            columns = columns[~narrow[columns]]
-        if rows.shape[0] > MOST_SHARING or len(columns) <= WIDE:
+            columns = columns[~in_sparse_row[columns]]
+        if rows.shape[0] > MOST_SHARING or len(columns) <= DENSE_ROW:
             continue
         changed[columns] = True
         entries.append(_basis(rows[:, columns].toarray(), columns, positions[columns]))

@@ -106,7 +106,7 @@ class Facets(Entities):
 
 #: Faces whose normals have a smaller cosine do not lie on each other.
 FACING = 0.5
-#: Share of a face's area below which a common polygon is rounding.
+#: Fraction of a face's area below which a common polygon is rounding.
 LEAST_OVERLAP = 1e-10
 #: Pieces of an edge with a rule each: functions of the faces have kinks along it.
 RULE_PIECES = 4

@@ -26,11 +26,14 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh, local_groups
 from antiosc.fem.platform import agreed, alike, compat
 from antiosc.fem.structure import (
+    AMPLITUDE,
+    MOVE,
+    TURN,
+    DofPlaces,
     NodalMatrices,
     Placement,
     in_space,
     placement,
-    rigid_motions,
 )
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
@@ -39,12 +42,10 @@ from antiosc.models.model_file import reduced_matrices
 
 #: Most dofs: its matrices are dense.
 MOST_SIZE = 2000
-#: Share of the largest stiffness below which rounding, or the digits of coordinates, made it.
+#: Fraction of the largest stiffness below which rounding, or the digits of coordinates, made it.
 STIFFNESS_ROUNDING = 1e-7
-#: Share of the largest eigenvalue of K below which one is zero.
+#: Fraction of the largest eigenvalue of K below which one is zero.
 ZERO_STIFFNESS = 1e-9
-#: What a dof is: the amplitude of a mode, a displacement or a rotation.
-AMPLITUDE, MOVE, TURN = 0, 1, 2
 #: Dofs are added, and held, until their number is a multiple of those of a node.
 NODE_DOFS = 6
 
@@ -71,10 +72,7 @@ class Superelement:
     #: K, M: (n, n)
     K: Array
     M: Array
-    kind: IntArray  # (n,) AMPLITUDE, MOVE or TURN
-    #: positions, axes: (n, 3) where each displacement or rotation is [m], and its direction
-    positions: Array
-    axes: Array
+    places: DofPlaces  # where and what its n dofs are
     ends: Mapping[str, Interface]  # name of a site, or number of a node -> its motion
     fixed: BoolArray  # (n,) dofs that are zero
     rigid: Array  # (n, r) orthonormal rigid motions, on which K is exactly zero
@@ -95,14 +93,9 @@ class Condensed:
     first: int  # number of its first dof in u
 
     @cached_property
-    def positions(self) -> Array:
-        """Places (n, 3) of its dofs in the assembly [m]."""
-        return self.at.placed(self.part.positions)
-
-    @cached_property
-    def axes(self) -> Array:
-        """Directions (n, 3) of its dofs in the assembly."""
-        return self.part.axes @ self.at.rotation.T
+    def places(self) -> DofPlaces:
+        """Where its dofs are in the assembly."""
+        return self.part.places.placed(self.at)
 
     @property
     def size(self) -> int:
@@ -118,10 +111,6 @@ class Condensed:
     def points(self) -> Array:
         """Coordinates (m, 3) of its sites or nodes in the assembly [m]."""
         return self.at.placed(np.array([end.point for end in self.part.ends.values()]))
-
-    def motions(self, point: Array) -> Array:
-        """Six rigid motions (n, 6): translations, and rotations about `point` (3,)."""
-        return rigid_motions(self.positions, self.axes, self.part.kind == MOVE, point)
 
 
 def of_model(name: str, model: AntiOscillators) -> Superelement:
@@ -168,7 +157,8 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
             float(model.local_compliance[k]),
         )
     none = np.zeros(size, dtype=bool), np.zeros((size, 0))
-    found = Superelement(both.K, both.M, kind, positions, axes, ends, *none)
+    places = DofPlaces(positions, np.arange(size), axes, kind)
+    found = Superelement(both.K, both.M, places, ends, *none)
     return _padded(_without_rigid_strain(name, found, "patches on curved faces turn otherwise"))
 
 
@@ -189,27 +179,18 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
             "extract a model of named sites."
         )
     K, M = (_dense(matrix) for matrix in (given.K, given.M))
-    component, node, points = given.map.component, given.map.node, given.map.points
-    placed = np.isfinite(points).all(axis=1)
-    kind = np.where(component > 3, TURN, MOVE)
-    kind[~placed | (component < 1) | (component > 6)] = AMPLITUDE
-    positions = np.where(placed[:, None], points, points[placed].mean(axis=0))
-    axes = np.where(kind[:, None] > 0, np.eye(3)[(component - 1) % 3], 0.0)
-    ends = {}
-    for number in np.unique(node[kind > 0]):
-        motion = np.zeros((2, 3, size))
-        for row in np.flatnonzero((node == number) & (kind > 0)):
-            motion[int(kind[row] == TURN), (component[row] - 1) % 3, row] = 1.0
-        displacement_space, rotation_space = (
-            np.diag(one.any(axis=1).astype(float)) for one in motion
+    node, places, ends = given.map.node, given.places, {}
+    for number in np.unique(node[places.kind != AMPLITUDE]):
+        moves, turns = (
+            np.where((node == number) & (places.kind == kind), places.axes.T, 0.0)
+            for kind in (MOVE, TURN)
         )
-        place = points[node == number][0]
-        ends[str(number)] = Interface(
-            place, motion[0], motion[1], displacement_space, rotation_space
-        )
+        along, about = (np.diag(one.any(axis=1).astype(float)) for one in (moves, turns))
+        point = given.map.points[node == number][0]
+        ends[str(number)] = Interface(point, moves, turns, along, about)
     fixed = np.zeros(size, dtype=bool)
     fixed[given.fixed] = True
-    found = Superelement(K, M, kind, positions, axes, ends, fixed, np.zeros((size, 0)))
+    found = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)))
     return _padded(_without_rigid_strain(name, found, "its coordinates may have too few digits"))
 
 
@@ -227,8 +208,7 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
     free = ~one.fixed
     K = one.K[np.ix_(free, free)]
     K = (K + K.T) / 2
-    own = Condensed(name, one, Placement(), 0)
-    motions = own.motions(one.positions.mean(axis=0))[free]
+    motions = one.places.rigid_motions(one.places.points.mean(axis=0))[free]
     motions /= np.maximum(np.linalg.norm(motions, axis=0), np.finfo(float).tiny)
     basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > STIFFNESS_ROUNDING]
@@ -258,7 +238,7 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
 
 def _padded(one: Superelement) -> Superelement:
     """The same with fixed dofs added, so that the nodes of the parts behind it stay blocks."""
-    more = -one.size % NODE_DOFS
+    more, places = -one.size % NODE_DOFS, one.places
     right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
     ends = {
         name: replace(
@@ -271,9 +251,12 @@ def _padded(one: Superelement) -> Superelement:
     return Superelement(
         np.pad(one.K, (0, more)),
         np.pad(one.M, (0, more)),
-        np.pad(one.kind, (0, more)),
-        np.pad(one.positions, below, mode="edge"),
-        np.pad(one.axes, below),
+        DofPlaces(
+            places.nodes,
+            np.pad(places.node, (0, more), mode="edge"),
+            np.pad(places.axes, below),
+            np.pad(places.kind, (0, more), constant_values=AMPLITUDE),
+        ),
         ends,
         np.pad(one.fixed, (0, more), constant_values=True),
         np.pad(one.rigid, below),
@@ -400,7 +383,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True)
-class Share:
+class RowRange:
     """Rows `first` to `last` of an assembly, which this rank of `comm` has."""
 
     comm: MPI.Comm
@@ -408,7 +391,7 @@ class Share:
     last: int
 
     @classmethod
-    def of(cls, comm: MPI.Comm, count: int, block: int) -> Share:
+    def of(cls, comm: MPI.Comm, count: int, block: int) -> RowRange:
         """An equal share of `count` rows, in whole blocks of rows."""
         ends = [block * (count // block * rank // comm.size) for rank in range(comm.size)]
         return cls(comm, ends[comm.rank], [*ends, count][comm.rank + 1])

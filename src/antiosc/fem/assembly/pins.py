@@ -25,10 +25,11 @@ from antiosc.fem.assembly.joint import (
     Stiffness,
     checked_end,
     end_text,
+    following,
     group_end,
     mean,
     motion,
-    tell_gap,
+    warn_of_gap,
 )
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
@@ -39,8 +40,6 @@ from antiosc.io.dof_map import COMPONENTS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
-#: Share of a rotation that an end must have to be held by it.
-HAS_ROTATION = 1 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class _Pin(Between):
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
         ends = motion(layout, self.a), motion(layout, self.b)
-        tell_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
+        warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
         x = ends[0].point if self.point is None else in_space(self.point)
         a, b = (
             carried(layout, label, end, one, x)
@@ -175,8 +174,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
         across = layout.rotations
-    missing = across @ (np.eye(3) - own.rotation_space) @ across
-    if np.abs(missing).max() > 1 - HAS_ROTATION:
+    if not own.turns(across):
         raise InputError(
             f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
             "carry it there: points of solids do not rotate; give a group of faces, or a point "
@@ -197,7 +195,7 @@ def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Mo
     """InputError where an end does not have a rotation that the joint holds."""
     for end, one in ((joint.a, a), (joint.b, b)):
         for direction in rotations:
-            if direction @ one.rotation_space @ direction < HAS_ROTATION * (direction @ direction):
+            if not one.along(one.rotation_space, direction / np.linalg.norm(direction)):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
                     "solid, or a straight row of them, does not rotate; give a group of faces, a "
@@ -408,7 +406,7 @@ class Bolt(Between):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]
-        tell_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
+        warn_of_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
         line = ends[1].point - ends[0].point
         length = float(np.linalg.norm(line))
         if length <= 1e-9 * layout.size:
@@ -530,8 +528,8 @@ class Rigid(Joint):
         nodes = member.nodes_of(group)
         if self.point is None:
             leader = motion(layout, label)
-            rows = following(layout, member, nodes, leader, label)
-            return [rows, *_untold(member, nodes, leader)]
+            rows = _as_rigid_body(layout, member, nodes, leader, label)
+            return [rows, *_undetermined(member, nodes, leader)]
         leader = motion(layout, self.point)
         own = leader.displacements.indices, leader.rotations.indices
         columns = np.unique(np.concatenate(own))
@@ -546,7 +544,7 @@ class Rigid(Joint):
             )
         if not len(nodes):
             raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
-        return [following(layout, member, nodes, leader, label)]
+        return [_as_rigid_body(layout, member, nodes, leader, label)]
 
 
 @dataclass(frozen=True)
@@ -594,34 +592,17 @@ class Mean(Joint):
         return [Rows(rows, _single(follower, rows.shape[0]), label)]
 
 
-def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str) -> Rows:
+def _as_rigid_body(
+    layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str
+) -> Rows:
     """The nodes of a part follow the rigid motion of a point."""
-    arm = member.nodes[nodes] - leader.point
-    form, R = member.part.form, member.at.rotation
-    rows, pivots = [], []
-    for kind in (DISPLACEMENTS, ROTATIONS):
-        for axis, name in enumerate(kind):
-            if name not in form.components:
-                continue
-            dofs = layout.dofs(member, nodes, name)
-            along = R[:, axis]
-            if kind is DISPLACEMENTS:
-                # along·(u + θ × r) = along·u + (r × along)·θ
-                once = scipy.sparse.csr_matrix(along) @ leader.displacements
-                rotated = scipy.sparse.csr_matrix(np.cross(arm, along)) @ leader.rotations
-            else:
-                once = scipy.sparse.csr_matrix(along) @ leader.rotations
-                rotated = layout.nothing(len(nodes))
-            repeated = scipy.sparse.csr_matrix(np.ones((len(nodes), 1))) @ once
-            rows.append(layout.units(dofs) - repeated - rotated)
-            pivots.append(dofs)
-    matrix = scipy.sparse.vstack(rows).tocsr()
-    matrix.eliminate_zeros()
-    return Rows(matrix, np.concatenate(pivots), label)
+    rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
+    led = leader.displacements_at(member.nodes[nodes])
+    return following(layout, member, nodes, [(DISPLACEMENTS, led), (ROTATIONS, rotations)], label)
 
 
-def _untold(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
-    """Rotations of a point that no node shows: they are fixed."""
+def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
+    """Rotations of a point that move no node: they are fixed."""
     if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness
+from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh import projected
 from antiosc.fem.platform import compat
@@ -32,6 +32,92 @@ from antiosc.io.neutral import Term
 Row = tuple[IntArray, Array]
 
 
+class NumberedMesh:
+    """The mesh of a part with the numbers that the deck gives its nodes.
+
+    Attributes
+    ----------
+    member : the part.
+    numbers : (cells, nodes of a cell) numbers of the nodes of each cell, its vertices first.
+    vertices : (cells, v) numbers of the vertices alone.
+    """
+
+    def __init__(self, member: Member, numbers: IntArray) -> None:
+        self.member = member
+        mesh = member.part.mesh
+        self._rows = compat.geometry_nodes(mesh.dolfinx)
+        self.numbers = np.asarray(numbers)[
+            np.asarray(mesh.dolfinx.geometry.input_global_indices)[self._rows]
+        ]
+        self.vertices = self.numbers[:, : len(mesh.geometry.corners)]
+
+    @property
+    def cell_type(self) -> basix.CellType:
+        """The shape of the cells."""
+        return getattr(basix.CellType, self.member.part.mesh.cell)
+
+    @property
+    def cell_map(self) -> basix.finite_element.FiniteElement:
+        """The functions of the nodes of a cell, by which its points are mapped."""
+        mesh = self.member.part.mesh
+        return basix.create_element(basix.ElementFamily.P, self.cell_type, mesh.order)
+
+    @cached_property
+    def reference_points(self) -> Array:
+        """Reference coordinates (nodes, tdim) of the nodes of a cell."""
+        return np.asarray(self.cell_map.points)
+
+    @cached_property
+    def at_cell(self) -> dict[int, tuple[int, int]]:
+        """Number of a node -> (cell, node of the cell)."""
+        _, first = np.unique(self.numbers, return_index=True)
+        flat, width = self.numbers.ravel(), self.numbers.shape[1]
+        return {int(flat[k]): divmod(int(k), width) for k in first}
+
+    @cached_property
+    def places(self) -> tuple[IntArray, Array]:
+        """(numbers (n,), coordinates (n, 3) in the assembly [m]) of the vertices."""
+        found, first = np.unique(self.vertices, return_index=True)
+        rows = self._rows[:, : self.vertices.shape[1]]
+        return found, self.member.vertices[rows.ravel()[first]]
+
+    def position(self, number: int) -> Array:
+        """Coordinates (3,) of a node in the axes of the part [m]."""
+        return np.asarray(
+            self.member.part.mesh.dolfinx.geometry.x[self._rows[self.at_cell[number]]]
+        )
+
+    def motion(self, layout: Layout, number: int, names: tuple[str, ...]) -> Sparse:
+        """Displacement, or rotation, (3, n) of a node in the axes of the assembly."""
+        cell, local = self.at_cell[number]
+        X = self.reference_points[[local]]
+        return layout.at_points(self.member, np.array([cell]), X, names)
+
+    @cached_property
+    def edges(self) -> set[tuple[int, int]]:
+        """Pairs of vertices with an edge between them."""
+        pairs = np.vstack([self.vertices[:, edge] for edge in basix.topology(self.cell_type)[1]])
+        return {(int(a), int(b)) for a, b in np.unique(np.sort(pairs, axis=1), axis=0)}
+
+    @cached_property
+    def around(self) -> dict[int, set[int]]:
+        """Number of a vertex -> the cells around it."""
+        found: dict[int, set[int]] = {}
+        for cell, row in enumerate(self.vertices):
+            for number in row:
+                found.setdefault(int(number), set()).add(cell)
+        return found
+
+    def cell_with(self, numbers: Sequence[int], follower_dim: int) -> int | None:
+        """A cell with all these vertices; for lines, if they are an edge of it."""
+        if len(numbers) == 2 and follower_dim == 1:
+            first, second = sorted(numbers)
+            if (first, second) not in self.edges:
+                return None
+        common = set.intersection(*(self.around.get(n, set()) for n in numbers))
+        return min(common) if common else None
+
+
 class Nodes:
     """Where the numbered nodes of an assembly are: part, cell, and place in the cell."""
 
@@ -40,35 +126,16 @@ class Nodes:
     ) -> None:
         self.layout = layout
         self.points = points
-        self.members = list(layout.members.values())
-        self.at_cell: list[dict[int, tuple[int, int]]] = []
-        self.tables: list[IntArray] = []
+        self.meshes = [NumberedMesh(m, numbers[m.name]) for m in layout.members.values()]
         self._single: dict[tuple[int, int], Row] = {}
         #: which dofs are zero
         self.fixed = np.zeros(layout.count, dtype=bool)
-        for member in self.members:
-            mesh = member.part.mesh
-            read = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-            of_cells = read[compat.geometry_nodes(mesh.dolfinx)]
-            table = np.asarray(numbers[member.name])[of_cells]
-            _, first = np.unique(table, return_index=True)
-            self.tables.append(table)
-            width = table.shape[1]
-            flat = table.ravel()
-            self.at_cell.append({int(flat[k]): divmod(int(k), width) for k in first})
-
-    def reference_points(self, member: int) -> Array:
-        """Reference coordinates of the nodes of a cell of a part."""
-        mesh = self.members[member].part.mesh
-        kind = getattr(basix.CellType, mesh.cell)
-        element = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
-        return np.asarray(element.points)
 
     def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
         """(part, cell, node of the cell) of a node; of rotations a part that has them."""
-        for k, where in enumerate(self.at_cell):
-            if number in where and (self.members[k].has_rotations or not rotations):
-                return k, *where[number]
+        for k, mesh in enumerate(self.meshes):
+            if number in mesh.at_cell and (mesh.member.has_rotations or not rotations):
+                return k, *mesh.at_cell[number]
         what = "rotation of the node" if rotations else "node"
         raise InputError(f"a constraint acts on the {what} {number}, which no part has.")
 
@@ -94,9 +161,9 @@ class Nodes:
             result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
         for (k, rotations), terms in groups.items():
             whole = np.array([t[:4] for t in terms])
-            X = self.reference_points(k)[whole[:, 2]]
+            X = self.meshes[k].reference_points[whole[:, 2]]
             names = ROTATIONS if rotations else DISPLACEMENTS
-            three = layout.at_points(self.members[k], whole[:, 1], X, names)
+            three = layout.at_points(self.meshes[k].member, whole[:, 1], X, names)
             rows_of_points = 3 * np.arange(len(terms)) + whole[:, 3]
             pick = scipy.sparse.csr_matrix(
                 (np.array([t[4] for t in terms]), (whole[:, 0], rows_of_points)),
@@ -151,14 +218,13 @@ class CoincidentNodes:
     def __init__(self, nodes: Nodes, equations: Sequence[Sequence[Term]]) -> None:
         self.nodes = nodes
         self.equations = equations
-        self._places: dict[int, Array] = {}
         leaders = {n for terms in equations for n, _, _ in terms[1:] if n >= 0}
         some = np.fromiter(leaders, dtype=int, count=len(leaders))
         #: node -> (part, cell) of the cells around it, of nodes that others follow
         self.cells: dict[int, set[tuple[int, int]]] = {}
-        for k, table in enumerate(nodes.tables):
-            for cell, local in zip(*np.nonzero(np.isin(table, some)), strict=True):
-                self.cells.setdefault(int(table[cell, local]), set()).add((k, int(cell)))
+        for k, mesh in enumerate(nodes.meshes):
+            for cell, local in zip(*np.nonzero(np.isin(mesh.numbers, some)), strict=True):
+                self.cells.setdefault(int(mesh.numbers[cell, local]), set()).add((k, int(cell)))
 
     def displacement(
         self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
@@ -188,25 +254,19 @@ class CoincidentNodes:
         common = set.intersection(*around)
         names = ROTATIONS if motion >= 3 else DISPLACEMENTS
         for k, cell in sorted(common):
-            member = self.nodes.members[k]
-            if member.part.form.components.get(names[motion % 3]) is None:
+            mesh = self.nodes.meshes[k]
+            if mesh.member.part.form.components.get(names[motion % 3]) is None:
                 continue
-            table, X_of = self.nodes.tables[k][cell].tolist(), self.nodes.reference_points(k)
-            X = sum(w * X_of[table.index(n)] for n, w in total.items())
-            three = self.nodes.layout.at_points(member, np.array([cell]), X[None], names)
+            own = mesh.numbers[cell].tolist()
+            X = sum(w * mesh.reference_points[own.index(n)] for n, w in total.items())
+            three = self.nodes.layout.at_points(mesh.member, np.array([cell]), X[None], names)
             return three[[motion % 3]]
         return None
 
     def _position(self, number: int) -> Array:
         """Coordinates of a node of the deck."""
-        if number not in self._places:
-            self._places[number] = np.full(3, np.nan)
-            for k, where in enumerate(self.nodes.at_cell):
-                if number in where:
-                    mesh = self.nodes.members[k].part.mesh.dolfinx
-                    row = compat.geometry_nodes(mesh)[where[number]]
-                    self._places[number] = np.asarray(mesh.geometry.x[row])
-        return self._places[number]
+        there = [mesh for mesh in self.nodes.meshes if number in mesh.at_cell]
+        return there[-1].position(number) if there else np.full(3, np.nan)
 
 
 #: node that the deck does not have -> (node of the deck, weight) of those among which it lies
@@ -232,11 +292,11 @@ def between_nodes(
             dependent.setdefault(motion, {}).setdefault(number, row)
     found: list[Row] = []
     tied = CoincidentNodes(nodes, equations)
-    for k in range(len(nodes.members)):
+    for mesh in nodes.meshes:
         for motion in dependent:
-            found += _followers(nodes, k, motion, dependent, equations, own, among, tied)
+            found += _followers(nodes, mesh, motion, dependent, equations, own, among, tied)
         for first, directions in sliding.items():
-            found += _sliders(nodes, k, first, directions, among)
+            found += _sliders(nodes, mesh, first, directions, among)
     if not found:
         return nodes.layout.nothing(0)
     rows = np.repeat(np.arange(len(found)), [len(columns) for columns, _ in found])
@@ -246,23 +306,21 @@ def between_nodes(
 
 
 def _dofs(
-    nodes: Nodes, k: int, motion: int, some: Mapping[int, object], among: Among
+    mesh: NumberedMesh, motion: int, some: Mapping[int, object], among: Among
 ) -> Iterator[tuple[int, list[int], Array]]:
     """(dof, nodes of its entity, their weights) of the dofs of one motion near `some` nodes.
 
     A dof in the place of a node of the deck is that node's own, and is left out.
     """
-    member, table = nodes.members[k], nodes.tables[k]
+    member, numbers = mesh.member, mesh.numbers
     name = (ROTATIONS if motion >= 3 else DISPLACEMENTS)[motion % 3]
     path = member.part.form.components.get(name)
-    touching = np.flatnonzero(np.isin(table, np.fromiter(some, dtype=int)).any(axis=1))
+    touching = np.flatnonzero(np.isin(numbers, np.fromiter(some, dtype=int)).any(axis=1))
     if path is None or not len(touching):
         return
-    mesh, space = member.part.mesh, member.part.form.space
-    kind = getattr(basix.CellType, mesh.cell)
+    space = member.part.form.space
     X = np.asarray(compat.subspace(space, path).element.basix_element.points)
-    cell_map = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
-    weights = np.asarray(cell_map.tabulate(0, X))[0, :, :, 0]
+    weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
     needed = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
     dofs = compat.cell_dofs(space, path, touching)
     done: set[int] = set()
@@ -271,7 +329,7 @@ def _dofs(
             column = member.first + int(dofs[at, d])
             if column not in done:
                 done.add(column)
-                found = _of_the_deck(table[cell, near], weights[d, near], among)
+                found = _of_the_deck(numbers[cell, near], weights[d, near], among)
                 if len(found) > 1 and any(n in some for n in found):
                     yield column, list(found), np.array(list(found.values()))
 
@@ -287,7 +345,7 @@ def _of_the_deck(numbers: IntArray, weights: Array, among: Among) -> dict[int, f
 
 def _followers(
     nodes: Nodes,
-    k: int,
+    mesh: NumberedMesh,
     motion: int,
     dependent: Mapping[int, Mapping[int, int]],
     equations: Sequence[Sequence[Term]],
@@ -297,8 +355,8 @@ def _followers(
 ) -> Iterator[Row]:
     """Dofs that are the weighted sum of what their nodes are by their constraints."""
     rows = dependent[motion]
-    beam = nodes.members[k].part.mesh.tdim == 1
-    every = list(_dofs(nodes, k, motion, rows, among))
+    beam = mesh.member.part.mesh.tdim == 1
+    every = list(_dofs(mesh, motion, rows, among))
     nodes.prepare((n, motion) for _, numbers, _ in every for n in numbers)
     for column, numbers, weights in every:
         if beam and not _in_one_body(numbers, dependent, equations, nodes.layout.plane):
@@ -360,11 +418,15 @@ def _determined(
 
 
 def _sliders(
-    nodes: Nodes, k: int, first: int, directions: Mapping[int, list[Array]], among: Among
+    nodes: Nodes,
+    mesh: NumberedMesh,
+    first: int,
+    directions: Mapping[int, list[Array]],
+    among: Among,
 ) -> Iterator[Row]:
     """Dofs between nodes that slide across a direction, or are fixed."""
     axes = range(2 if nodes.layout.plane else 3)
-    by_motion = [list(_dofs(nodes, k, first + c, directions, among)) for c in axes]
+    by_motion = [list(_dofs(mesh, first + c, directions, among)) for c in axes]
     near = {n for _, numbers, _ in by_motion[0] for n in numbers}
     nodes.prepare((n, first + c) for n in near - directions.keys() for c in axes)
     for found in zip(*by_motion, strict=True):
@@ -400,65 +462,19 @@ class SharedNodes(Joint):
         ordered = sorted(
             layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
         )
-        cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
-        _check_places(layout, cells)
+        meshes = [NumberedMesh(m, self.numbers[m.name]) for m in ordered]
+        _check_places(layout, meshes)
         return [
             rows
-            for k, follower in enumerate(cells)
-            for rows in _following(layout, follower, cells[:k])
+            for k, follower in enumerate(meshes)
+            for rows in _following(layout, follower, meshes[:k])
         ]
 
 
-class _Cells:
-    """The cells of a part with the numbers of their vertices.
-
-    Attributes
-    ----------
-    member : the part.
-    vertices : (cells, v) numbers of the vertices.
-    """
-
-    def __init__(self, member: Member, numbers: IntArray) -> None:
-        self.member = member
-        mesh = member.part.mesh
-        read = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-        corners = len(mesh.geometry.corners)
-        nodes = compat.geometry_nodes(mesh.dolfinx)[:, :corners]
-        self.vertices = numbers[read[nodes]]
-        flat, first = np.unique(self.vertices, return_index=True)
-        self.numbers = flat
-        self.positions = member.vertices[nodes.ravel()[first]]
-
-    @cached_property
-    def edges(self) -> set[tuple[int, int]]:
-        """Pairs of vertices with an edge between them."""
-        kind = getattr(basix.CellType, self.member.part.mesh.cell)
-        pairs = np.vstack([self.vertices[:, edge] for edge in basix.topology(kind)[1]])
-        return {(int(a), int(b)) for a, b in np.unique(np.sort(pairs, axis=1), axis=0)}
-
-    @cached_property
-    def around(self) -> dict[int, set[int]]:
-        """Number of a vertex -> the cells around it."""
-        found: dict[int, set[int]] = {}
-        for cell, row in enumerate(self.vertices):
-            for number in row:
-                found.setdefault(int(number), set()).add(cell)
-        return found
-
-    def cell_with(self, numbers: Sequence[int], follower_dim: int) -> int | None:
-        """A cell with all these vertices; for lines, if they are an edge of it."""
-        if len(numbers) == 2 and follower_dim == 1:
-            first, second = sorted(numbers)
-            if (first, second) not in self.edges:
-                return None
-        common = set.intersection(*(self.around.get(n, set()) for n in numbers))
-        return min(common) if common else None
-
-
-def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
+def _check_places(layout: Layout, meshes: Sequence[NumberedMesh]) -> None:
     """InputError where nodes with one number lie apart."""
-    numbers = np.concatenate([c.numbers for c in cells])
-    positions = np.vstack([c.positions for c in cells])
+    numbers = np.concatenate([mesh.places[0] for mesh in meshes])
+    positions = np.vstack([mesh.places[1] for mesh in meshes])
     order = np.argsort(numbers, kind="stable")
     same = np.flatnonzero(np.diff(numbers[order]) == 0)
     first, second = order[same], order[same + 1]
@@ -470,33 +486,30 @@ def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
         )
 
 
-def _following(layout: Layout, follower: _Cells, leaders: Sequence[_Cells]) -> list[Rows]:
+def _following(
+    layout: Layout, follower: NumberedMesh, leaders: Sequence[NumberedMesh]
+) -> list[Rows]:
     """Constraints of the dofs of one part on what it shares with earlier ones."""
     found: list[Rows] = []
     for names in (DISPLACEMENTS, ROTATIONS):
         done: set[int] = set()
         for leader in leaders:
-            common = [
-                name
-                for name in names
-                if name in follower.member.part.form.components
-                and name in leader.member.part.form.components
-            ]
-            where = _shared(follower, leader, done) if common else {}
+            both = [one.member.part.form.components.keys() for one in (follower, leader)]
+            where = _shared(follower, leader, done) if both[0] & both[1] & set(names) else {}
             done |= set(where)
             if where:
-                found.append(_tied(layout, follower.member, leader.member, where, names, common))
+                found.append(_tied(layout, follower.member, leader.member, where, names))
     return found
 
 
-def _shared(follower: _Cells, leader: _Cells, done: set[int]) -> dict[int, int]:
+def _shared(follower: NumberedMesh, leader: NumberedMesh, done: set[int]) -> dict[int, int]:
     """Node of the follower -> a cell of the leader that holds it, of nodes not in `done`."""
     member = follower.member
-    space, mesh = member.part.form.space, member.part.mesh
+    space = member.part.form.space
     (path, *_) = member.part.form.components.values()
     layout = space.dofmap.dof_layout
-    topology = basix.topology(getattr(basix.CellType, mesh.cell))
-    common = np.isin(follower.vertices, leader.numbers)
+    topology = basix.topology(follower.cell_type)
+    common = np.isin(follower.vertices, leader.vertices)
     touching = np.flatnonzero(common.any(axis=1))
     nodes = compat.cell_dofs(space, path, touching) // member.block
     where: dict[int, int] = {}
@@ -510,7 +523,7 @@ def _shared(follower: _Cells, leader: _Cells, done: set[int]) -> dict[int, int]:
                 if all(n in done or n in where for n in own):
                     continue
                 vertices = [int(n) for n in follower.vertices[cell, corners]]
-                holds = leader.cell_with(vertices, mesh.tdim)
+                holds = leader.cell_with(vertices, member.part.mesh.tdim)
                 if holds is not None:
                     where |= {n: holds for n in own if n not in done}
     return where
@@ -522,7 +535,6 @@ def _tied(
     leader: Member,
     where: Mapping[int, int],
     names: tuple[str, ...],
-    common: Sequence[str],
 ) -> Rows:
     """Nodes of one part follow the cells of another in which they lie."""
     nodes, cells = np.array(list(where)), np.array(list(where.values()))
@@ -533,13 +545,7 @@ def _tied(
     for exact in (0.0, 1.0):
         X = np.where(np.abs(X - exact) < 1e-12, exact, X)
     led = layout.at_points(leader, cells, X, names)
-    rows, pivots = [], []
-    for name in common:
-        dofs = layout.dofs(follower, nodes, name)
-        axis = follower.at.rotation[:, names.index(name)]
-        rows.append(layout.units(dofs) - sum(axis[c] * led[c::3] for c in range(3)))
-        pivots.append(dofs)
-    return Rows(scipy.sparse.vstack(rows).tocsr(), np.concatenate(pivots), "shared nodes")
+    return following(layout, follower, nodes, [(names, led)], "shared nodes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -606,29 +612,18 @@ def _on_middles(nodes: Nodes) -> Sparse:
     """A vertex of one part that is a middle node of another follows it."""
     layout = nodes.layout
     rows = [layout.nothing(0)]
-    for k, member in enumerate(nodes.members):
-        corners = len(member.part.mesh.geometry.corners)
-        vertices = set(nodes.tables[k][:, :corners].ravel().tolist())
-        for j, other in enumerate(nodes.members):
-            count = len(other.part.mesh.geometry.corners)
-            if j == k or nodes.tables[j].shape[1] == count:
-                continue
-            middles = set(nodes.tables[j][:, count:].ravel().tolist())
-            for number in sorted(vertices & middles):
-                for names in (
-                    (DISPLACEMENTS, ROTATIONS)
-                    if member.has_rotations and other.has_rotations
-                    else (DISPLACEMENTS,)
-                ):
-                    both = [_at(nodes, one, number, names) for one in (k, j)]
-                    rows.append(both[0] - both[1])
+    for mesh in nodes.meshes:
+        vertices = set(mesh.vertices.ravel().tolist())
+        for other in nodes.meshes:
+            middles = other.numbers[:, other.vertices.shape[1] :]
+            rotate = mesh.member.has_rotations and other.member.has_rotations
+            kinds = (DISPLACEMENTS, ROTATIONS) if rotate else (DISPLACEMENTS,)
+            common = vertices.intersection(middles.ravel().tolist()) if other is not mesh else ()
+            rows += [
+                mesh.motion(layout, number, names) - other.motion(layout, number, names)
+                for number in sorted(common)
+                for names in kinds
+            ]
     result = scipy.sparse.vstack(rows).tocsr()
     result.eliminate_zeros()
     return result[np.diff(result.indptr) > 0]
-
-
-def _at(nodes: Nodes, k: int, number: int, names: tuple[str, ...]) -> Sparse:
-    member: Member = nodes.members[k]
-    cell, local = nodes.at_cell[k][number]
-    X = nodes.reference_points(k)[[local]]
-    return nodes.layout.at_points(member, np.array([cell]), X, names)

@@ -37,7 +37,7 @@ from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
 GAP = 0.3
-#: Share of a node's function that must lie on the other surface for the node to follow it.
+#: Fraction of a node's function that must lie on the other surface for the node to follow it.
 COVERED = 0.3
 #: Areas covered that differ by less than this share are equal: then the finer side follows.
 EQUAL = 0.02
@@ -78,7 +78,7 @@ class Tie(Between):
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         common = self._common(sides, label)
-        self._tell_overlap(sides, common, label)
+        self._warn_of_overlap(sides, common, label)
         taken = held.fixed.copy()
         for rows in held.rows:
             taken[rows.pivot[rows.pivot >= 0]] = True
@@ -118,7 +118,7 @@ class Tie(Between):
             )
         return common
 
-    def _tell_overlap(self, sides: Sequence[Facets], common: Overlap, label: str) -> None:
+    def _warn_of_overlap(self, sides: Sequence[Facets], common: Overlap, label: str) -> None:
         """Warn of faces with the same outward normals: both bodies are on the same side of them."""
         a, b = (side.outward for side in sides)
         if a is None or b is None:
@@ -200,12 +200,8 @@ def _projection(
             found.append(rotation_rows(layout, follower, nodes[free], middle, own, label))
     else:
         led = _led(layout, follower, leader, common)
-    for kind, motion in led:
-        for axis, name in enumerate(kind):
-            if name not in follower.member.part.form.components:
-                continue
-            along = follower.member.at.rotation[:, axis]
-            one = sum(along[c] * motion[c::3] for c in range(3) if along[c])
+    for names, motion in led:
+        for name, one in layout.of_components(follower.member, names, motion):
             dofs = layout.dofs(follower.member, nodes, name)
             free = follows & ~taken[dofs]
             if free.any():
@@ -250,11 +246,11 @@ class _Projection:
         every = scipy.sparse.identity(len(free), format="csr")
         spread = every[free]
         if not free.all():
-            # test functions of the others go to the free nodes beside them
-            beside = self.D[~free][:, free]
-            total = np.asarray(beside.sum(axis=1)).ravel()
-            share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
-            spread = spread + (scipy.sparse.diags(share) @ beside).T @ every[~free]
+            # test functions of the others go to the adjacent free nodes
+            adjacent = self.D[~free][:, free]
+            total = np.asarray(adjacent.sum(axis=1)).ravel()
+            fraction = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
+            spread = spread + (scipy.sparse.diags(fraction) @ adjacent).T @ every[~free]
         tested = (spread @ self.D).tocsc()[:, free]
         return spread.tocsr(), np.linalg.inv(tested.toarray())
 
@@ -322,8 +318,8 @@ def led_by_solid(
     apart = np.linalg.norm(common.x[0] - common.x[1], axis=1)
     reach = float(apart.max() + OFF * thickness.max())
     on, xi, y = closest(face, x.reshape(-1, 3), reach)
-    beside = np.where(np.isfinite(y), y, 0.0).reshape(x.shape) - x
-    along = np.abs(np.einsum("qld,qd->ql", beside, normals))
+    offset = np.where(np.isfinite(y), y, 0.0).reshape(x.shape) - x
+    along = np.abs(np.einsum("qld,qd->ql", offset, normals))
     there = np.isfinite(y[:, 0]).reshape(count, LAYERS)
     weight = w / 2 * (there & (along <= OFF * thickness[:, None]))
     total = weight.sum(axis=1)

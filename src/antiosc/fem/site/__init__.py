@@ -531,8 +531,8 @@ def motions_without_mesh(
     plane = matrices.layout.plane
     rotated = quantity == "rotation"
     wanted = np.eye(3)[2:] if plane and rotated else np.eye(3)[: 3 - plane]
-    told = end.rotation_space if rotated else end.displacement_space
-    if not all(end.along(told, axis) for axis in wanted):
+    space = end.rotation_space if rotated else end.displacement_space
+    if not all(end.along(space, axis) for axis in wanted):
         raise InputError(
             f"the {quantity} of {name!r} is not known"
             + (
@@ -541,6 +541,5 @@ def motions_without_mesh(
                 else " along all axes: extract its model with Site(..., tangential=True)."
             )
         )
-    q = matrices.share.whole(shapes)
     functionals = end.rotations if rotated else end.displacements
-    return np.asarray(wanted @ (functionals @ (matrices.T @ q)))
+    return np.asarray(wanted @ (functionals @ matrices.expanded(shapes)))

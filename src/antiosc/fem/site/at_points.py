@@ -15,10 +15,11 @@ from antiosc.base.checks import in_words as text
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
-from antiosc.fem.assembly.assembled import AssembledMatrices, rigid_motions
+from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import Motion
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, size_at
 from antiosc.fem.site import (
@@ -32,7 +33,15 @@ from antiosc.fem.site import (
     motion_of,
     tangents,
 )
-from antiosc.fem.site.sites import Sites, loads, located, on_free_dofs, patches, sums, tell
+from antiosc.fem.site.sites import (
+    Sites,
+    loads,
+    located,
+    on_free_dofs,
+    patches,
+    sums,
+    warn_of_doubts,
+)
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
@@ -50,9 +59,7 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
 
     def work() -> list[Functional]:
         found = before_joining(structure, sites, lambda member: member.part)
-        if isinstance(structure, AssembledMatrices):
-            found = [_joined(structure, *pair) for pair in zip(sites, found, strict=True)]
-        return found
+        return [_joined(structure, *pair) for pair in zip(sites, found, strict=True)]
 
     return [_each(structure.own, found) for found in structure.decided(work)]
 
@@ -63,10 +70,10 @@ def _each(change: Callable[[Array], Array], found: Functional) -> Functional:
     return replace(found, b=change(found.b), across=across)
 
 
-def _joined(structure: AssembledMatrices, site: Site, found: Functional) -> Functional:
-    """b of q, whole, of a site with b of u."""
-    joined = _each(lambda b: np.asarray(structure.T.T @ b), found)
-    if np.linalg.norm(joined.b) <= LEAST_FREE_SHARE * np.linalg.norm(found.b):
+def _joined(structure: MeshedParts, site: Site, found: Functional) -> Functional:
+    """b of q, whole, of a site with b of u; InputError where joints and supports hold it."""
+    joined, comm = _each(structure.joined, found), structure.workers
+    if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, found.b):
         assert found.point is not None
         named = repr(site.point) if isinstance(site.point, str) else f"at {text(found.point)}"
         raise InputError(constrained(f"the site {named}"))
@@ -96,7 +103,7 @@ def before_joining(
         laid = _on_mesh(part, list(there.values()), member.at.placed)
         beyond = _beyond_seams(structure, member, laid, part_of)
         whole = laid.share + sum(share for _, share, _ in beyond)
-        tell(part, replace(laid, share=np.minimum(whole, 1.0)))
+        warn_of_doubts(part, replace(laid, share=np.minimum(whole, 1.0)))
         for i, one in enumerate(_of_sites(part, list(there.values()), laid)):
             own = _placed(structure, member, one)
             if beyond and whole[i] > laid.share[i]:
@@ -137,8 +144,8 @@ def _placed(structure: MeshedParts, member: Member, found: Functional) -> Functi
     assert found.point is not None
     assert found.direction is not None
     b = found.b
-    if isinstance(structure, AssembledMatrices):
-        b = np.zeros(structure.layout.count)
+    if structure.assembled:
+        b = np.zeros(algebra.size(structure.K))  # u and q have as many dofs
         b[member.rows] = found.b
     x, along = member.at.placed(found.point[None])[0], member.at.rotation @ found.direction
     across = tuple(_placed(structure, member, side) for side in found.across)
@@ -389,19 +396,18 @@ class Released:
         `following` (rows of this rank, 6 S) are the motions of the free dofs that follow them;
         `rigid` as in `applied`.
         """
-        whole = self._assembly.share.whole(following) if self._assembly else following
+        moved = self._of.expanded(following)
 
         def work() -> tuple[Array, Array]:
-            moved = self._assembly.T @ whole if self._assembly else whole
             self._motions = self._motions + moved
             return self._forces("M", self._motions), self._forces("M", rigid)
 
-        moved, carried = self._of.decided(work)
-        return self._of.own(moved), self._of.own(carried)
+        both = self._of.decided(work)
+        return self._of.own(both[0]), self._of.own(both[1])
 
     def rigid(self) -> Array:
         """Unit translations (dofs of all parts before they are joined, 3) of the whole."""
-        return self._rigid(np.zeros(3))[:, :3]
+        return self._of.places.rigid_motions(np.zeros(3))[:, :3]
 
     def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
         """(bᵀg (P, 6 S), bᵀr (P, 3)) of the directions of contact of the sites."""
@@ -421,38 +427,34 @@ class Released:
             raise InputError("reactions of an assembly take sites at points, not dofs.")
         return algebraic(self._part(self._of.members()[0]), site)
 
-    def _rigid(self, point: Array) -> Array:
-        """Six rigid motions about `point` on the dofs of all parts."""
-        if self._assembly:
-            return rigid_motions(self._assembly.layout, point)
-        return self._of.members()[0].rigid(point)
-
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
         """(centres, pulled)."""
         centres: dict[str, Array] = {}
+        places = self._of.places
         held: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in held_dofs(member.part).items():
                 centres[prefix + name] = centre = _centre(member, dofs)
-                held.append((prefix + name, member.first + dofs, member.rigid(centre)[dofs]))
+                moved = member.places.rigid_motions(centre, dofs)
+                held.append((prefix + name, member.first + dofs, moved))
         constraints = self._assembly.constraints if self._assembly else None
         names = names_of(supports, centres) if constraints else []
         rows = constraints.rows if constraints else []
         if constraints and self._assembly:
-            positions = self._assembly.layout.positions
+            points = places.points
             for name, one in zip(names, rows, strict=False):
-                centres[name] = positions[np.unique(one.matrix.indices)].mean(axis=0)
+                centres[name] = points[np.unique(one.matrix.indices)].mean(axis=0)
         if not centres:
             raise InputError("the structure has no supports: it has no reactions.")
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}
-        motions = np.zeros((len(self.rigid()), 6 * len(centres)))
+        motions = np.zeros((len(places.kind), 6 * len(centres)))
         for name, dofs, moved in held:
             motions[dofs, column[name]] = moved
         if constraints:
             prescribed = [np.asarray(-one.matrix @ motions) for one in rows]
             for name, one, values in zip(names, rows, prescribed, strict=False):
-                values[:, column[name]] += one.matrix @ self._rigid(centres[name])
+                values[:, column[name]] += one.matrix @ places.rigid_motions(centres[name])
             found = eliminate(
                 rows,
                 constraints.fixed,
@@ -485,9 +487,7 @@ class Released:
             return forces
         added = self._assembly.added
         more = added.forces(motions) if which == "K" else added.inertial_loads(motions)[0]
-        total = np.asarray(self._assembly.T.T @ forces + more)
-        total[self._assembly.eliminated.dependent] = 0.0
-        return total
+        return np.asarray(self._of.joined(forces) + more)
 
 
 def _centre(member: Member, dofs: IntArray) -> Array:

@@ -19,7 +19,7 @@ from antiosc.fem.assembly.joint import group_end
 from antiosc.fem.mesh.surface import Faces, closest_many
 from antiosc.fem.site import LEAST_FREE_SHARE
 from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
-from antiosc.fem.site.sites import Sites, located, tell
+from antiosc.fem.site.sites import Sites, located, warn_of_doubts
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 
@@ -227,9 +227,9 @@ def _on_part(
     sites = found.sites
     if not len(sites):
         return found
-    loads = structure.joined(member, sites.loads).tocsr()
+    loads = structure.joined(sites.loads, member.rows).tocsr()
     moves = np.ones(len(sites), dtype=bool)
-    if isinstance(structure, AssembledMatrices):
+    if structure.assembled:
         size = scipy.sparse.linalg.norm(loads, axis=0)
         moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
     placed = replace(
@@ -271,7 +271,7 @@ def sites_on(
     every = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
     result = every.only(keep)
     if keep.any():
-        tell(structure, result.sites)
+        warn_of_doubts(structure, result.sites)
     return result
 
 

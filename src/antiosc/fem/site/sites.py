@@ -316,7 +316,7 @@ def _points(
     return Points(which[mine], nearest.cell[at], nearest.X[at], np.ones(len(at)))
 
 
-def tell(structure: MeshedStructure, sites: Sites) -> None:
+def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
     """Warn, on rank 0, of sites whose compliance is doubtful."""
     mesh, kind = structure.mesh, structure.kind
     if not kind.point_load and np.isnan(sites.radii).any():
@@ -377,7 +377,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
 
 
 def doubtful_patches(sites: Sites) -> BoolArray:
-    """Sites (P,) whose half-space compliance does not hold: `tell` warns of them."""
+    """Sites (P,) whose half-space compliance does not hold: `warn_of_doubts` warns of them."""
     return _cut(sites) | _held(sites)
 
 

@@ -6,15 +6,15 @@ shift that makes K factorable from the lowest elastic ω² beside them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
+from antiosc.base._types import Array, Box, IntArray, Matrix
 from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem.linalg import Choice, Solver, algebra, solver_for
@@ -119,17 +119,58 @@ def skew(a: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def rigid_motions(points: Array, axes: Array, moves: BoolArray, centre: Array) -> Array:
-    """Unit translations along x, y, z and rotations about `centre` (3,) on n dofs (n, 6).
+#: What a dof is: the amplitude of a mode, a displacement or a rotation.
+AMPLITUDE, MOVE, TURN = 0, 1, 2
+#: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
+Field = Callable[[Array], tuple[Array, Array]]
 
-    `points` and `axes` (n, 3): where each dof is, and its direction; `moves` (n,): whether it is
-    a displacement, or else a rotation.
-    """
-    result = np.zeros((len(points), 6))
-    result[moves, :3] = axes[moves]
-    result[moves, 3:] = np.cross(points[moves] - centre, axes[moves])
-    result[~moves, 3:] = axes[~moves]
-    return result
+
+@dataclass(frozen=True, eq=False)
+class DofPlaces:
+    """Node, direction and kind of each of n dofs: of a mesh, a superelement or an assembly."""
+
+    nodes: Array  # (N, 3) coordinates of the nodes [m]
+    node: IntArray  # (n,) number of the node of each dof
+    axes: Array  # (n, 3) unit direction of each dof; zero for amplitudes
+    kind: IntArray  # (n,) AMPLITUDE, MOVE or TURN
+
+    @classmethod
+    def joined(cls, several: Sequence[DofPlaces]) -> DofPlaces:
+        """The dofs of several bodies, one body after the other."""
+        starts = np.cumsum([0, *(len(one.nodes) for one in several)])
+        return cls(
+            np.vstack([one.nodes for one in several]),
+            np.concatenate([one.node + k for one, k in zip(several, starts[:-1], strict=True)]),
+            np.vstack([one.axes for one in several]),
+            np.concatenate([one.kind for one in several]),
+        )
+
+    @property
+    def points(self) -> Array:
+        """Coordinates (n, 3) of the node of each dof [m]."""
+        return self.nodes[self.node]
+
+    def placed(self, at: Placement) -> DofPlaces:
+        """The same dofs of a body that was moved to its place in an assembly."""
+        return replace(self, nodes=at.placed(self.nodes), axes=self.axes @ at.rotation.T)
+
+    def rigid_motions(self, centre: Array, rows: IntArray | slice = slice(None)) -> Array:
+        """Unit translations along x, y, z and rotations about `centre` (3,) on some dofs (k, 6)."""
+        axes, moves = self.axes[rows], self.kind[rows] == MOVE
+        result = np.zeros((len(axes), 6))
+        result[moves, :3] = axes[moves]
+        result[moves, 3:] = np.cross(self.nodes[self.node[rows][moves]] - centre, axes[moves])
+        result[~moves, 3:] = axes[~moves]
+        return result
+
+    def values(self, field: Field, centre: Array, size: float) -> Array:
+        """A field of the coordinates (x − centre)/size on all dofs (n,)."""
+        displacement, rotation = field((self.nodes - centre) / size)
+        turns = self.kind == TURN
+        own = np.where(turns, rotation[:, self.node], displacement[:, self.node])
+        result = np.einsum("nc,cn->n", self.axes, own)
+        result[turns] /= size  # the displacement is given per unit of the scaled coordinates
+        return np.asarray(result)
 
 
 def placement(name: str, given: Placement | Sequence[float] | None) -> Placement:
@@ -501,6 +542,17 @@ class NodalMatrices(StructureMatrices):
             rows[index.ravel()[along], axis] = own[along]
         return self.map.points[own[first]], rows
 
+    @property
+    def places(self) -> DofPlaces:
+        """What is known of each row; rows without coordinates or direction are amplitudes."""
+        component, points = self.map.component, self.map.points
+        known = np.isfinite(points).all(axis=1)
+        kind = np.where(component > 3, TURN, MOVE)
+        kind[~known | (component < 1) | (component > 6)] = AMPLITUDE
+        nodes = np.where(known[:, None], points, points[known].mean(axis=0))
+        axes = np.where(kind[:, None] != AMPLITUDE, np.eye(3)[(component - 1) % 3], 0.0)
+        return DofPlaces(nodes, np.arange(len(nodes)), axes, kind)
+
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
         """(point, motions): reference point (3,) and six rigid motions (rows, 6).
@@ -513,7 +565,7 @@ class NodalMatrices(StructureMatrices):
         if not self.rigid_modes.shape[1] or not moving.all() or not np.isfinite(points).all():
             return None
         point = (points.min(axis=0) + points.max(axis=0)) / 2
-        motions = rigid_motions(points, np.eye(3)[(component - 1) % 3], component <= 3, point)
+        motions = self.places.rigid_motions(point)
         there = motions.any(axis=0)
         forces = force_ratios(self.K, motions[:, there], multiply(self.K, motions[:, there]))
         limits = np.where(np.flatnonzero(there) < 3, RIGID_FORCE**0.5, FILE_DIGITS)

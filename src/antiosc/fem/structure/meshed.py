@@ -42,7 +42,14 @@ from antiosc.fem.mesh.surface import (
     quadrature,
 )
 from antiosc.fem.platform import bounds, compat, warn
-from antiosc.fem.structure import Dissipation, Placement, Plausibility, StructureMatrices, support
+from antiosc.fem.structure import (
+    Dissipation,
+    DofPlaces,
+    Placement,
+    Plausibility,
+    StructureMatrices,
+    support,
+)
 from antiosc.fem.structure.attachments import (
     Attachment,
     Matrices,
@@ -51,7 +58,7 @@ from antiosc.fem.structure.attachments import (
     add_beams,
     attachments_of,
 )
-from antiosc.fem.structure.support import NO_DOFS, Support, about, dofs_of_group, fixed_dofs
+from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group, fixed_dofs
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
@@ -70,8 +77,8 @@ class Member:
 
     @property
     def size(self) -> int:
-        """Number of dofs."""
-        return int(self.part.K.getSize()[0])
+        """Number of dofs of this rank."""
+        return int(self.part.K.getLocalSize()[0])
 
     @property
     def rows(self) -> slice:
@@ -91,7 +98,12 @@ class Member:
     @cached_property
     def nodes(self) -> Array:
         """Coordinates (nodes, 3) of the nodes of the displacements in the assembly [m]."""
-        return self.at.placed(self.part.form.space.tabulate_dof_coordinates())
+        return self.places.nodes
+
+    @cached_property
+    def places(self) -> DofPlaces:
+        """Where its dofs of this rank are in the assembly."""
+        return self.part.places.placed(self.at)
 
     @cached_property
     def vertices(self) -> Array:
@@ -99,8 +111,8 @@ class Member:
         return self.at.placed(self.part.mesh.dolfinx.geometry.x)
 
     @cached_property
-    def pieces(self) -> IntArray:
-        """Number of the connected piece of the mesh to which each node belongs (nodes,)."""
+    def connected(self) -> IntArray:
+        """Number of the connected body of the mesh to which each node belongs (nodes,)."""
         space = self.part.form.space
         own = compat.cell_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
@@ -127,10 +139,6 @@ class Member:
         mesh = self.part.mesh
         own = quadrature(mesh, *largest(mesh, group), DEGREE)
         return replace(own, x=self.at.placed(own.x))
-
-    def rigid(self, point: Array) -> Array:
-        """Six rigid motions about `point` on the dofs of this rank, in the axes of the part."""
-        return about(self.part.form, point, self.at)
 
 
 @dataclass(eq=False)
@@ -165,9 +173,9 @@ class MeshedStructure(StructureMatrices):
         """The MPI communicator that shares the mesh."""
         return self.mesh.comm
 
-    # -- the one part of an assembly without joints
+    # -- the one part of an assembly without joints: the dofs u of all parts are those of K and M
 
-    #: each rank has its own rows, and all ranks work on them together
+    #: the ranks that work on u together: each has its own rows
     workers = comm
 
     def members(self, name: str | None = None) -> list[Member]:
@@ -178,6 +186,19 @@ class MeshedStructure(StructureMatrices):
             )
         return [Member("", self, Placement(), 0)]
 
+    @property
+    def places(self) -> DofPlaces:
+        """Where the dofs of u are, those of this rank."""
+        return support.places_of(self.form)
+
+    def expanded(self, q: Array) -> Array:
+        """u of columns of q (rows of this rank, k)."""
+        return q
+
+    def joined(self, loads: T, rows: slice = slice(None)) -> T:
+        """Loads on some rows of u as loads on q."""
+        return loads
+
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
         """[(part, its dofs)] for `shapes` (rows of this rank, k)."""
         return [(member, shapes) for member in self.members(name)]
@@ -187,12 +208,8 @@ class MeshedStructure(StructureMatrices):
         return work()
 
     def own(self, rows: T) -> T:
-        """The rows of this rank of what `decided` work has found: those that it has."""
+        """The rows of this rank of what `decided` work has found."""
         return rows
-
-    def joined(self, member: Member, loads: T) -> T:
-        """Loads on the dofs of the part as loads on those of the structure: the same."""
-        return loads
 
     @property
     def kind(self) -> Kind:
@@ -248,7 +265,7 @@ class MeshedStructure(StructureMatrices):
             return None
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         point = (low + high) / 2
-        motions = support.about(self.form, point)
+        motions = self.places.rigid_motions(point)
         loads = self.inertial_loads(motions)
         S = dot(self.comm, motions, loads)
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads

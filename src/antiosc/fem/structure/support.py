@@ -26,12 +26,14 @@ from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import agreed, bounds, compat
 from antiosc.fem.structure import (
+    MOVE,
     RIGID_FORCE,
     SHIFT,
-    Placement,
+    TURN,
+    DofPlaces,
+    Field,
     in_space,
     orthonormal,
-    rigid_motions,
 )
 
 Where = str | Callable[[Array], BoolArray]
@@ -243,11 +245,6 @@ def _pair(name: str, given: object, form: str) -> tuple[object, object]:
     return given[0], given[1]
 
 
-#: where a body stands that was not moved
-HERE = Placement()
-#: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
-Field = Callable[[Array], tuple[Array, Array]]
-
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
 VANISHING = 1e-13
 #: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
@@ -286,41 +283,14 @@ def motions(form: WeakForm, K: PETSc.Mat) -> Array:
     return fields[:, :rigid_count]
 
 
-def about(form: WeakForm, point: Array, at: Placement = HERE) -> Array:
-    """The six rigid motions of the unsupported body that stands `at` its place (dofs, 6).
-
-    Unit translations along x, y and z, unit rotations about the axes through `point` (3,) [m]; a
-    plane structure has zeros where it cannot move. Ghosts included.
-    """
-    x = at.placed(form.space.tabulate_dof_coordinates())
-    names = list(form.components)  # in the order of the dofs of a node
-    axes = at.rotation.T[["xyz".index(name[-1]) for name in names]]
-    moves = np.array([len(name) == 1 for name in names])
-    nodes = np.repeat(x, len(names), axis=0)
-    result = rigid_motions(nodes, np.tile(axes, (len(x), 1)), np.tile(moves, len(x)), point)
-    if "z" not in form.components:
-        result[:, [2, 3, 4]] = 0.0
-    return result[: compat.local_size(form.space)]
-
-
-def on_dofs(
-    form: WeakForm,
-    field: Field,
-    centre: Array,
-    size: float,
-    at: Placement = HERE,
-) -> Array:
-    """A field of the coordinates (x − centre)/size on the dofs of this rank (rows,)."""
-    x, block = at.placed(form.space.tabulate_dof_coordinates()), form.space.dofmap.index_map_bs
-    displacement, rotation = field((x - centre) / size)
-    column = np.zeros(len(x) * block)
-    for name, (component,) in form.components.items():
-        axis = at.rotation[:, "xyz".index(name[-1])]
-        # the displacement was given per unit of the scaled coordinates
-        column[component::block] = axis @ (rotation if name[0] == "r" else displacement)
-        if name[0] == "r":
-            column[component::block] /= size
-    return column[: compat.local_size(form.space)]
+def places_of(form: WeakForm) -> DofPlaces:
+    """Where the dofs of this rank are, in the axes of the mesh."""
+    rows, names = compat.local_size(form.space), list(form.components)  # in the order of a node
+    nodes = form.space.tabulate_dof_coordinates()[: rows // len(names)]
+    axes = np.eye(3)[["xyz".index(name[-1]) for name in names]]
+    kind = np.array([TURN if name[0] == "r" else MOVE for name in names])
+    node = np.repeat(np.arange(len(nodes)), len(names))
+    return DofPlaces(nodes, node, np.tile(axes, (len(nodes), 1)), np.tile(kind, len(nodes)))
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
@@ -357,8 +327,8 @@ def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
     """(polynomial fields on the dofs of this rank (rows, k), how many of them are rigid)."""
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     every = list(polynomials(3 if "z" in form.components else 2))
-    size = float((high - low).max())
-    columns = [on_dofs(form, field, (low + high) / 2, size) for _, field in every]
+    size, places = float((high - low).max()), places_of(form)
+    columns = [places.values(field, (low + high) / 2, size) for _, field in every]
     return np.column_stack(columns), sum(rigid for rigid, _ in every)
 
 
@@ -419,7 +389,7 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
     """
     low, high = bounds(mesh.comm, mesh.dolfinx.geometry.x)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    unit = about(form, centre)
+    unit = places_of(form).rigid_motions(centre)
     unit[:, 3:] /= size
     # the coefficients (6, r) of each mode: exact, the modes lie in the span of the unit motions
     motions = np.linalg.pinv(dot(mesh.comm, unit, unit)) @ dot(mesh.comm, unit, modes)

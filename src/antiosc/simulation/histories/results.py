@@ -222,9 +222,24 @@ SMALL_DEFLECTION = 0.5
 LOOKS, MOST_LOOKS = 32, 4096
 
 
+def beyond_linear(name: str, deflection: float, thickness: float) -> str:
+    """What is wrong with the deflection [m] of a sheet that is held; "" for nothing."""
+    ratio = deflection / thickness
+    if not ratio > SMALL_DEFLECTION:
+        return ""
+    return (
+        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times the thickness"
+        f" {1e3 * thickness:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
+        f" linear theory holds: where its edges are held it stretches and is stiffer,"
+        f" forces are larger and deflections smaller than these (a cantilever, or a sheet"
+        f" on soft springs, hardly stretches); make the sheet thicker, or analyse it by a"
+        f" nonlinear program."
+    )
+
+
 def too_far(history: History) -> str:
     """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
-    a, worst, told = history.assembly, SMALL_DEFLECTION, ""
+    a, worst, told = history.assembly, 0.0, ""
     if not a.thin:
         return ""
     for name, body in a.bodies.items():
@@ -235,15 +250,7 @@ def too_far(history: History) -> str:
         sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
         w = float(abs(_seen(history, body.omega)[:, own] @ sites).max(initial=0.0))
         if w > worst * h:
-            worst = w / h
-            told = (
-                f"{name!r} deflects by {1e3 * w:.3g} mm, {worst:.3g} times the thickness"
-                f" {1e3 * h:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
-                f" linear theory holds: where its edges are held it stretches and is stiffer,"
-                f" forces are larger and deflections smaller than these (a cantilever, or a sheet"
-                f" on soft springs, hardly stretches); make the sheet thicker, or analyse it by a"
-                f" nonlinear program."
-            )
+            worst, told = w / h, beyond_linear(name, w, h)
     return told
 
 

@@ -24,7 +24,7 @@ from antiosc.base.errors import AccuracyError, InputError, takes
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.algebra import dot, multiply, rows
-from antiosc.fem.site import Functional, Site, functional
+from antiosc.fem.site import Site, functional
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
@@ -59,13 +59,12 @@ class Family:
     build: Callable[..., Any]
     site: Any
     names: tuple[str, ...]
-    n: int
     rigid: int = 0
     shift: float = 0.0
     basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def made(self, values: Array) -> tuple[Structure, Functional]:
-        """The structure at these values, and the load of its site.
+    def made(self, values: Array) -> tuple[Structure, Site]:
+        """The structure at these values, and its site.
 
         InputError where it is none, or of another mesh.
         """
@@ -79,18 +78,10 @@ class Family:
                 f"build must return structures of one mesh and one set of supports; got {size} rows"
                 f" and {modes} rigid-body modes after {len(self.basis)} and {self.rigid}."
             )
-        return structure, functional(structure, self._site(given))
-
-    def extracted(self, values: Array) -> tuple[Structure, Functional, AntiOscillators]:
-        """The same, and its own model with shapes."""
-        structure, load = self.made(values)
-        site = self._site(dict(zip(self.names, values.tolist(), strict=True)))
-        return structure, load, extract(structure, site, self.n)
-
-    def _site(self, given: dict[str, float]) -> Site:
-        site = self.site if isinstance(self.site, Site) or not callable(self.site) else None
-        found = self.site(**given) if site is None else site
-        return checks.instance("site", found, Site, "a Site, or a function that returns one")
+        fixed = isinstance(self.site, Site) or not callable(self.site)
+        site = self.site if fixed else self.site(**given)
+        what = "a Site, or a function that returns one"
+        return structure, checks.instance("site", site, Site, what)
 
     def extend(self, structure: Structure, model: AntiOscillators) -> None:
         """Add the shapes of a structure to the space."""
@@ -107,17 +98,13 @@ class Family:
         kept = lengths > DEPENDENT * lengths[-1]
         self.basis = every @ (scale[:, None] * turn[:, kept] / np.sqrt(lengths[kept]))
 
-    def projected(self, structure: Structure, load: Functional) -> Array:
+    def projected(self, structure: Structure, site: Site) -> Array:
         """K, M and the load of the site on the space, 1/compliance of its patch."""
-        V, comm = self.basis, structure.comm
+        V, comm, load = self.basis, structure.comm, functional(structure, site)
         K, M = (dot(comm, V, multiply(matrix, V)) for matrix in (structure.K, structure.M))
         local = load.local_compliance
         own = 1 / local if local else 0.0
         return np.concatenate([K.ravel(), M.ravel(), dot(comm, V, load.b), [own]])
-
-    def release(self) -> None:
-        """Forget the space, which is as large as many models."""
-        self.basis = np.zeros((0, 0))
 
 
 @dataclass(eq=False, repr=False)
@@ -135,7 +122,7 @@ class NearbyModels(ReprMixin):
     error: float = np.nan
     extractions: int = 0
     assemblies: int = 0
-    _family: Any = None
+    _family: Family | None = None
     _made: tuple[int, float, int] = (0, 0.0, 20)
     _terms: list[tuple[int, ...]] = field(default_factory=list)
     _coefficients: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -155,7 +142,10 @@ class NearbyModels(ReprMixin):
         x = (2 * at - low - high) / (high - low)
         if np.any(np.abs(x) > 1 + 1e-9):
             self.extractions += 1
-            return replace(self._family.extracted(at)[2], shapes=None, hidden=None)
+            assert self._family is not None
+            structure, site = self._family.made(at)
+            model = extract(structure, site, self._made[2])
+            return replace(model, shapes=None, hidden=None)
         return self._at(x)
 
     def _at(self, x: Array) -> AntiOscillators:
@@ -212,7 +202,7 @@ def nearby(
     limits = {name: _range(name, given) for name, given in _named(ranges).items()}
     takes("build", build, limits)
     tol, n = checks.tolerance(tol), checks.whole("n", n)
-    family = Family(build, site, tuple(limits), n)
+    family = Family(build, site, tuple(limits))
     low, high = np.array(list(limits.values())).T
 
     def at(x: Array) -> Array:
@@ -222,9 +212,10 @@ def nearby(
     known: list[tuple[Array, AntiOscillators]] = []
     good, error = 0, np.inf
     for x in tried:
-        structure, load, model = family.extracted(at(x))
+        structure, where = family.made(at(x))
+        model = extract(structure, where, n)
         if known:
-            row = family.projected(structure, load)
+            row = family.projected(structure, where)
             error = _misfit(_model(row, family.rigid, family.shift, n), model)
         known.append((x, replace(model, shapes=None, hidden=None)))
         good = good + 1 if error < tol / 2 else 0
@@ -244,7 +235,7 @@ def nearby(
         with suppress(np.linalg.LinAlgError):  # a mass that is not positive
             found.error = max(_misfit(found._at(x), model) for x, model in known)
             if found.error <= tol:
-                family.release()
+                family.basis = np.zeros((0, 0))  # as large as many models
                 return found
     raise AccuracyError(
         f"models between {found.extractions} extractions and {found.assemblies} assemblies differ"

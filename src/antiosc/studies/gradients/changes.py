@@ -49,6 +49,8 @@ CLOSE = 1e-2
 TURNING = ("beta", "loads", "q", "v", "B")
 #: A run, a goal and its derivatives by all numbers of the march.
 Taken = tuple[Recorded, Seeds, Slopes]
+#: Another model for a model.
+Turn = Callable[[AntiOscillators], AntiOscillators]
 #: Relative changes of a parameter on either side: the first in which no modes turn into others.
 STEPS = (1e-4, 1e-5, 1e-6)
 #: Relative change of a mode above which it is another one.
@@ -59,12 +61,13 @@ VISIBLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ByModes:
-    """Derivatives by the modes of one body, and the modes' loads and start.
+    """The modes of one body, derivatives by them, and their loads and start.
 
     square, decay, load, start (J,); site (J,) by the displacement of its one site, r by its
     residual compliance. `v`, `g` (J,): modal velocities at the start and loads.
     """
 
+    modes: ModalBody
     square: Array
     decay: Array
     site: Array
@@ -75,20 +78,27 @@ class ByModes:
     g: Array
 
 
-def by_body(body: Any, modes: ModalBody, by: ByModes, closing: float) -> Values:
+def by_body(body: Any, by: ByModes, closing: float) -> Values:
     """Derivatives by the parameters of a body of one site; {} for a foreign one.
 
     `closing`: the speed [m/s] at the start with which the body closes its contact.
     """
     found: Values = {}
     if isinstance(body, Impactor):
-        found = by_body(body.body, modes, by, closing)
+        found = by_body(body.body, by, closing)
         found.pop("initial_velocity", None)
     elif isinstance(body, RigidMass | Sphere):
         mass = body.mass
-        found["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ modes.b) / (2 * mass)
+        found["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ by.modes.b) / (2 * mass)
     elif isinstance(body, AntiOscillators):
-        found = by_model(body, modes, by_matrices(body, modes, by))
+        K, M = by_matrices(body, by)
+        springs = K[0, 0] + K.diagonal()[1:] - 2 * K[0, 1:]
+        found = {
+            "m0": None if by.modes.r > 0 else float(M[0, 0]),  # a massless site has none
+            "k0": float(K[0, 0]),
+            "m": M.diagonal()[1:] + body.omega**2 * springs,
+            "omega": 2 * body.omega * body.m * springs,
+        }
     else:
         return {}
     velocity = getattr(body, "velocity", 0.0)
@@ -108,13 +118,13 @@ class ByMatrices(NamedTuple):
     M: Array
 
 
-def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatrices:
+def by_matrices(model: AntiOscillators, by: ByModes) -> ByMatrices:
     """Derivatives by the matrices of a model of one site, coordinates lambda.
 
     The modes solve K phi = x M phi, phi' M phi = 1. With a massless site (m0 = 0) the site follows
     the others, and its compliance r is the mode without inertia.
     """
-    hidden = model.hidden_count
+    hidden, modes = model.hidden_count, by.modes
     assert modes.shape is not None
     phi = modes.shape[: model.n + 1, hidden:]
     x = modes.omega[hidden:] ** 2
@@ -148,20 +158,6 @@ def by_matrices(model: AntiOscillators, modes: ModalBody, by: ByModes) -> ByMatr
     return ByMatrices((K + K.T) / 2, (M + M.T) / 2)
 
 
-def by_model(model: AntiOscillators, modes: ModalBody, by: ByMatrices) -> Values:
-    """Derivatives by m0, k0, m and omega of a model of one site.
-
-    With a massless site there is no derivative by m0: None.
-    """
-    springs = by.K[0, 0] + by.K.diagonal()[1:] - 2 * by.K[0, 1:]
-    return {
-        "m0": None if modes.r > 0 else float(by.M[0, 0]),
-        "k0": float(by.K[0, 0]),
-        "m": by.M.diagonal()[1:] + model.omega**2 * springs,
-        "omega": 2 * model.omega * model.m * springs,
-    }
-
-
 def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
     """Derivatives (J,) of the decays of free modes by their omega^2."""
     d = model.damping
@@ -185,9 +181,9 @@ def through_start(found: Recorded, by: Slopes) -> Slopes:
     stiffness = np.array([slope for slope, _ in each])
     held = np.linalg.solve(np.eye(p) + stiffness[:, None] * R, np.diag(stiffness))  # dF/d(beta q)
     by_force = by.pressed.copy()
-    spans = [(part.span, found.places[n], found.coupled(n)) for n, part in found.parts.items()]
+    spans = [(found.spans[n], found.places[n], found.coupled(n)) for n in found.bodies]
     mu = np.zeros(s.omega.size)
-    if found.settled:
+    if found.scene.preload:
         by_q = by.q if s.first is None else s.first.begun(by.q, by.v)
         H = np.diag(s.omega**2) + beta.T @ held @ beta
         scale = 1 / np.sqrt(np.where(H.diagonal() > 0, H.diagonal(), 1.0))
@@ -200,7 +196,7 @@ def through_start(found: Recorded, by: Slopes) -> Slopes:
             by.loads[0, own] += mu[free]
             by.square[own] -= mu[free] * s.q[free]
             by.beta[:p, own] += np.outer(push, s.q[free]) - np.outer(F, mu[free])
-    if found.settled:
+    if found.scene.preload:
         by.q[:] = 0.0
     by.offsets[0, :p] -= push
     by.residual[:p, :p] -= np.outer(push, F)
@@ -271,7 +267,7 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
     return total
 
 
-def _of_modes(bodies: Assembly | Recorded) -> dict[str, Array]:
+def _of_modes(bodies: Assembly) -> dict[str, Array]:
     """What each mode has, copies (…, J)."""
     s = bodies.system
     found = {"square": s.omega**2, "decay": s.decay, "beta": s.beta, "loads": s.loads,
@@ -281,14 +277,14 @@ def _of_modes(bodies: Assembly | Recorded) -> dict[str, Array]:
 
 def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
     """Modes of nearly equal frequencies of bodies of one site, and the column of the site."""
-    for part in found.parts.values():
-        omega, column = found.system.omega[part.span], part.columns.start
-        if part.columns.stop != column + 1 or not omega.size:
+    for name, span in found.spans.items():
+        omega, column = found.system.omega[span], found.columns[name].start
+        if found.columns[name].stop != column + 1 or not omega.size:
             continue
         ends = np.flatnonzero(np.diff(omega) > CLOSE * omega[:-1]) + 1
         for begin, end in zip([0, *ends], [*ends, omega.size], strict=True):
             if omega[end - 1] > omega[begin] > 0:
-                yield slice(part.span.start + begin, part.span.start + end), column
+                yield slice(span.start + begin, span.start + end), column
 
 
 def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
@@ -376,19 +372,7 @@ def _with_speed(scene: SceneParts, name: str, speed: float) -> SceneParts:
     return replace(scene, bodies={**scene.bodies, name: replace(body, velocity=speed)})
 
 
-def as_it_is(model: AntiOscillators) -> AntiOscillators:
-    """The model itself."""
-    return model
-
-
-def fewer(model: AntiOscillators) -> AntiOscillators:
-    """The model with a quarter of its anti-oscillators less, at least one."""
-    return model.truncated(model.n - max(1, round(FEWER * model.n)))
-
-
-def compared_runs(
-    hit: History,
-) -> list[tuple[History, Callable[[AntiOscillators], AntiOscillators]]]:
+def compared_runs(hit: History) -> list[tuple[History, Turn]]:
     """Runs beside which a gradient shows its errors, and what each makes of the model.
 
     Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
@@ -403,7 +387,8 @@ def compared_runs(
         )
     again, known = budget.keywords["again"], max(hit.error.values(), default=1e-3)
     tol = max(FINER * known, LEAST)
-    turns: list[Callable[[AntiOscillators], AntiOscillators]] = [as_it_is, fewer, softest]
+    less = model.n - max(1, round(FEWER * model.n))
+    turns: list[Turn] = [lambda one: one, lambda one: one.truncated(less), softest]
     if model.strain_error is not None:
         turns.append(AntiOscillators.corrected)
     return [(again(turned(model), tol), turned) for turned in turns]
@@ -452,54 +437,47 @@ def by_coupled(
     and where two poles nearly fall together.
     `change` of the goal from one model to another; `closing` as in `by_body`.
     """
-    model = found.parts[name].body
+    model = found.bodies[name].body
     if not isinstance(model, AntiOscillators) or model.sites or found.driven:
         return {}
-    result: Values = {"m0": None, "k0": None, "m": np.zeros(model.n), "omega": np.zeros(model.n)}
-    for key, place in _parameters(model):
-        slope = _slope(model, key, place, change)
-        if place is None or slope is None:
-            result[key] = slope
-        elif result[key] is not None:
-            result[key][place] = slope
+    result: Values = {}
+    for key in ("m0", "k0", "m", "omega", "damping"):
+        size = np.asarray(1.0 if key == "damping" else getattr(model, key))
+        shares = np.eye(size.size).reshape(size.size, *size.shape)
+        slopes = [_slope(model, key, share, change) for share in shares] if size.all() else [None]
+        own = None if None in slopes else np.array(slopes, float).reshape(size.shape) / size
+        result[key] = own if own is None or own.ndim else float(own)
     at, s = found.places[name], found.system.marched
-    if closing and not found.system.q[found.parts[name].span].any():
+    if closing and not found.system.q[found.spans[name]].any():
         result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
     return result
-
-
-def _parameters(model: AntiOscillators) -> Iterator[tuple[str, int | None]]:
-    """Name and place in its array of each parameter."""
-    yield from ((name, None) for name in ("m0", "k0") if getattr(model, name) > 0)
-    yield from ((name, i) for name in ("m", "omega") for i in range(model.n))
-    yield "damping", None
 
 
 def _slope(
     model: AntiOscillators,
     name: str,
-    place: int | None,
+    share: Array,
     change: Callable[[AntiOscillators, AntiOscillators], float],
 ) -> float | None:
-    """The derivative by a parameter; None where two modes turn into each other at once."""
-    given = getattr(model, name)
-    size = 1.0 if name == "damping" else float(given if place is None else given[place])
+    """The derivative by the relative change of a parameter, of the entries that `share` says.
+
+    None where two modes turn into each other at once.
+    """
     for step in STEPS:
         with suppress(NotDifferentiableError):
-            ends = (_changed(model, name, place, by) for by in (-step, step))
-            return change(*ends) / (2 * step * size)
+            ends = (_changed(model, name, by * share) for by in (-step, step))
+            return change(*ends) / (2 * step)
     return None
 
 
-def _changed(model: AntiOscillators, name: str, place: int | None, by: float) -> AntiOscillators:
+def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
     """The model with another value of a parameter, relatively."""
     given: Any = getattr(model, name)
     if isinstance(given, DampingMatrix):
         root = np.sqrt(1 + by)
-        scaled = of_factors(root * given.factor, [(root * L, tau) for L, tau in given.factors])
-        return replace(model, damping=scaled)
-    share = 1.0 if place is None else np.eye(model.n)[place]
-    changes: dict[str, Any] = {name: given * (1 + by * share)}
+        factors = [(root * L, tau) for L, tau in given.factors]
+        return replace(model, damping=of_factors(root * given.factor, factors))
+    changes: dict[str, Any] = {name: given * (1 + by)}
     return replace(model, **changes)
 
 
@@ -527,7 +505,7 @@ def changed_coupled(
     return total
 
 
-def _of_march(bodies: Assembly | Recorded) -> dict[str, Array]:
+def _of_march(bodies: Assembly) -> dict[str, Array]:
     """What the march takes of the modes, and how these move the sites, rows (n, I) or (n, 2 I)."""
     s, first = bodies.system.marched, bodies.system.first
     assert first is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Run
-from antiosc.simulation.march.system import System
 from antiosc.simulation.states import (
     forces,
     located,
@@ -37,34 +37,11 @@ SAMPLE_CHANGE = 1e-6
 REFINED = 6
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
-    """A body: its modes among all, the columns of its sites, and its form in free modes if any."""
+@dataclass(eq=False)
+class Recorded(Assembly):
+    """The bodies and contacts of a run, and what its march wrote down."""
 
-    body: Any
-    modes: Any
-    span: slice
-    columns: slice
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """What the march took and wrote down; B (J, P), r (P, P), G (m, P) as in `Assembly`.
-
-    `ends`: the names of the ends of the contacts; `laws`: as they were given. `driven`: loads or
-    the ground act in time; `settled`: it begins in equilibrium.
-    """
-
-    system: System
     run: Run
-    parts: dict[str, Part]
-    ends: list[tuple[str, str]]
-    laws: list[ContactLaw]
-    B: Array
-    r: Array
-    G: Array
-    driven: bool
-    settled: bool
 
     @property
     def edges(self) -> Array:
@@ -75,13 +52,23 @@ class Recorded:
     def places(self) -> dict[str, slice]:
         """The modes of each body among those that the march integrates."""
         first = self.system.first
-        spans = [part.span for part in self.parts.values()] if first is None else first.spans
-        return dict(zip(self.parts, spans, strict=True))
+        return self.spans if first is None else dict(zip(self.bodies, first.spans, strict=True))
+
+    @property
+    def driven(self) -> bool:
+        """Whether loads or the ground act in time."""
+        return bool(self.scene.loads) or self.scene.base is not None
+
+    def model(self, name: str) -> AntiOscillators:
+        """The extracted model that is this body."""
+        body = self.bodies[name].body
+        assert isinstance(body, AntiOscillators)
+        return body
 
     def coupled(self, name: str) -> bool:
         """Whether damping couples the modes of a body."""
         first = self.system.first
-        return first is not None and first.parts[list(self.parts).index(name)][2] is not None
+        return first is not None and first.parts[list(self.bodies).index(name)][2] is not None
 
     def states(self) -> Array:
         """States (n + 1, 2, I) at the edges, of the modes that the march integrates."""
@@ -101,22 +88,8 @@ def recorded(hit: object) -> Recorded:
     if not isinstance(hit, History) or run is None or run.exits is None or run.states is None:
         raise InputError(f"hit must be {EXACT}; got {checks.shown(hit)}.")
     a = hit.assembly
-    parts = {
-        name: Part(body.body, body.modes, a.spans[name], a.columns[name])
-        for name, body in a.bodies.items()
-    }
-    return Recorded(
-        system=a.system,
-        run=run,
-        parts=parts,
-        ends=[(contact.a, contact.b) for contact in a.scene.contacts],
-        laws=[contact.law for contact in a.scene.contacts],
-        B=a.B,
-        r=a.r,
-        G=a.G,
-        driven=bool(a.scene.loads) or a.scene.base is not None,
-        settled=a.scene.preload,
-    )
+    given = {each.name: getattr(a, each.name) for each in fields(a)}
+    return Recorded(**given | {"parts": lambda: (a.scene, a.bodies)}, run=run)
 
 
 @dataclass(eq=False)
@@ -290,9 +263,10 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
 
 def _side(found: Recorded, c: int, end: int = 0) -> Array:
     """Weights (P,) of the columns in the displacement of an end, along the force on the first."""
-    body = found.parts[found.ends[c][end].partition(":")[0]]
+    contact = found.scene.contacts[c]
+    columns = found.columns[(contact.b if end else contact.a).partition(":")[0]]
     own = np.zeros(found.G.shape[1])
-    own[body.columns] = (1 if end else -1) * found.G[c, body.columns]
+    own[columns] = (1 if end else -1) * found.G[c, columns]
     return own
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
@@ -23,18 +22,16 @@ from antiosc.studies.gradients.changes import (
     ByModes,
     Taken,
     Values,
-    as_it_is,
     bar,
     by_body,
     by_coupled,
-    by_matrices,
     by_springs,
     changed_model,
     compared_runs,
     first_order_weights,
     through_start,
 )
-from antiosc.studies.gradients.goals import Part, Recorded, Sampled, Seeds, recorded, seeds
+from antiosc.studies.gradients.goals import Recorded, Sampled, Seeds, recorded, seeds
 
 if TYPE_CHECKING:
     from antiosc.studies.gradients.of_part import Chain
@@ -158,7 +155,7 @@ def gradient(
     """
     if error is not None:
         checks.choice("error", error, ("estimate",))
-    runs = [(hit, as_it_is), *(compared_runs(hit) if error is not None else ())]
+    runs = [(hit, lambda one: one), *(compared_runs(hit) if error is not None else ())]
     taken = [derived(each, goal, contact, time) for each, _ in runs]
     bodies = [_bodies(one, *each) for (one, _), each in zip(runs, taken, strict=True)]
     if part is not None:
@@ -214,7 +211,7 @@ def derived(
 
 def _settled(found: Recorded, slopes: engine.Slopes) -> engine.Slopes:
     """The derivatives with what the forces and the rest at the start have of them."""
-    closed = found.settled or found.system.pressed.any()
+    closed = found.scene.preload or found.system.pressed.any()
     return through_start(found, slopes) if closed else slopes
 
 
@@ -233,7 +230,7 @@ def _of_part(
         recurrence,
     )
 
-    bodies = [each[0].parts[name].body for each in taken]
+    bodies = [found.model(name) for found, _, _ in taken]
     if isinstance(part, Structure):
         checked_shapes(part, hit, name, SAME_PART)
         chains = {
@@ -269,7 +266,7 @@ def _of_part(
 
 
 def _refuse(found: Recorded) -> None:
-    for law in found.system.laws:
+    for law in found.laws:
         if not is_compiled(law):
             raise InputError(
                 f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
@@ -278,21 +275,27 @@ def _refuse(found: Recorded) -> None:
 
 
 def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
-    if contact is None and len(found.ends) == 1:
+    every = _ends(found)
+    if contact is None and len(every) == 1:
         return 0
-    for i, ends in enumerate(found.ends):
+    for i, ends in enumerate(every):
         if isinstance(contact, tuple | list) and [*ends] == [str(end) for end in contact]:
             return i
-    listed = ", ".join(map(str, found.ends))
+    listed = ", ".join(map(str, every))
     raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
+
+
+def _ends(found: Recorded) -> list[tuple[str, str]]:
+    """The names of the ends of each contact."""
+    return [(contact.a, contact.b) for contact in found.scene.contacts]
 
 
 def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
     result: dict[str, Values] = {}
-    for name in found.parts:
+    for name, body in found.bodies.items():
         if found.coupled(name):
-            closing = _closing(found, found.parts[name])
+            closing = _closing(found, name)
             change = partial(changed_model, hit, (found, wanted, slopes), name)
             own = by_coupled(found, slopes, name, closing, change)
             if own:
@@ -300,23 +303,18 @@ def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> 
             continue
         by = _by_modes(found, wanted, _settled(found, slopes), name)
         if by is not None:
-            part = found.parts[name]
-            result[name] = by_body(part.body, part.modes, by, _closing(found, part))
+            result[name] = by_body(body.body, by, _closing(found, name))
     return result
 
 
 def _by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> ByModes | None:
     """Derivatives by the modes of a body of one site; None of others."""
-    part, s = found.parts[name], found.system
-    own, k, at = part.span, part.columns.start, found.places[name]
-    if (
-        found.coupled(name)
-        or found.driven
-        or not isinstance(part.modes, ModalBody)
-        or part.columns.stop - k != 1
-    ):
+    s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
+    k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes
+    if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
         return None
     return ByModes(
+        modes=modes,
         square=slopes.square[at],
         decay=slopes.decay[at],
         site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[own, k],
@@ -328,14 +326,15 @@ def _by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) 
     )
 
 
-def _closing(found: Recorded, part: Part) -> float:
+def _closing(found: Recorded, name: str) -> float:
     """Speed [m/s] with which a body of one site closes its contact at the start."""
-    rows = found.system.beta[found.G[:, part.columns.start] != 0][:, part.span]
-    return float(rows[0] @ found.system.v[part.span]) if len(rows) else 0.0
+    span, touching = found.spans[name], found.G[:, found.columns[name].start] != 0
+    rows = found.system.beta[touching][:, span]
+    return float(rows[0] @ found.system.v[span]) if len(rows) else 0.0
 
 
 def model_name(found: Recorded) -> str:
-    models = [n for n, each in found.parts.items() if isinstance(each.body, AntiOscillators)]
+    models = [n for n, each in found.bodies.items() if isinstance(each.body, AntiOscillators)]
     if len(models) != 1:
         raise InputError(
             f"part needs a run with one extracted model; this one has {len(models)} models."
@@ -354,19 +353,17 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str)
             " moving ground (and a design map one whose damping does not couple its modes): give a"
             " function of x that builds the part, and x."
         )
-    part = found.parts[name]
-    touching = np.flatnonzero(found.G[:, part.columns.start])
-    freed = [
-        c for c in touching if c < len(found.laws) and found.system.laws[c] is not found.laws[c]
-    ]
-    matrices = by_matrices(part.body, part.modes, by)
-    local = float(slopes.laws[freed, 1].sum()) if part.body.local_compliance > 0 else 0.0
-    return chain(part.body, part.modes, by, matrices, local)
+    model = found.model(name)
+    touching = found.G[:, found.columns[name].start]
+    given = zip(touching, found.scene.contacts, found.laws, strict=False)
+    freed = [c for c, (on, contact, law) in enumerate(given) if on and law is not contact.law]
+    local = float(slopes.laws[freed, 1].sum()) if model.local_compliance > 0 else 0.0
+    return chain(model, by, local)
 
 
 def _contacts(found: Recorded, slopes: engine.Slopes) -> dict[tuple[str, str], Values]:
     result: dict[tuple[str, str], Values] = {}
-    for c, (ends, law) in enumerate(zip(found.ends, found.system.laws, strict=True)):
+    for c, (ends, law) in enumerate(zip(_ends(found), found.laws, strict=True)):
         values = _by_law(law, slopes.laws[c])
         values["gap"] = float(slopes.offsets[:, c].sum())
         if found.system.tangents[c, 1] > 0:

@@ -24,6 +24,7 @@ import ufl
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
+from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import ErrorOption, extract
@@ -35,9 +36,8 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping import DampingMatrix, along
-from antiosc.models.modal import ModalBody
 from antiosc.results.fields import checked_shapes
-from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values
+from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
 from antiosc.studies.gradients.goals import Sampled
 from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
 
@@ -112,9 +112,7 @@ class Chain:
         return total
 
 
-def chain(
-    model: AntiOscillators, modes: ModalBody, by: ByModes, m: ByMatrices, local: float
-) -> Chain:
+def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     """The chain to the part of a model with shapes.
 
     Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
@@ -123,7 +121,7 @@ def chain(
     assert model.shapes is not None
     beside = np.eye(model.n + 1)
     beside[1:, 0] = -1.0
-    motions, hidden = [], model.hidden_count
+    motions, hidden, modes = [], model.hidden_count, by.modes
     for slope, value in ((by.start, by.v), (by.load, by.g)):
         if modes.inertia is not None and value.any():
             assert modes.shape is not None
@@ -132,7 +130,7 @@ def chain(
             motions.append((beside @ own, motion))
     K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
     M[0, 1:] = M[1:, 0] = model.m
-    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in m))
+    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
@@ -393,6 +391,7 @@ class DesignMap(ReprMixin):
         return draw_design(corners, value, f"d {self.goal} / kg of {self.by}", path)
 
 
+@one_thread()
 def design_map(
     part: Structure,
     hit: Any,
@@ -438,8 +437,8 @@ def design_map(
     for change, by_reduced, reduced in zip(changes, to.by, to.reduced, strict=True):
         if change:
             shares, turn = _principal(by_reduced, reduced)
-            block = turn.T @ to.shapes.T
-            relative += compat.quadratic(change, meshed.form.space, block, shares, DEGREE)
+            vectors = to.shapes @ turn
+            relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
     if by == "E" and to.by_local:
         relative += _of_patch(meshed, to, relative.size)
     size = np.array(own)[meshed.part_of_cells()[: relative.size]]
