@@ -50,6 +50,18 @@ def read(
     return json.loads(json.dumps(model)), whole.deck
 
 
+def column(first: int = 1, at: float = 0.0, cells: int = 2, elset: str = "ALL") -> str:
+    """Bricks of 1 × 1 × 1 along z: nodes by layers of four, elements from the same number."""
+    text = "*NODE\n"
+    for k in range(4 * (cells + 1)):
+        x, y = [(0, 0), (1, 0), (1, 1), (0, 1)][k % 4]
+        text += f"{first + k},{x},{y},{at + k // 4}\n"
+    text += f"*ELEMENT, TYPE=C3D8, ELSET={elset}\n"
+    for k in range(cells):
+        text += ",".join(map(str, [first + k, *(first + 4 * k + n for n in range(8))])) + "\n"
+    return text
+
+
 def alike(found: Any, expected: Any, rel: float = 1e-9) -> None:
     """Equal texts, keys and lengths; numbers to `rel`, those below 1e-14 are zeros."""
     if isinstance(expected, dict):

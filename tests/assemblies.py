@@ -92,6 +92,24 @@ def eigenfrequencies(structure: ao.Structure, n: int) -> np.ndarray:
     return np.sqrt(np.abs(1 / theta[::-1] - shift))
 
 
+def lowest(structure: ao.Structure, count: int = 6) -> np.ndarray:
+    """Lowest ω² of a supported structure, dense; M has zeros at fixed dofs."""
+    K, M = (csr(A).toarray() for A in (structure.K, structure.M))
+    values = scipy.linalg.eigvalsh((M + M.T) / 2, (K + K.T) / 2)
+    return 1 / values[::-1][:count]
+
+
+def compliances(structure: ao.Structure, *sites: ao.Site) -> np.ndarray:
+    """bᵢᵀ K⁻¹ bⱼ by SciPy's sparse LU of the assembled K."""
+    B = np.column_stack([functional(structure, site).b for site in sites])
+    X = scipy.sparse.linalg.spsolve(csr(structure.K).tocsc(), B)
+    return B.T @ X.reshape(B.shape)
+
+
+def stiffness(structure: ao.Structure, site: ao.Site) -> float:
+    return float(1 / compliances(structure, site)[0, 0])
+
+
 def solved(structure: ao.Structure, b: np.ndarray) -> np.ndarray:
     """q under the load b."""
     free = free_dofs(structure)

@@ -44,15 +44,6 @@ def grid(path: Path, n: int, groups: int, extra: str = "") -> Path:
     return path
 
 
-def refused(text: str, error=ao.InputError):
-    """The block must raise `error` with a message of one line that matches `text`."""
-    return pytest.raises(error, match=text)
-
-
-def one_sentence(message: str) -> bool:
-    return "\n" not in message and message.rstrip().endswith(".") and len(message) < 400
-
-
 def write(path: Path, points, *cells) -> Path:
     meshio.Mesh(np.asarray(points, dtype=float), list(cells)).write(path)
     return path

@@ -42,6 +42,16 @@ ENVIRONMENT = {
     "HWLOC_HIDE_ERRORS": "2",
     "OMP_NUM_THREADS": "1",
 }
+#: What most scripts import.
+START = """
+import json, sys, warnings
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+import antiosc as ao
+import parts
+from antiosc.fem.platform import compat
+"""
 #: Seconds over its time for which a rank whose test's process was killed may hang.
 SPARE = 30
 

@@ -16,6 +16,8 @@ from antiosc_decks.sources import Sources
 
 CORNERS = [(x, y, z) for z in (0, 10) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]
 GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
+#: The same of 1 × 1 × 1.
+UNIT_GRIDS = GRIDS.replace("20.", "1.").replace("10.", "1.")
 MAT1 = "MAT1,1,2.+5,,.3,8.-9\n"
 HEXA = "CHEXA,1,7,1,2,3,4,5,6,\n,7,8\n"
 E, NU, RHO = 2e11, 0.3, 8e3
@@ -23,12 +25,14 @@ E, NU, RHO = 2e11, 0.3, 8e3
 CYCLIC = "CORD2R,5,,0.,0.,0.,1.,0.,0.,\n,0.,1.,0.\n"
 
 
-def read(folder: Path, text: str, density: float | None = None) -> tuple[dict[str, Any], Deck]:
+def read(
+    folder: Path, text: str, density: float | None = None, unit: str = "mm"
+) -> tuple[dict[str, Any], Deck]:
     """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.bdf"
     path.write_text(text)
     found = nastran.read(Sources(path, path.name))
-    model = nastran_model.model_of(found, UnitSystem.of("mm"), density)
+    model = nastran_model.model_of(found, UnitSystem.of(unit), density)
     return json.loads(json.dumps(model)), found.deck
 
 

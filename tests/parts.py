@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,13 @@ import scipy.sparse.linalg
 import ufl
 from mpi4py import MPI
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.compiled_forms import compiler
+from antiosc.fem.site import functional
 
 Array = NDArray[np.float64]
 Marker = Callable[[Array], NDArray[np.bool_]]
@@ -66,6 +69,22 @@ def plate(
 ) -> ao.Mesh:
     """A rectangle in the plane, as `box`."""
     return box(n, size, cell, comm, groups)
+
+
+def held_sheet(cell: str = "quadrilateral") -> ao.Structure:
+    """A sheet of steel in plane stress, 0.2 × 0.06 m, held at its left side."""
+    steel = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+    return ao.Structure(plate((6, 3), (0.2, 0.06), cell), steel, [ao.Support("left")])
+
+
+def nodal(structure: ao.Structure, field: Callable[[Array], Array]) -> Array:
+    """Dofs of the displacement field x (3, n) -> (gdim, n)."""
+    u = np.zeros(structure.K.getSize()[0])
+    for axis, name in enumerate("xyz"):
+        if name in structure.form.components:
+            dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[name])
+            u[dofs] = field(x.T)[axis]
+    return u
 
 
 def frame(
@@ -122,6 +141,19 @@ def bend_plane(x: Array) -> Array:
     return bent
 
 
+@contextmanager
+def gmsh_session() -> Iterator[Any]:
+    """A quiet gmsh session of this process."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
 def gmsh_cube(
     path: Path,
     cell: str,
@@ -136,12 +168,8 @@ def gmsh_cube(
 
     Groups: "body"; in `.msh` files also "clamp", on x = 0 before bending, and the point "corner".
     """
-    import gmsh
-
     space = cell in ("tetrahedron", "hexahedron")
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with gmsh_session() as gmsh:
         gmsh.model.add("cube")
         geo = gmsh.model.geo
         corner = geo.addPoint(0, 0, 0)
@@ -172,8 +200,6 @@ def gmsh_cube(
         gmsh.option.setNumber("Mesh.MshFileVersion", version)
         gmsh.option.setNumber("Mesh.Binary", binary)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return path
 
 
@@ -192,6 +218,35 @@ def direct_stiffness(K: Any, M: Any, b: Array, omega: Array) -> Array:
         x += factor.solve(b - K @ x + w**2 * (M @ x))  # one step of refinement
         values.append(1 / (b @ x))
     return np.array(values)
+
+
+def unreduced(part, site, times, ball, law, decay=0.0):
+    """u, u', u'' (times, dofs) and F of the whole model and the mass, by DOP853."""
+    b = functional(part, site).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    K, M = (csr(A)[free][:, free].toarray() for A in (part.K, part.M))
+    inverse, own = np.linalg.inv(M), b[free]
+    A, push = inverse @ K, inverse @ own
+    n = len(free)
+
+    def force(y):
+        return law.stiffness * max(y[2 * n] - own @ y[:n], 0.0) ** 1.5
+
+    def slope(t, y):
+        F = force(y)
+        pulled = push * F - A @ y[:n] - 2 * decay * y[n : 2 * n]
+        return np.concatenate([y[n : 2 * n], pulled, [y[2 * n + 1], -F / ball.mass]])
+
+    start = np.zeros(2 * n + 2)
+    start[-1] = ball.velocity
+    y = solve_ivp(
+        slope, (0, times[-1]), start, "DOP853", times, rtol=1e-8, atol=1e-12, max_step=1e-5
+    ).y
+    F = np.array([force(row) for row in y.T])
+    u, v, a = (np.zeros((len(times), len(b))) for _ in range(3))
+    u[:, free], v[:, free] = y[:n].T, y[n : 2 * n].T
+    a[:, free] = np.outer(F, push) - u[:, free] @ A.T - 2 * decay * v[:, free]
+    return u, v, a, F
 
 
 EXPONENTS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0)]

@@ -1,16 +1,15 @@
-"""Fields after an impact: probes against an independent integration, series that ParaView opens."""
+"""Fields after an impact: probes against an independent integration, series and pictures."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 
+import dolfinx
+import meshio
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import meshio
 import scipy.linalg
+from mpi4py import MPI
 
 import antiosc as ao
 import parts
@@ -18,6 +17,7 @@ from antiosc.fem.fields import series
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
+from antiosc.results import fields
 from scenes import finely
 
 NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
@@ -31,20 +31,14 @@ MODELS = {
 }
 
 
-pytestmark = pytest.mark.fem
-
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 DURATION = 1e-3
 
 
-def sheet(cell: str = "quadrilateral") -> ao.Structure:
-    return ao.Structure(parts.plate((6, 3), (0.2, 0.06), cell), PLANE, [ao.Support("left")])
-
-
 @pytest.fixture(scope="module")
 def hit():
-    structure = sheet()
+    structure = parts.held_sheet()
     model = ao.extract(structure, SITE, n=structure.dofs - 1, method="modes", tol=1e-13)
     striker = ao.RigidMass(mass=0.1, velocity=1.0)
     return structure, ao.simulate(model, striker, ao.Hertz(1e9), duration=DURATION, step=2e-6)
@@ -116,7 +110,7 @@ def test_series_for_paraview(tmp_path, kind):
         structure = ao.Structure(parts.line(0.8, 4, (1, 2, -2)), beam, [ao.Support("left")])
         site = ao.Site(0.8 * np.array([1, 2, -2]) / 3, (2, 1, 2))
     elif kind in ("triangle", "quadrilateral"):
-        structure, site = sheet(kind), SITE
+        structure, site = parts.held_sheet(kind), SITE
     else:
         path = parts.gmsh_cube(tmp_path / "cube.msh", kind, 2, bent=True)
         structure = ao.Structure(ao.read_mesh(path), ao.Solid(**parts.STEEL), [ao.Support("clamp")])
@@ -209,7 +203,7 @@ def test_names_that_make_no_series(tmp_path, hit):
 @pytest.mark.parametrize("role", ["structure", "impactor"])
 def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
     """The site in the field moves as the history says: the static correction included."""
-    structure = sheet()
+    structure = parts.held_sheet()
     model = ao.superposition(structure, SITE, 4) if kind == "plain" else MODELS[kind](structure)
     law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
     b = functional(structure, SITE).b
@@ -239,7 +233,7 @@ def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
 @pytest.mark.parametrize("kind", MODELS)
 def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
-    structure = sheet()
+    structure = parts.held_sheet()
     body = MODELS[kind](structure).modal()
     b, force = functional(structure, SITE).b, 3.0
     free = np.setdiff1d(np.arange(len(b)), structure.fixed)
@@ -277,3 +271,83 @@ def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
         assert [f.get("file") for f in frames] == [f"{name}_{i:04d}.vtu" for i in range(2)]
         assert float(frames[1].get("timestep")) == pytest.approx((1 + len(NAMES) + k) * 1e-6)
         assert all((tmp_path / f.get("file")).is_file() for f in frames)
+
+
+@pytest.fixture(scope="module")
+def struck():
+    structure = parts.held_sheet()
+    model = ao.extract(structure, ao.Site((0.13, 0.06), (0.2, -1), radius=0.035), n=4)
+    return structure, ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3)
+
+
+def test_the_skin_is_the_surface_and_moves_with_the_part():
+    """Its area is that of a block of 200 × 50 × 40 mm, and each of its points moves as probed."""
+    from antiosc.results.fields import skin
+
+    block = ao.Structure(parts.box((8, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    model = ao.extract(block, ao.Site((0.1, 0.025, 0.04), (0, 0, -1), radius=0.025), n=4)
+    struck = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e7), 3e-4)
+    points, faces, moved = skin(block, struck, 2e-4)
+    assert faces.shape == (2 * (8 * 2 + 8 * 2 + 2 * 2), 4)
+    a, b, c, d = points[faces].transpose(1, 0, 2)
+    across = np.cross(c - a, d - b)
+    area = np.linalg.norm(across, axis=1).sum() / 2
+    assert area == pytest.approx(2 * (0.2 * 0.05 + 0.2 * 0.04 + 0.05 * 0.04), rel=1e-12)
+    for i in (int(faces.max()), int(faces[7, 2])):
+        probed = ao.probe(block, struck, points[i], [2e-4])[0]
+        np.testing.assert_allclose(moved[i], probed, atol=1e-9 * np.abs(moved).max())
+
+
+def test_the_picture_of_a_moved_sheet(struck, tmp_path):
+    pytest.importorskip("matplotlib")
+    from antiosc.plotting import plot_deformed
+
+    structure, history = struck
+    path = plot_deformed(
+        structure, history, tmp_path / "sheet.png", point=(0.13, 0.06, 0), direction=(0.2, -1, 0)
+    )
+    assert path.stat().st_size > 3000
+    with pytest.raises(ao.InputError, match="point"):
+        plot_deformed(structure, history, path, point=(0.13, 0.06, 0))
+    with pytest.raises(ao.InputError, match="within the run"):
+        plot_deformed(structure, history, path, time=1.0)
+
+
+@pytest.mark.slow
+def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
+    """A shell on a mesh with two coordinates moves along z: probe and series show it."""
+    flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), np.array([0.2, 0.1])], [4, 2])
+    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
+    part = ao.Structure(ao.read_mesh(flat), ao.Shell(70e9, 0.3, 2700.0, 2e-3), [clamp])
+    model = ao.extract(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), n=4)
+    struck = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Linear(1e5), 2e-3)
+    tip = ao.probe(part, struck, (0.15, 0.05))
+    assert tip.shape == (len(struck.time), 3)
+    assert -tip[:, 2] == pytest.approx(struck.displacement, abs=0.05 * struck.displacement.max())
+    _, _, moved = fields.skin(part, struck, float(struck.time[-1]))
+    assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("scale", [1.0, 10.0])
+def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
+    """It is a quarter as long as the part, along the direction, in mm or in m."""
+    art3d = pytest.importorskip("mpl_toolkits.mplot3d.art3d")
+    from antiosc.plotting import plot_deformed
+
+    sides = scale * np.array([0.2, 0.1])
+    flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), sides], [2, 2])
+    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
+    part = ao.Structure(ao.read_mesh(flat), ao.Shell(70e9, 0.3, 2700.0, 2e-3), [clamp])
+    at, along = (*(0.5 * sides), 0.0), np.array([2.0, -1.0, -2.0]) / 3
+    model = ao.extract(part, ao.Site(at, (0, 0, -1)), n=2)
+    struck = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Linear(1e5), 5e-4)
+    figure = plot_deformed(part, struck, point=at, direction=tuple(7 * along), view=(70.0, 10.0))
+    axes = figure.axes[0]
+    assert (axes.elev, axes.azim) == (70.0, 10.0)
+    lines = [c for c in axes.collections if isinstance(c, art3d.Line3DCollection)]
+    shaft = max((np.asarray(s) for c in lines for s in c._segments3d), key=np.ptp)
+    unit = 1e3 if sides.max() < 1 else 1.0
+    tip, length = unit * np.array(at), 0.25 * unit * sides[0]
+    ends = shaft[np.argsort(np.linalg.norm(shaft - tip, axis=1))]
+    np.testing.assert_allclose(ends, [tip, tip - length * along], atol=1e-9 * length)

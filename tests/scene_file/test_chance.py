@@ -1,12 +1,16 @@
-"""[monte_carlo] of scene files: what `ao.monte_carlo` finds with the same draws."""
+"""Scenes that are drawn at random, of a measurement, and on two ranks."""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-from scene_files import BEAM, BRACKET, HIT, antiosc, numbers, objects, table, written
+from antiosc.app.cli import main as command
+from mpi import run_ranks
+from scene_files import BEAM, BRACKET, HIT, MASS, antiosc, numbers, objects, table, written
 
 SPEED = 'impactor.velocity = {kind = "normal", mean = 1.0, sigma = 0.1}\n'
 LAW = 'contact.stiffness = {kind = "lognormal", mean = 5e8, variation = 0.2}\n'
@@ -94,3 +98,103 @@ def test_materials_and_points_are_drawn(tmp_path):
     many = objects(written(tmp_path, scene + point), "monte-carlo").sample
     assert set(many.inputs["point"]) == {0, 1}
     assert len(set(many.values["peak_force"])) == 2
+
+
+SCENE = f"""\
+[frf]
+path = "hammer.csv"
+quantity = "receptance"
+[from_frf]
+band = [5.0, 400.0]
+damping = "viscous"
+{HIT.replace("5e8", "1e6").replace("2e-3", "2e-2")}[output]
+json = true
+"""
+
+
+@pytest.fixture
+def measurement(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    f = np.linspace(2.0, 400.0, 200)
+    w = 2 * np.pi * f
+    H = 1 / (1e5 + 6j * w - 0.5 * w**2) + 1e-7
+    np.savetxt("hammer.csv", np.column_stack([f, H.real, H.imag]))
+
+
+@pytest.mark.slow
+def test_a_measurement_is_struck(tmp_path, capsys, measurement):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    assert command(["run", "scene.toml"]) == 0
+    assert "noise" in capsys.readouterr().out
+    result = json.loads((tmp_path / "scene_out" / "result.json").read_text())
+    assert {"noise", "band", "total"} <= set(result["result"]["error_budget"]["peak_force"])
+
+
+SPHERE = (
+    '[impactor]\nkind = "Sphere"\nradius = 0.01\nE = 210e9\nnu = 0.3\nrho = 7850\nvelocity = 2.0\n'
+)
+LEVER = f"""\
+{BRACKET}[extract]
+n = 8
+{HIT.replace("2e-3", "5e-4").replace(MASS, SPHERE)}[probes.corner]
+point = [0.0, 0.030, 0.086]
+quantity = "velocity"
+[output]
+fields = true
+"""
+SCRIPT = """
+import sys
+from antiosc.app.cli import main
+print("ended with", main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.fem
+@pytest.mark.slow
+def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
+    path = written(tmp_path, LEVER)
+    assert antiosc("run", path, "--out", tmp_path / "one", "--report", tmp_path / "one.html") == 0
+    serial = capsys.readouterr().out
+    files = ("--out", str(tmp_path / "two"), "--report", str(tmp_path / "two.html"))
+    first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
+    told = [line.split("  ")[0] for line in first.replace("/two", "/one").splitlines()]
+    assert told == [*(line.split("  ")[0] for line in serial.splitlines()), "ended with 0"]
+    assert second == "ended with 0\n"
+    one, two = numbers(tmp_path / "one"), numbers(tmp_path / "two")
+    assert two["result"]["peak_force"] == pytest.approx(one["result"]["peak_force"], rel=1e-8)
+    assert two["model"]["k0"] == pytest.approx(one["model"]["k0"], rel=1e-8)
+    pages = [(tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "two.html")]
+    drawn = [page.count("<img ") for page in pages]
+    assert drawn[0] == drawn[1] > 3
+    names = sorted(p.name for p in (tmp_path / "one").iterdir())
+    assert sorted(p.name for p in (tmp_path / "two").iterdir()) == names
+    assert {"history.csv", "probes.csv", "result.json", "series.pvd"} <= set(names)
+
+
+@pytest.mark.mpi
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_mistake_is_told_once_and_ends_both_ranks(tmp_path):
+    path = written(tmp_path, LEVER.replace('"clamp"', '"clampp"'))
+    script = "import sys, io, contextlib\nfrom antiosc.app.cli import main\n"
+    script += "told = io.StringIO()\nwith contextlib.redirect_stderr(told):\n"
+    script += "    code = main(sys.argv[1:])\nprint(code, told.getvalue())\n"
+    first, second = run_ranks(2, script, "run", str(path))
+    assert first.startswith("1 ")
+    assert "has no group 'clampp'" in first
+    assert second == "1 \n"
+
+
+@pytest.mark.mpi
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_file_that_cannot_be_written_ends_both_ranks(tmp_path):
+    """The report comes after it, and its field is shared among the ranks."""
+    (tmp_path / "out/result.json").mkdir(parents=True)
+    path = written(tmp_path, LEVER.replace("fields = true", "csv = false"))
+    files = ("--out", str(tmp_path / "out"), "--report", str(tmp_path / "r.html"))
+    first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
+    assert first.endswith("ended with 1\n")
+    assert second == "ended with 1\n"
+    assert not (tmp_path / "r.html").exists()

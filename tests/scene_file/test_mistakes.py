@@ -2,15 +2,45 @@
 
 from __future__ import annotations
 
+import inspect
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from numpy.typing import ArrayLike
 
 import antiosc as ao
 from antiosc.app.scene_file.build import Call, Evaluation
-from antiosc.app.scene_file.document import DEEPEST, LARGEST_FILE, Document, Problems, read
-from scene_files import BEAM, BRACKET, HIT, LAW, MASS, SCENES, antiosc, written
+from antiosc.app.scene_file.document import (
+    DEEPEST,
+    LARGEST_FILE,
+    Document,
+    Problems,
+    SceneFileError,
+    lines_of,
+    read,
+)
+from antiosc.app.scene_file.scene import Compiled, compiled
+from antiosc.app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of
+from scene_files import (
+    ASKED,
+    BEAM,
+    BODIES,
+    BRACKET,
+    DECK,
+    FALL,
+    HIT,
+    LAW,
+    MASS,
+    MATRICES,
+    MESH,
+    MODEL,
+    SCENES,
+    SITE,
+    antiosc,
+    written,
+)
 
 #: line of BEAM that is replaced -> its replacement, and a word of the one sentence; further
 #: mistakes stand in MANY.
@@ -128,6 +158,7 @@ TWENTY = {
 }  # fmt: skip
 
 
+@pytest.mark.fem
 def test_what_a_run_would_tell_is_told_before(tmp_path, capsys):
     """Units of a material, an impactor that flies away, a map without points."""
     heavy = BRACKET.replace("rho = 2700", "rho = 2.7e-9")
@@ -193,7 +224,6 @@ def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
 @pytest.mark.fem
 def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
     """Names of supports, sites and probes; and a deck that cannot be read."""
-    pytest.importorskip("dolfinx")
     deck = written(tmp_path, (SCENES / "bar.inp").read_text(), "bar.inp")
     right = (SCENES / "deck.toml").read_text()
     assert antiosc("check", written(tmp_path, right)) == 0
@@ -213,7 +243,6 @@ def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
 
 @pytest.mark.fem
 def test_groups_of_a_deck_of_several_parts(tmp_path):
-    pytest.importorskip("dolfinx")
     from antiosc.fem.assembly.from_deck import outline_of_deck
 
     text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n*NSET,NSET=TIP\n5\n"
@@ -277,3 +306,122 @@ def test_only_wrong_input_gets_the_line_of_its_table():
     wrong = ao.InputError("duration must be > 0.")
     assert failing(wrong, ()) is wrong
     assert str(failing(wrong, ("simulate",))).startswith("s.toml:3: simulate: duration")
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """A scene file in the working folder, beside files that are not opened."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("part.msh", "part.inp", "model.npz", "box.geo", "plate.geo", "signals.csv"):
+        (tmp_path / name).write_text("not read")
+
+    def of(text: str) -> Compiled:
+        (tmp_path / "scene.toml").write_text(text)
+        return compiled(read("scene.toml"))
+
+    return of
+
+
+#: Scenes, and the line of each mistake with a word of its sentence.
+WRONG = {
+    "two sources": (DECK + MODEL + HIT, [(1, "point"), (3, "both")]),
+    "no material": (MESH + SITE + HIT, [(1, "constants")]),
+    "two sites": (DECK + SITE + SITE.replace(".a", ".b") + HIT, [(3, "structure:SITE")]),
+    "single and many": (BODIES + HIT, [(7, "describes")]),
+    "strike of a model": (MODEL + HIT.replace("[simulate]", "[strike]"), [(10, "strike")]),
+    "structure": (DECK + SITE + BODIES + '[bodies.structure]\nkind = "Obstacle"\n', [(18, "body")]),
+    "no run": (BODIES.replace('[run]\nduration = 1e-3\n', ''), [(1, "run")]),
+    "no contacts": (
+        BODIES[:BODIES.index('[[contacts]]')]+'[run]\nduration = 1e-3\n', [(1, "bodies")]),
+    "contact": (
+        'contacts = [3]\n' + BODIES[:BODIES.index('[[contacts]]')]+'[run]\nduration = 1e-3\n',
+        [(1, "contacts[0")]),
+    "sweep kind": (
+        MODEL + HIT.replace('"Hertz"\nstiffness = 5e8', '"impactor.hertz"') + '[sweep]\n'
+        'contact.stiffness = [1e8]\nsimulate.n = [1]\n',
+        [(7, "number"), (7, "number"), (13, "duration")]),
+    "map": (MODEL + HIT + '[map]\non = "x"\n', [(12, "map"), (13, "Anti-oscillators")]),
+    "parts": (
+        '[parts.a]\nsource = 3\n[parts]\nb = 2\n' + SITE,
+        [(1, "parts.a"), (2, "section"), (4, "parts.b")]),
+    "falls": (FALL + "ensemble = {sigma = 2.0}\n" + ASKED, [(17, "ensemble"), (20, "ensemble")]),
+    "frf": (
+        '[frf]\npath = "none.csv"\n[from_frf]\nband = [5.0]\ndamping = "rubber"\n' + SITE + HIT,
+        [(2, "exist"), (4, "shape"), (5, "viscous"), (6, "[matrices]")]),
+}  # fmt: skip
+
+
+@pytest.mark.fem
+@pytest.mark.sample
+@pytest.mark.parametrize("case", WRONG)
+def test_every_mistake_is_told_with_its_line(scene, case):
+    text, told = WRONG[case]
+    with pytest.raises(SceneFileError) as caught:
+        scene(text)
+    found = str(caught.value).splitlines()
+    assert [one.split(": ")[0] for one in found] == [f"scene.toml:{line}" for line, _ in told]
+    assert all(word in one for one, (_, word) in zip(found, told, strict=True)), found
+
+
+RUNS = {
+    "simulate": MODEL + HIT + 'n = "auto"\n',
+    "extract": MATRICES + 'dof = "z"\n[extract]\nn = 0\n' + HIT,
+    "damping": MATRICES + 'dof = "z"\n[extract]\ndamping = [0.02, 0.01]\n' + HIT,
+}
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("case", RUNS)
+def test_a_value_is_checked_by_the_rule_of_its_function(scene, case):
+    """A number of anti-oscillators may be "auto" for one function, 0 for another."""
+    scene(RUNS[case])
+
+
+@pytest.mark.fem
+def test_a_name_for_a_type_holds_what_the_type_holds():
+    """From NumPy 2.4 ArrayLike is such a name, of which nothing but its value tells the type."""
+    for annotation in (float, list[int], ArrayLike):
+        assert kinds_of(SimpleNamespace(__value__=annotation)) == kinds_of(annotation) != ()
+
+
+#: Bodies that are no impactors.
+BODIES = (ao.AntiOscillators, ao.LinearBody, ao.SoilCone)
+
+
+@pytest.mark.fem
+def test_every_public_class_of_a_section_is_in_its_list():
+    """A new material, law, impactor or joint, and each constructor of a law or an impactor."""
+    public = [getattr(ao, name) for name in ao.__all__ if inspect.isclass(getattr(ao, name))]
+    public = [kind for kind in public if not inspect.isabstract(kind)]
+    laws = [kind for kind in public if issubclass(kind, ao.ContactLaw)]
+    impactors = [kind for kind in public if callable(getattr(kind, "modal", None))]
+    impactors = [kind for kind in impactors if kind not in BODIES]
+
+    def constructors(kind: type) -> list[str]:
+        names = inspect.getmembers(kind, inspect.ismethod)
+        own = [n for n, method in names if method.__annotations__["return"] == kind.__name__]
+        return [kind.__name__, *(f"{kind.__name__}.{n}" for n in own)]
+
+    found = {
+        FAMILIES: [kind.__name__ for kind in public if hasattr(kind, "weak_form")],
+        JOINTS: [kind.__name__ for kind in public if hasattr(kind, "constraints")],
+        LAWS: [name for kind in laws for name in constructors(kind)],
+        IMPACTORS: [name for kind in impactors for name in constructors(kind)],
+    }
+    for names, kinds in found.items():
+        assert set(kinds) == set(names.split()) - {"named_impactor"}
+
+
+def test_a_text_with_the_key_of_the_lines_has_no_lines():
+    text = 'y = 1\n[a]\n"\\u0000line" = 1\n'
+    assert tomllib.loads(text)
+    assert lines_of(text, [("a",)]) == [1]
+
+
+def test_mistakes_are_told_once_in_the_order_of_the_file():
+    found = Problems("s", "\n\nb = 1\n\n\n\n[a]")
+    found.raise_if_any()
+    for place, sentence in ((("a", "x"), "first"), (("b",), "  second\n one"), (("a",), "first")):
+        found.add(place, sentence)
+    with pytest.raises(SceneFileError, match=r"^s:3: second one\ns:7: first$"):
+        found.raise_if_any()

@@ -8,7 +8,6 @@ import meshio
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 from antiosc.app import new as template

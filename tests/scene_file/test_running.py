@@ -1,8 +1,9 @@
-"""Scenes that run: the same numbers as the program that is printed, files, sweeps, forecasts."""
+"""Scenes that run, are swept or exported: the numbers of the program that is printed, and files."""
 
 from __future__ import annotations
 
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -11,12 +12,22 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.app.scene_file import outline
+from antiosc.app.scene_file.build import Call
+from antiosc.app.scene_file.document import read
+from antiosc.app.scene_file.scene import compiled
 from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
+from fmus import OK, Fmu
 from paths import MESHES
 from scene_files import (
     BEAM,
     BRACKET,
+    FRAME,
     HIT,
+    LAW,
+    MASS,
+    MATERIAL,
+    MATRICES,
     PROBE,
     SCENES,
     STRIKE,
@@ -147,7 +158,6 @@ def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):
 @pytest.mark.fem
 def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     """Its keys and values are taken when their # is removed."""
-    pytest.importorskip("dolfinx")
     target = tmp_path / "new.toml"
     assert antiosc("new", target, MESHES / "bracket.msh") == 0
     sections_and_keys = r"^# (?=\[+[a-z_.]+\]+( +#|$)|\w[\w.]* = )"
@@ -169,7 +179,6 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
 @pytest.mark.fem
 @pytest.mark.parametrize("part", ["bracket.step", "bracket.msh"])
 def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, capsys):
-    pytest.importorskip("dolfinx")
     path = tmp_path / "new.toml"
     box = "from (0, 0, 0) m to (0.084, 0.06, 0.086) m; groups: "
     for command in ("new", "check"):
@@ -233,7 +242,6 @@ def ao_parameters(call) -> list[str]:
 
 @pytest.mark.fem
 def test_the_schema_knows_every_section_and_key(capsys):
-    pytest.importorskip("dolfinx")
     assert antiosc("schema") == 0
     assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(schema()))
     found = schema()
@@ -334,3 +342,137 @@ def test_a_model_that_was_saved_is_struck_again(tmp_path, capsys):
     assert antiosc("run", again, "--out", tmp_path / "again") == 0
     peaks = [numbers(tmp_path / name)["result"]["peak_force"] for name in ("out", "again")]
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)
+
+
+MODEL = f"{MATRICES}dof = 'z'\n[extract]\nn = 6\n"
+#: The ball falls on the beam.
+FALLS = BEAM.replace("duration", "gap = 1e-5\ngravity = 9.81\nduration")
+
+
+@pytest.mark.parametrize(("text", "fmi"), [(BEAM, 2), (BEAM, 3), (FALLS, 2), (FRAME, 3)])
+def test_the_fmu_of_a_scene_file_gives_its_forces(tmp_path, text, fmi):
+    path = written(tmp_path, text)
+    assert antiosc("export", path, tmp_path / "blow.fmu", "--fmi", fmi) == 0
+    fmu = Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked")
+    assert fmu.version == fmi
+    run, hit = fmu.instance(), objects(path).history
+    assert run.begin() == OK
+    contacts = [name for name in fmu.variables if name.endswith("peak_force")]
+    found = run.run(hit.time[-1], 3, contacts)[-1]
+    run.close()
+    several = isinstance(hit, ao.SceneHistory)
+    pairs = [tuple(name.removesuffix(".peak_force").split(",")) for name in contacts]
+    expected = [hit[pair].peak_force if several else hit.peak_force for pair in pairs]
+    assert found == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "out", "word"),
+    [
+        ("no TOML", "x.txt", ".fmu"),
+        ("no TOML", "x.fmu", "TOML"),
+        (HIT, "x.fmu", "model"),
+        (MODEL.replace("n = 6", "n = -6"), "x.fmu", "-6"),
+        (FRAME, "x.mo", "Scene"),
+        (BEAM, "none/x.fmu", "x.fmu"),
+        (BEAM.replace(LAW, "[contact]\nkind = 'Linear'\nstiffness = -1.0\n"), "x.c", "stiffness"),
+    ],
+)
+def test_what_cannot_be_exported_is_one_sentence(tmp_path, capsys, text, out, word):
+    path = written(tmp_path, text)
+    assert antiosc("export", path, tmp_path / out) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word in line
+    assert list(tmp_path.iterdir()) == [path]
+
+
+STRIKE_PLATE = f"""\
+[geometry]
+source = "plate.geo"
+gdim = 2
+{MATERIAL.format("material")}plane = "stress"
+thickness = 0.01
+[[supports]]
+where = "left"
+[sites.tip]
+point = [0.15, 0.05]
+direction = [0, -1]
+radius = 0.02
+{MASS}[contact]
+kind = "Linear"
+stiffness = 1e7
+[strike]
+duration = 1e-3
+tol = 0.2
+[probes.tip]
+point = [0.15, 0.05]
+[probes.root]
+point = [0.02, 0.049]
+quantity = "stress"
+"""
+
+
+PLATE = """\
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 0.2, 0.05};
+Physical Surface("plate") = {1};
+Physical Curve("left") = {4};
+"""
+
+
+@pytest.mark.fem
+def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
+    """Its mesh is chosen where nothing but a mesh says what is struck; else the structure is."""
+
+    def struck(text: str) -> dict:
+        found = compiled(read(written(tmp_path, text))).history
+        assert found.name == "strike"
+        return found.arguments
+
+    assert struck(STRIKE)["source"].name == "Structure"
+    meshed = STRIKE.replace("order = 1\n", "").replace("[structure]\n", "")
+    assert antiosc("check", written(tmp_path, meshed.replace('"clamp"', '"klamp"'))) == 1
+    assert "did you mean 'clamp'" in capsys.readouterr().err
+    given = struck(meshed)
+    assert given["source"] == f"{MESHES}/bracket.msh"
+    assert given["material"].name == "Solid"
+    assert [one.arguments["where"] for one in given["supports"]] == ["clamp"]
+    assert antiosc("check", written(tmp_path, f"{STRIKE}[simulate]\nduration = 1e-3\n")) == 1
+    assert "[simulate] has no place beside [strike]" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.fem
+def test_probes_of_a_strike_are_those_of_its_last_mesh(tmp_path, capsys):
+    (tmp_path / "plate.geo").write_text(PLATE)
+    path = written(tmp_path, STRIKE_PLATE)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    capsys.readouterr()
+    found = objects(path)
+    hit, probes = found.history, found.probes
+    assert hit.structure.dofs == hit.model.info["strike"][-1]["dofs"]
+    rows = table(tmp_path / "out" / "probes.csv")
+    site = -probes["tip"][np.isin(rows["time (s)"], hit.time), 1]  # one point of the patch
+    assert np.abs(site - hit.displacement).max() < 0.05 * np.abs(hit.displacement).max()
+    np.testing.assert_array_equal(rows["root xx (Pa)"], probes["root"][:, 0, 0])
+    assert pickle.loads(pickle.dumps(hit)).structure is None
+
+
+@pytest.mark.fem
+def test_the_outline_of_a_file(tmp_path, monkeypatch):
+    """The box of all cells in space, the largest of them; a file that is too large is not read."""
+    path = tmp_path / "a.msh"
+    path.write_bytes(b"x" * 11)
+    call = Call(ao.read_mesh, {"source": str(path)})
+    pieces = [(np.array([[0.0, 1.0], [3.0, -1.0]]), 0.5), (np.array([[4.0, 0.0]]), 0.7)]
+    monkeypatch.setattr(outline, "_read", lambda call, path: (["A", "B"], pieces))
+    monkeypatch.setattr(outline, "LARGEST", 11)
+    found = outline.outline(call)
+    assert (found.name, found.groups, found.element) == ("a.msh", ["A", "B"], 0.7)
+    assert (found.low.tolist(), found.high.tolist()) == ([0, -1, 0], [4, 1, 0])
+    assert found.distance(np.array([4.0, 1.6, 0.0])) == 0.0
+    assert found.distance(np.array([7.0, 5.0, 0.0])) == pytest.approx(5.0)
+    monkeypatch.setattr(outline, "LARGEST", 10)
+    with pytest.raises(ao.AntioscError, match="larger") as refused:
+        outline.outline(call)
+    assert not isinstance(refused.value, ao.InputError)  # no mistake of the scene

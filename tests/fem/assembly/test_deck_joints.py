@@ -1,4 +1,4 @@
-"""Equations, rigid bodies, ties, springs and mixed elements of decks as one structure."""
+"""Joints of decks."""
 
 from __future__ import annotations
 
@@ -6,16 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
+import scipy.linalg
 
 import antiosc as ao
+from abaqus_decks import column
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site import functional
+from assemblies import compliances
 
 pytestmark = [
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
 ]
+
 
 E, A, L = 1e9, 1.0, 2.0
 MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, 0.\n*DENSITY\n1000.\n"
@@ -26,19 +29,6 @@ def read(folder: Path, text: str, **options) -> ao.Structure:
     path = folder / "part.inp"
     path.write_text(text)
     return ao.read_model(path, **options)
-
-
-def column(first: int = 1, at: float = 0.0, cells: int = 2) -> str:
-    """Bricks of 1 × 1 × 1 along z: nodes by layers of four, elements from the same number."""
-    rows = []
-    for k in range(cells + 1):
-        corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
-        rows += [f"{first + 4 * k + n},{x},{y},{at + k}" for n, (x, y) in enumerate(corners)]
-    text = "*NODE\n" + "\n".join(rows) + "\n*ELEMENT, TYPE=C3D8, ELSET=ALL\n"
-    for k in range(cells):
-        nodes = [first + 4 * k + n for n in range(8)]
-        text += f"{first + k},{','.join(map(str, nodes))}\n"
-    return text
 
 
 FOOT = "*BOUNDARY\n1,1,3\n2,1,3\n3,1,3\n4,1,3\n"
@@ -80,9 +70,6 @@ def test_a_spring_between_two_columns_is_in_series(tmp_path):
     assert k0(part, (1, 0, 7), (0, 0, 1)) == pytest.approx(exact, rel=1e-9)
 
 
-# --- Nastran --------------------------------------------------------------------------------------
-
-
 def nastran(folder: Path, *more: str) -> ao.Structure:
     """The column of two bricks as bulk data, with further entries."""
     lines = []
@@ -106,30 +93,15 @@ def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
     spread = ["RBE3,50,,100,123456,1.,123,9,10", ",11,12"]
     part = nastran(tmp_path, "GRID,100,,.5,.5,2.", *spread, f"CELAS2,60,{k},100,3")
     corners = [(x, y, L) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    b = [ao.Site(x, (0, 0, 1)) for x in corners]
-    C = _compliances(bare, b)
+    C = compliances(bare, *(ao.Site(x, (0, 0, 1)) for x in corners))
     mean = np.full(4, 0.25)
     c = C @ mean
     expected = C - np.outer(c, c) / (1 / k + mean @ c)
     assert 1 / k0(part, corners[0]) == pytest.approx(expected[0, 0], rel=1e-9)
 
 
-def _compliances(part: ao.Structure, sites: list[ao.Site]) -> np.ndarray:
-    """bᵢᵀ K⁻¹ bⱼ by SciPy."""
-    import scipy.sparse as sp
-    from scipy.sparse.linalg import spsolve
-
-    from antiosc.fem.site import functional
-
-    K = sp.csr_matrix(part.K.getValuesCSR()[::-1]).tocsc()
-    B = np.column_stack([functional(part, site).b for site in sites])
-    return np.asarray(B.T @ spsolve(K, B))
-
-
 def test_middle_nodes_that_are_held_alone(tmp_path):
     """A tetrahedron of ten nodes on one corner and three middles, against K without their rows."""
-    import scipy.linalg
-
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
     pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
     points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in pairs]])
@@ -139,11 +111,7 @@ def test_middle_nodes_that_are_held_alone(tmp_path):
     held = [1, 5, 6, 8]
     part = read(tmp_path, body + "*BOUNDARY\n" + "".join(f"{n},1,3\n" for n in held))
     free = read(tmp_path, body)
-    import scipy.sparse as sp
-
-    from antiosc.fem.site import functional
-
-    K = sp.csr_matrix(free.K.getValuesCSR()[::-1]).toarray()
+    K = csr(free.K).toarray()
     rows = [functional(free, ao.Site(tuple(points[n - 1]), d)).b for n in held for d in np.eye(3)]
     null = scipy.linalg.null_space(np.array(rows))
     site = ao.Site((0, 0, 1.0), (0.3, 0.4, 1))
@@ -186,3 +154,64 @@ def test_springs_between_nodes_are_in_series(tmp_path, kind):
         spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
     held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
     assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
+
+
+STEEL, NU, RHO, R, LENGTH, COUNT, C = 2e11, 0.3, 7800.0, 0.02, 1.0, 4, 3.0
+TIP = ao.Site((LENGTH, 0, 0), (0, 0, 1))
+
+
+def bars(*more: str) -> str:
+    """A cantilever along x, in SI units."""
+    grids = [f"GRID,{k + 1},,{k * LENGTH / COUNT},0.,0." for k in range(COUNT + 1)]
+    bars = [f"CBAR,{k + 1},1,{k + 1},{k + 2},0.,0.,1." for k in range(COUNT)]
+    rest = ["PBARL,1,1,,ROD", f",{R}", f"MAT1,1,{STEEL},,{NU},{RHO}", "SPC1,1,123456,1"]
+    return "\n".join(["BEGIN BULK", *grids, *bars, *rest, *more, "ENDDATA", ""])
+
+
+def abaqus(more: str) -> str:
+    """The same in mm, N and t."""
+    nodes = "".join(f"{k + 1},{1e3 * k * LENGTH / COUNT},0.,0.\n" for k in range(COUNT + 1))
+    beams = "".join(f"{k + 1},{k + 1},{k + 2}\n" for k in range(COUNT))
+    return (
+        f"*NODE\n{nodes}*ELEMENT,TYPE=B31,ELSET=ALL\n{beams}"
+        f"*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=CIRC\n{1e3 * R}\n0.,0.,1.\n"
+        f"*MATERIAL,NAME=M\n*ELASTIC\n{1e-6 * STEEL},{NU}\n*DENSITY\n{1e-12 * RHO}\n"
+        f"*BOUNDARY\n1,ENCASTRE\n{more}"
+    )
+
+
+DECKS = {
+    "CDAMP2": bars(f"CDAMP2,9,{C},{COUNT + 1},3"),
+    "CDAMP1": bars(f"CDAMP1,9,7,{COUNT + 1},3", f"PDAMP,5,1.,7,{C}"),
+    "CBUSH": bars(f"CBUSH,9,9,{COUNT + 1},,,,,0", f"PBUSH,9,B,,,{C}"),
+    "CVISC": bars(f"GRID,9,,{LENGTH},0.,1.,,123456", f"CVISC,9,9,9,{COUNT + 1}", f"PVISC,9,{C}"),
+    "DASHPOT1": abaqus(
+        f"*ELEMENT,TYPE=DASHPOT1,ELSET=D\n9,{COUNT + 1}\n*DASHPOT,ELSET=D\n3\n{1e-3 * C}\n"
+    ),
+    "DASHPOTA": abaqus(
+        f"*NODE\n9,{1e3 * LENGTH},0.,1000.\n*BOUNDARY\n9,1,6\n"
+        f"*ELEMENT,TYPE=DASHPOTA,ELSET=D\n9,9,{COUNT + 1}\n*DASHPOT,ELSET=D\n\n{1e-3 * C}\n"
+    ),
+}
+
+
+def structure(folder, text: str) -> ao.Structure:
+    path = folder / ("part.inp" if text.startswith("*") else "part.bdf")
+    path.write_text(text)
+    return ao.read_model(path, "mm" if text.startswith("*") else "m")
+
+
+@pytest.mark.filterwarnings("ignore:.*the one number of SECTION=CIRC")
+@pytest.mark.slow
+@pytest.mark.parametrize("case", DECKS)
+def test_a_damper_to_the_ground_gives_its_ratios(case, tmp_path):
+    text = DECKS[case]
+    damped = ao.extract(structure(tmp_path, text), TIP, n=6, error=None)
+    body = ao.superposition(structure(tmp_path, bars()), TIP, 4).modal()
+    expected = C * body.b**2 / (2 * body.omega)
+    found = damped.modal()
+    assert found.damping is not None
+    ratio = found.damping.matrix.diagonal() / (2 * found.omega)
+    np.testing.assert_allclose(found.omega[:2], body.omega[:2], rtol=2e-3)
+    np.testing.assert_allclose(ratio[:2], expected[:2], rtol=1e-2)
+    assert expected[0] > 1e-3

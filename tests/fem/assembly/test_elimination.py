@@ -7,8 +7,6 @@ import pytest
 import scipy.linalg
 import scipy.sparse
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.assembly import layout
 from antiosc.fem.assembly.assemble import eliminate
@@ -19,7 +17,7 @@ from antiosc.fem.structure import Placement
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 POST = ao.Beam(E, NU, 2700.0, ao.Section.circle(0.2))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import every_joint
 from antiosc.fem.assembly.joint import motion
@@ -18,8 +16,6 @@ from antiosc.fem.structure import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from refusals import refused
 from sheets import sheet
-
-pytestmark = pytest.mark.fem
 
 TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))
 FRAME = every_joint.FRAME

@@ -6,24 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-
-from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.site import functional
-
-pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem.extraction.eigenmodes import ModeSolver
+from assemblies import stiffness
 from mpi import run_ranks
 from paths import DECKS
-
-
-def stiffness(structure: ao.Structure, site: ao.Site) -> float:
-    """1/(bᵀ K⁻¹ b) by SciPy's sparse LU of the assembled K."""
-    rows, columns, values = structure.K.getValuesCSR()
-    K = sp.csr_matrix((values, columns, rows))
-    b = functional(structure, site).b
-    return float(1 / (b @ sp.linalg.spsolve(K.tocsc(), b)))
 
 
 def model_of(folder: Path, text: str, **options) -> ao.Structure:
@@ -33,9 +21,6 @@ def model_of(folder: Path, text: str, **options) -> ao.Structure:
 
 
 MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
-
-
-pytestmark = pytest.mark.fem
 
 
 #: A cantilever of 200 mm whose centroid lies 30 mm above its nodes.

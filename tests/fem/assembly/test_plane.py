@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from assemblies import NU, RHO, E, box, line
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:[0-9]+ constraint:antiosc.base.errors.AntioscWarning"),
 ]
 

@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import every_joint
-from mpi import one_and_several, run_ranks
+from abaqus_decks import column
+from mpi import START, one_and_several, run_ranks
 
-pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+pytestmark = pytest.mark.mpi
 
 PROGRAM = """
-import dolfinx, json, sys, warnings
-import numpy as np
-from mpi4py import MPI
-import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 import every_joint
 from assemblies import at, grouped
@@ -138,25 +133,10 @@ print(json.dumps([found, said]))
 
 
 #: A column of two bricks with a shell and a beam on top; two of its nodes move as one.
-DECK = """*NODE
-1,0,0,0
-2,1,0,0
-3,1,1,0
-4,0,1,0
-5,0,0,1
-6,1,0,1
-7,1,1,1
-8,0,1,1
-9,0,0,2
-10,1,0,2
-11,1,1,2
-12,0,1,2
+DECK = column(elset="BRICKS") + """*NODE
 13,2,0,2
 14,2,1,2
 15,.5,.5,3.
-*ELEMENT, TYPE=C3D8, ELSET=BRICKS
-1,1,2,3,4,5,6,7,8
-2,5,6,7,8,9,10,11,12
 *ELEMENT, TYPE=S4, ELSET=SKIN
 3,10,13,14,11
 *ELEMENT, TYPE=S3, ELSET=SKIN
@@ -175,20 +155,17 @@ DECK = """*NODE
 *DENSITY
 1000.
 *BOUNDARY
-1,1,3
-2,1,3
-3,1,3
-4,1,3
+1,1,3\n2,1,3\n3,1,3\n4,1,3
 *EQUATION
 2
 13,3,1.,14,3,-1.
-"""
+"""  # fmt: skip
 
 
 def test_several_ranks_give_the_assembly_of_one(tmp_path):
     (tmp_path / "deck.inp").write_text(DECK)
     files = str(tmp_path / "series.pvd"), str(tmp_path / "deck.inp")
-    (alone, told), (found, said) = one_and_several(PROGRAM, *files)
+    (alone, told), (found, said) = one_and_several(START + PROGRAM, *files)
     assert said == told
     assert not any("passed" in sentence for sentence in said)
     for name, values in alone.items():
@@ -206,25 +183,17 @@ def test_several_ranks_give_the_assembly_of_one(tmp_path):
 def test_parts_that_each_rank_has_for_itself_are_joined_by_each():
     """Even by one rank alone, which must not wait for the others."""
     script = """
-import numpy as np, dolfinx
-from mpi4py import MPI
-import antiosc as ao
 box = dolfinx.mesh.create_box(MPI.COMM_SELF, [np.zeros(3), np.ones(3)], [2, 1, 1])
 block = ao.Structure(ao.read_mesh(box), ao.Solid(70e9, 0.3, 2700.0), order=1)
 if MPI.COMM_WORLD.rank == 1:
     made = ao.assemble({"a": block}, attached=[ao.PointMass((1, 1, 1), 2.0)])
     print(made.mass)
 """
-    printed = run_ranks(2, script, timeout=100)
+    printed = run_ranks(2, START + script, timeout=100)
     assert float(printed[1]) == pytest.approx(2702.0, rel=1e-12)
 
 
 SUPERELEMENT = """
-import json, sys, warnings
-import dolfinx
-import numpy as np
-from mpi4py import MPI
-import antiosc as ao
 from antiosc.base.errors import AntioscWarning
 from assemblies import SOLID, at, grouped
 
@@ -259,5 +228,5 @@ print(json.dumps([model.k0, *model.omega[:3], *moved.real, *moved.imag]))
 
 
 def test_superelements_and_dampers_on_two_ranks():
-    alone, two = one_and_several(SUPERELEMENT)
+    alone, two = one_and_several(START + SUPERELEMENT)
     np.testing.assert_allclose(two, alone, rtol=1e-6)

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from antiosc.fem.linalg.petsc_algebra import csr
-from assemblies import static
-
-pytest.importorskip("dolfinx")
-
 from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.shared_nodes import SharedNodes
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
 from antiosc.fem.platform import compat
-from assemblies import eigenfrequencies
+from assemblies import eigenfrequencies, static
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the joints leave:antiosc.base.errors.AntioscWarning"),
-]
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:the joints leave:antiosc.base.errors.AntioscWarning"
+)
 
 SOLID = ao.Solid(70e9, 0.3, 2700.0)
 SHELL = ao.Shell(70e9, 0.3, 2700.0, 0.01)

@@ -8,16 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
-from antiosc.base.errors import InputError
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, box
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:none of the"),
 ]
@@ -80,7 +76,7 @@ def test_a_free_assembly_with_a_superelement_keeps_six_rigid_motions():
     joints = [ao.Ball(("plate", _above(name)), f"ecu:{name}") for name in FEET]
     part = ao.assemble({"plate": loose, "ecu": condensed(10)}, joints, {"ecu": LIFT})
     assert part.rigid_modes.shape[1] == 6
-    with pytest.raises(InputError, match="mass of the part 'ecu' is not known"):
+    with pytest.raises(ao.InputError, match="mass of the part 'ecu' is not known"):
         _ = part.mass
 
 
@@ -127,14 +123,14 @@ WRONG = [
 
 @pytest.mark.parametrize(("make", "words"), WRONG)
 def test_what_is_no_superelement_is_refused(make, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(ao.InputError, match=words):
         ao.assemble({"plate": plate(), "ecu": make()}, [])
 
 
 def test_one_direction_is_joined_by_a_bushing_or_an_equation():
     """A site with one direction is joined along it, as between two plates that slide."""
     model = condensed(8, tangential=False)
-    with pytest.raises(InputError, match="'ecu:a' does not have all displacements"):
+    with pytest.raises(ao.InputError, match="'ecu:a' does not have all displacements"):
         named(model)
     at = {"ecu": LIFT}
     joints = [
@@ -149,16 +145,10 @@ def test_one_direction_is_joined_by_a_bushing_or_an_equation():
     )
     first, second = (ao.extract(one, CORNER, n=10).dynamic_stiffness(OMEGA) for one in (part, soft))
     np.testing.assert_allclose(first, second, rtol=1e-4)
-    with pytest.raises(InputError, match="no component 'x'"):
-        ao.assemble(
-            {"plate": plate(), "ecu": model}, [ao.Equation([("ecu:a", "x", 1.0)]), *joints], at
-        )
-    with pytest.raises(InputError, match="acts on x, a displacement that 'ecu:a' does not have"):
-        ao.assemble(
-            {"plate": plate(), "ecu": model},
-            [ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), *joints],
-            at,
-        )
-    far = ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5})
-    with pytest.raises(InputError, match="acts on axial, a displacement that 'ecu:a' does not"):
-        ao.assemble({"plate": plate(), "ecu": model}, [far, *joints], at)
+    for joint, words in (
+        (ao.Equation([("ecu:a", "x", 1.0)]), "no component 'x'"),
+        (ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), "acts on x, a displacement"),
+        (ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5}), "acts on axial, a displacement that"),
+    ):
+        with pytest.raises(ao.InputError, match=words):
+            ao.assemble({"plate": plate(), "ecu": model}, [joint, *joints], at)

@@ -1,23 +1,25 @@
-"""What else than the mesh a budget must tell: the patch's radius, facets of curved surfaces."""
+"""Shares of the error of k0: facets under the patch, recovered stresses."""
 
 from __future__ import annotations
+
+import warnings
 
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
+import parts
 from antiosc.fem.error import model_errors
 from antiosc.fem.error.model_errors import estimator, layers, mean_gaps
+from antiosc.fem.error.solid import STRAIN_PLACES, stiffness
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from parts import STEEL, box, plate
+from parts import CELLS, STEEL, box, named, plate
 from sheets import sheet
 
-pytestmark = [
-    pytest.mark.fem,
-    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"),
-]
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:the facets at the site:antiosc.base.errors.AccuracyWarning"
+)
 
 
 def ring(n: int, cell: str) -> ao.Mesh:
@@ -146,3 +148,174 @@ def test_plane_parts_have_no_half_space():
     model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
     assert set(model.info["patch"]) == {"faces"}
     assert model.info["patch"]["faces"] == pytest.approx(0.025)
+
+
+def _random_stiffness() -> np.ndarray:
+    root = np.random.default_rng(5).normal(size=(6, 6))
+    return 1e9 * (root @ root.T + 6 * np.eye(6))
+
+
+def part(cell: str, order: int, n: int = 1, size=(0.3, 0.1, 0.05)) -> ao.Structure:
+    """A block, or a plate of plane stress, held at its left end."""
+    held = [ao.Support("left")]
+    if cell in ("triangle", "quadrilateral"):
+        material = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+        return ao.Structure(plate((6 * n, 2 * n), size[:2], cell), material, held, order=order)
+    return ao.Structure(box((4 * n, 2 * n, n), size, cell), ao.Solid(**STEEL), held, order=order)
+
+
+def nodal(structure: ao.Structure, field) -> np.ndarray:
+    """The nodal values (rows, 1) of a field x (n, 3) -> displacements (n, 3)."""
+    return parts.nodal(structure, lambda x: field(x.T).T)[:, None]
+
+
+def test_strains_jump_between_materials_without_an_error():
+    """A bar of two moduli under tension: constant strains on both sides."""
+    mesh = named(
+        plate((6, 2), (0.3, 0.1), "triangle").dolfinx,
+        {"left": (2, lambda x: x[0] < 0.1501), "right": (2, lambda x: x[0] > 0.1499)},
+    )
+    stiff, soft = (ao.Solid(E, 0.0, 7850.0, plane="stress", thickness=0.01) for E in (2e11, 5e10))
+
+    def field(x):
+        along = np.minimum(x[:, 0], 0.15) + 4 * np.maximum(x[:, 0] - 0.15, 0)
+        return np.column_stack([along, 0 * along, 0 * along])
+
+    two = ao.Structure(mesh, {"left": stiff, "right": soft}, [ao.Support(lambda x: x[0] < 1e-9)])
+    one = ao.Structure(mesh, stiff, [ao.Support(lambda x: x[0] < 1e-9)])
+    smeared = estimator(one).gram(nodal(one, field))[0, 0]
+    assert abs(estimator(two).gram(nodal(two, field))[0, 0]) < 1e-9 * smeared
+
+
+def test_a_bar_in_closed_form():
+    """Constant strains x_i + x_(i+1) of u = x²: the projection to hat functions, by hand."""
+    n, length, E, area = 5, 0.3, 2e11, 0.1 * 0.01
+    mesh = plate((n, 1), (length, 0.1), "quadrilateral")
+    material = ao.Solid(E, 0.0, 7850.0, plane="stress", thickness=0.01)
+    bar = ao.Structure(mesh, material, [ao.Support("left")], order=1)
+    u = nodal(bar, lambda x: np.column_stack([x[:, 0] ** 2, 0 * x[:, 0], 0 * x[:, 0]]))
+    h = length / n
+    x = np.linspace(0, length, n + 1)
+    strain = x[1:] + x[:-1]
+    mass, load = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
+    for i in range(n):
+        mass[i : i + 2, i : i + 2] += h / 6 * np.array([[2, 1], [1, 2]])
+        load[i : i + 2] += strain[i] * h / 2
+    error = h * strain @ strain - load @ np.linalg.solve(mass, load)
+    assert estimator(bar).gram(u)[0, 0] == pytest.approx(E * area * error, rel=1e-9)
+    assert estimator(bar).of_cells(u).sum() == pytest.approx(E * area * error, rel=1e-6)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_k0_of_nested_meshes(cell, order):
+    """k0 falls as meshes are nested; the estimate explains between half and twice of it."""
+    site = ao.Site((0.25, 0.1), (0, -1), radius=0.03)
+    coarse, fine = (ao.extract(part(cell, order, n), site, n=5, error="estimate") for n in (2, 4))
+    finest = ao.extract(part(cell, 2, 8), site, n=5)
+    assert coarse.k0 > fine.k0 > finest.k0
+    for model in (coarse, fine):
+        explained = (model.k0 - model.corrected().k0) / (model.k0 - finest.k0)
+        assert 0.5 < explained < 2.0
+        assert abs(model.corrected().k0 - finest.k0) < 0.5 * (model.k0 - finest.k0)
+
+
+def test_refused_where_it_does_not_hold():
+    sheet = plate((2, 2), (0.1, 0.1), "triangle")
+    shell = ao.Structure(ao.Mesh(sheet.dolfinx, sheet.groups), ao.Solid(**STEEL, plane="stress"))
+    site = {"tip": ao.Site((0.1, 0.1), (0, 1))}
+    with pytest.raises(ao.InputError, match="site"):
+        ao.extract(shell, site, n=2, error="estimate")
+    matrices = ao.Structure.from_matrices(np.diag([2.0, 3.0]), np.eye(2))
+    with pytest.raises(ao.InputError, match="needs the mesh"):
+        ao.extract(matrices, ao.Site(dof=0), n=1, error="estimate")
+    with pytest.raises(ao.InputError, match="error must be"):
+        ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("cell", CELLS)
+def test_linear_elements_that_lock_have_no_bar(cell):
+    """Of nearly incompressible solids; in plane stress, and with order 2, nothing locks."""
+    plane = cell in ("triangle", "quadrilateral")
+    mesh = plate((6, 2), cell=cell) if plane else box((3, 1, 1), cell=cell)
+    point, direction = ((0.1, 0.06), (0, -1)) if plane else ((0.1, 0.025, 0.04), (0, 0, -1))
+    site = ao.Site(point, direction, radius=0.02)
+
+    def extracted(nu: float, order: int, kind: str | None) -> None:
+        solid = ao.Solid(E=1e9, nu=nu, rho=1e3, plane=kind if plane else None)
+        part = ao.Structure(mesh, solid, [ao.Support("left")], order=order)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "the facets at the site")
+            ao.extract(part, site, n=2, error="estimate")
+
+    with pytest.raises(ao.InputError, match="order=2"):
+        extracted(0.499, 1, "strain")
+    with pytest.warns(ao.AccuracyWarning, match="order=2"):
+        extracted(0.42, 1, "strain")
+    extracted(0.3, 1, "strain")
+    extracted(0.499, 2, "strain")
+    if plane:
+        extracted(0.499, 1, "stress")
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", CELLS)
+def test_strains_of_degree_one_have_no_error(cell, order):
+    structure = part(cell, order)
+    A = np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 1.0, 1.0]])
+    u = nodal(structure, lambda x: (x**order) @ A + (x[:, :1] * x[:, 1:2] if order == 2 else 0.0))
+    scale = np.sum(estimator(structure).gram(nodal(structure, lambda x: np.sin(40 * x))))
+    assert abs(estimator(structure).gram(u)[0, 0]) < 1e-9 * scale
+    assert estimator(structure).of_cells(u).max() < 1e-12 * scale
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_cells_add_up_to_the_whole(cell):
+    structure = part(cell, 2)
+    shapes = np.random.default_rng(1).normal(size=(structure.rows, 3))
+    gram = estimator(structure).gram(shapes)
+    assert np.linalg.eigvalsh(gram).min() > 0
+    assert estimator(structure).of_cells(shapes).sum() == pytest.approx(np.trace(gram), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plane", ["stress", "strain", None])
+def test_stiffness_of_plane_parts_and_solids(plane):
+    """Energies of affine displacements are those of K, isotropic figures those of textbooks."""
+    nu, depth = 0.3, 0.02 if plane else 1.0
+    E, dim = STEEL["E"], 2 if plane else 3
+    material = ao.Solid(**STEEL, plane=plane, thickness=depth) if plane else ao.Solid(**STEEL)
+    C = stiffness(material, dim)
+    G, lame = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
+    if plane == "stress":
+        lame = E * nu / (1 - nu**2)
+    exact = np.diag([2 * G] * dim + [G] * (3 if dim == 3 else 1))
+    exact[:dim, :dim] += lame
+    np.testing.assert_allclose(C, depth * exact, rtol=1e-12, atol=1e-3)
+    A = np.array([[1.0, 2.0, -1.0], [0.5, -1.0, 3.0], [2.0, 1.0, 1.0]])[:dim, :dim]
+    mesh = plate((2, 1), (0.2, 0.1), "triangle") if plane else box((2, 1, 1), (0.2, 0.1, 0.1))
+    for own in (material, *([] if plane else [ao.AnisotropicSolid(_random_stiffness(), 1500.0)])):
+        structure = ao.Structure(mesh, own, order=1)
+        u = nodal(structure, lambda x: x[:, :dim] @ A.T)
+        places = [(0, 0), (1, 1), (0, 1)] if plane else STRAIN_PLACES[3]
+        e = np.array([A[i, j] if i == j else A[i, j] + A[j, i] for i, j in places])
+        volume = 0.02 if plane else 0.002
+        energy = float(u[:, 0] @ (csr(structure.K) @ u[:, 0]))
+        assert energy == pytest.approx(volume * e @ stiffness(own, dim) @ e, rel=1e-9)
+
+
+def test_products_of_small_errors_are_those_of_sums():
+    """Of strains that are nearly linear the errors are 1e-10 of the energy, their products too."""
+    structure = part("triangle", 2, 3)
+    one = nodal(structure, lambda x: x**2 + 1e-5 * np.sin(60 * x))
+    two = nodal(structure, lambda x: x[:, [1, 0, 2]] ** 2 + 1e-5 * np.cos(50 * x))
+    gram = estimator(structure).gram
+    E = gram(np.hstack([one, two, one + two, one - two]))
+    product = (E[2, 2] - E[3, 3]) / 4
+    size = np.sqrt(E[0, 0] * E[1, 1])
+    assert E[0, 1] == pytest.approx(product, abs=1e-2 * size)
+    assert E[2, 0] == pytest.approx(E[0, 0] + E[0, 1], abs=1e-2 * size)
+    assert E[0, 2] == E[2, 0]

@@ -1,33 +1,43 @@
-"""Divided meshes keep their part and its groups; sizes of cells ask for what they promise."""
+"""Sizes of elements for a tolerance, the meshes that they make, and errors on two ranks."""
 
 from __future__ import annotations
 
 import json
+from itertools import combinations
+from math import factorial
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
 from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.error.bisection import (
     COARSEST,
+    DIVIDED,
     FINEST,
     POWER,
     edge_lengths,
+    gathered,
     growth,
+    inside,
     ratios,
     refined,
 )
-from antiosc.fem.error.remeshing import measures, source_of, wished_sizes
+from antiosc.fem.error.remeshing import (
+    LINES,
+    graded_sizes,
+    largest,
+    measures,
+    source_of,
+    thickness_of,
+    wished_sizes,
+)
 from antiosc.fem.platform import compat
-from mpi import run_ranks
-from parts import STEEL, box, plate
-
-pytestmark = pytest.mark.fem
+from antiosc.io.request import GRADING
+from mpi import one_and_several, run_ranks
+from parts import STEEL, box, gmsh_cube, plate
+from sheets import rectangle
 
 
 def some(cell: str) -> ao.Mesh:
@@ -147,3 +157,192 @@ SCRIPT = """
 def test_two_ranks_refine_too():
     for line in run_ranks(2, SCRIPT):
         assert json.loads(line) == [0.012, 0.32, ["left", "right"]]
+
+
+RNG = np.random.default_rng(11)
+
+
+def sheared(cell: str) -> ao.Mesh:
+    """A box or a rectangle under a random affine map."""
+    dim = 3 if cell == "tetrahedron" else 2
+    mesh = box((3, 2, 2)[:dim], (0.3, 0.2, 0.2)[:dim], cell)
+    x = mesh.dolfinx.geometry.x
+    x[:, :dim] = x[:, :dim] @ (np.eye(dim) + 0.3 * RNG.normal(size=(dim, dim)))
+    return mesh
+
+
+def corners(mesh: ao.Mesh) -> np.ndarray:
+    return mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+
+
+def measure(points: np.ndarray) -> float:
+    """Length, area or volume of a simplex by Cayley and Menger's determinant."""
+    k = len(points) - 1
+    squares = ((points[:, None] - points) ** 2).sum(axis=2)
+    bordered = np.ones((k + 2, k + 2))
+    bordered[0, 0], bordered[1:, 1:] = 0.0, squares
+    return float(np.sqrt((-1) ** (k + 1) * np.linalg.det(bordered) / 2**k) / factorial(k))
+
+
+@pytest.mark.parametrize("cell", ["triangle", "tetrahedron"])
+def test_measures_and_sizes_of_simplices(cell):
+    mesh = sheared(cell)
+    x, dim = corners(mesh), mesh.tdim
+    volume = sum(measure(one) for one in x)
+    sides = {}
+    for one, nodes in zip(x, compat.geometry_nodes(mesh.dolfinx), strict=True):
+        for some in combinations(range(dim + 1), dim):
+            key = tuple(sorted(int(nodes[k]) for k in some))
+            sides.setdefault(key, []).append(measure(one[list(some)]))
+    surface = sum(found[0] for found in sides.values() if len(found) == 1)
+    assert measures(mesh) == pytest.approx((volume, surface), rel=1e-9)
+    assert thickness_of(mesh) == pytest.approx(2 * volume / surface, rel=1e-9)
+    pairs = list(combinations(range(dim + 1), 2))
+    edges = [np.mean([np.linalg.norm(one[a] - one[b]) for a, b in pairs]) for one in x]
+    assert edge_lengths(mesh) == pytest.approx(np.array(edges), rel=1e-12)
+    source = source_of(mesh)
+    assert source.fixed == ""
+    assert source.thickness() == thickness_of(mesh)
+    low, high = x.min(axis=(0, 1)), x.max(axis=(0, 1))
+    assert source.extent() == pytest.approx(np.linalg.norm(high - low), rel=1e-12)
+    # sizes at corners: the least of those of the cells around
+    ratio = RNG.uniform(0.2, 1.5, mesh.n_cells)
+    wished = wished_sizes(mesh, ratio)
+    points, cells, sizes = (np.array(a) for a in (wished.points, wished.cells, wished.sizes))
+    middles = points[cells].mean(axis=1)
+    order = [int(np.argmin(np.linalg.norm(middles - c, axis=1))) for c in x.mean(axis=1)]
+    assert sorted(order) == list(range(mesh.n_cells))
+    least = np.full(len(points), np.inf)
+    for cell_number, own in zip(order, ratio * np.array(edges), strict=True):
+        for k in cells[cell_number]:
+            least[k] = min(least[k], own)
+    assert sizes == pytest.approx(least, rel=1e-9)
+    assert growth(mesh.comm, ratio, dim) == pytest.approx(np.mean(ratio**-dim), rel=1e-12)
+
+
+def test_cells_around_points_have_the_sizes_of_the_points():
+    """Of the first mesh: below 1/0.75 of the size asked at the distance of their middle."""
+    mesh = plate((4, 3), (0.4, 0.3), "triangle")
+    points = [((0.1, 0.1), 0.02), ((0.35, 0.2), 0.03)]
+    rise, reach = GRADING
+
+    def asked(one: ao.Mesh) -> np.ndarray:
+        sizes = []
+        for x in corners(one).mean(axis=1):
+            at = [
+                local + rise * max(np.hypot(x[0] - p[0], x[1] - p[1]) - reach * local, 0)
+                for p, local in points
+            ]
+            sizes.append(min(at))
+        return np.array(sizes)
+
+    assert graded_sizes(mesh, points) == pytest.approx(asked(mesh), rel=1e-12)
+    fine = source_of(mesh).first(1.0, points)
+    assert fine.n_cells > 4 * mesh.n_cells
+    assert (asked(fine) / edge_lengths(fine)).min() >= DIVIDED
+    near = np.linalg.norm(corners(fine).mean(axis=1)[:, :2] - (0.1, 0.1), axis=1) < 0.03
+    assert edge_lengths(fine)[near].max() < 0.02 / DIVIDED
+    far = corners(fine).mean(axis=1)[:, 0] < 0.02
+    assert edge_lengths(fine)[far].max() > 0.05
+    assert source_of(mesh).first(1.0, []) is mesh
+    whole = gathered(fine, edge_lengths(fine))
+    assert whole.values == pytest.approx(edge_lengths(fine))
+    np.testing.assert_allclose(
+        np.sort(whole.points[whole.cells].mean(axis=1), axis=0),
+        np.sort(corners(fine).mean(axis=1)[:, :2], axis=0),
+    )
+
+
+def test_divided_triangles_in_space_keep_their_sides():
+    mesh = rectangle(3, 1.0, 1.0)
+    x = mesh.dolfinx.geometry.x
+    x[:, 2] = 0.3 * x[:, 0]
+    fine = refined(mesh, RNG.uniform(0.3, 1.0, mesh.n_cells))
+    assert fine.n_cells > mesh.n_cells
+    for one in (mesh, fine):
+        p = corners(one)
+        side = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) @ np.array([-0.3, 0.0, 1.0])
+        middles = p.mean(axis=1)
+        signs = [
+            (round(float(s), 12) > 0, tuple(np.floor(3 * m[:2]).astype(int)))
+            for s, m in zip(side, middles, strict=True)
+        ]
+        if one is mesh:
+            before = dict((where, sign) for sign, where in signs)
+        assert all(before[where] == sign for sign, where in signs)
+
+
+GEOMETRY = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 0.5, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Physical Curve("rods") = {1, 2};
+"""
+
+
+def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
+    path = tmp_path / "rods.geo"
+    path.write_text(GEOMETRY)
+    source = source_of(path)
+    diagonal = np.hypot(1.0, 0.5)
+    assert source.extent() == pytest.approx(diagonal)
+    first = source.first(1.0, [((0.41, 0.0), 0.01)])
+    assert 0.5 * diagonal / LINES < largest(first) <= 1.001 * diagonal / LINES
+    assert not inside(first, np.array([0.41, 0.0, 0.0]))
+    finer = source.finer(first, np.full(first.n_cells, 0.3))
+    assert largest(finer) <= 1.001 * diagonal / LINES / 4
+    assert not inside(finer, np.array([0.41, 0.0, 0.0]))
+    assert edge_lengths(finer).sum() == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(("cell", "divided"), [("triangle", True), ("quadrilateral", False)])
+def test_a_mesh_file_is_a_source(cell, divided, tmp_path):
+    source = source_of(gmsh_cube(tmp_path / "cube.msh", cell))
+    assert (source.fixed == "") == divided
+    assert source.extent() == pytest.approx(np.sqrt(2))
+    assert source.thickness() == pytest.approx(2 / 4 if divided else 1.0)
+
+
+ERRORS = """
+    import json, warnings, numpy as np
+    import antiosc as ao
+    from antiosc.fem.error.model_errors import estimator
+    from mpi4py import MPI
+    from parts import STEEL, box, plate
+    from sheets import sheet
+    warnings.simplefilter("ignore")
+    solid = ao.Solid(**STEEL)
+    plane = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+    found = []
+    for order in (1, 2):
+        for mesh, material, site in (
+            (box((6, 3, 2), (0.12, 0.06, 0.04), "tetrahedron"), solid,
+             ao.Site((0.08, 0.03, 0.04), (0, 0, -1), radius=0.015)),
+            (box((6, 3, 2), (0.12, 0.06, 0.04)), solid,
+             ao.Site((0.08, 0.03, 0.04), (0, 0, -1), radius=0.015)),
+            (plate((8, 4)), plane, ao.Site((0.15, 0.06), (0, -1), radius=0.02)),
+        ):
+            part = ao.Structure(mesh, material, [ao.Support("left")], order=order)
+            model = ao.extract(part, site, n=4, error="estimate")
+            cells = estimator(part).of_cells(model.shapes).sum()
+            patch = model.info["patch"]
+            found.append([
+                *np.linalg.norm(model.strain_error, axis=0).tolist(),
+                part.comm.allreduce(float(cells)),
+                patch["faces"], patch.get("compliance", 0.0),
+            ])
+    def polar(s, t):
+        return (1 + s) * np.cos(np.pi / 2 * t), (1 + s) * np.sin(np.pi / 2 * t)
+    low = ao.Support(plane=((0, 0), (0, 1)))
+    part = ao.Structure(sheet((2, 9), polar, "triangle"), plane, [low], order=1)
+    top = ao.Site((2**0.5, 2**0.5), (-1, -1), radius=0.2, snap=True)
+    model = ao.extract(part, top, n=3, error="estimate")
+    facts = model.info["geometry"]
+    found.append([*np.abs(facts["stiffness"]).tolist(), facts["mass"]])
+    print(json.dumps(found))
+"""
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_what_one_finds():
+    one, two = one_and_several(ERRORS)
+    for some, whole in zip(two, one, strict=True):
+        np.testing.assert_allclose(some, whole, rtol=1e-6)

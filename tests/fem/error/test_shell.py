@@ -7,10 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sheets import RIB, grouped
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.error.shell import (
     SheetRecovery,
@@ -33,11 +29,13 @@ from antiosc.simulation.histories.parts import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,
+    RIB,
     SHEET,
     E,
     at,
     edges,
     flipped,
+    grouped,
     interpolated,
     plate,
     rectangle,
@@ -55,7 +53,6 @@ def _normals(mesh) -> np.ndarray:
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning"),
 ]
 

@@ -7,7 +7,6 @@ import pytest
 import scipy.sparse as sp
 
 import antiosc as ao
-from antiosc.base.errors import InputError
 
 RNG = np.random.default_rng(0)
 SIZE = 60
@@ -89,9 +88,9 @@ def test_what_does_not_take_dampers_and_no_damping_matrix():
         lambda: ao.superposition(part, SITE, 5),
         lambda: ao.full(part, SITE),
     ):
-        with pytest.raises(InputError, match="dampers"):
+        with pytest.raises(ao.InputError, match="dampers"):
             call()
-    with pytest.raises(InputError, match="C must be positive semidefinite"):
+    with pytest.raises(ao.InputError, match="C must be positive semidefinite"):
         ao.Structure.from_matrices(K.tocsr(), M.tocsr(), C=-C.tocsr(), backend="scipy")
-    with pytest.raises(InputError, match="size"):
+    with pytest.raises(ao.InputError, match="size"):
         ao.Structure.from_matrices(K.tocsr(), M.tocsr(), C=np.eye(3), backend="scipy")

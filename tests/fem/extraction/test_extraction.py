@@ -7,24 +7,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from antiosc.fem.extraction import SiteShapes, site_shapes
-from antiosc.fem.site import functional
-from extraction_cases import quiet
-
-pytest.importorskip("dolfinx")
-
 import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
 import parts
-from antiosc.fem.extraction import eigenmodes
+from antiosc.fem.extraction import SiteShapes, eigenmodes, site_shapes
 from antiosc.fem.extraction.eigenmodes import DENSE, ModeSolver
 from antiosc.fem.extraction.oscillators import left_out
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load
+from antiosc.fem.site import functional
+from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load, quiet
 from marks import FREE_ON_PURPOSE
 
 
@@ -54,7 +48,7 @@ def _held(structure: ao.Structure, site: ao.Site) -> SiteShapes:
     return site_shapes(structure, quiet(functional, structure, site).b[:, None])
 
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
 
 
 @pytest.fixture(scope="module", params=list(CASES))
@@ -118,9 +112,6 @@ def test_shapes_are_what_they_are_called(case):
     assert residual @ (M @ residual) == pytest.approx(model.m0, abs=1e-8 * model.m_st)
 
 
-# --- Large enough for SLEPc -----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("supports", [LEFT, (), [ao.Support("left", ("x", "z"))]],
                          ids=["supported", "free", "hinged"])  # fmt: skip
 @pytest.mark.slow
@@ -157,12 +148,6 @@ def test_slepc_finds_what_a_dense_solver_finds(supports):
         assert value < 1e-7, name
 
 
-# --- Real parts -----------------------------------------------------------------------------------
-
-
-# --- Unobservable and repeated modes --------------------------------------------------------------
-
-
 def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     """Bending across the impact, torsion and stretching are there, and carry nothing."""
     L = 0.8
@@ -176,9 +161,6 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     assert oblique.m_st == pytest.approx(flat.m_st, rel=1e-9)
     assert oblique.k0 == flat.k0 == 0.0
     assert oblique.info["modes_unobservable"] > 6
-
-
-# --- Numbers asked for ----------------------------------------------------------------------------
 
 
 # --- The bound on what the truncated modes do to Z: their mass on poles above the last known on
@@ -208,9 +190,6 @@ def test_no_truncated_mode_does_more(pole):
     if pole == TOP:  # below the last pole it is the least bound
         below = X.real < TOP
         np.testing.assert_allclose(effect(0.3, pole)[below], bound[below], rtol=1e-12)
-
-
-# --- Natural modes against dense eigenvalues, repeated ones included ------------------------------
 
 
 @cache

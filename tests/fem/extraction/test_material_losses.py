@@ -1,24 +1,19 @@
-"""Loss factors and Prony series of materials, against direct harmonic solves."""
+"""Damping of models: losses of materials and layers that relax; ratios of modes, Rayleigh's."""
 
 from __future__ import annotations
 
+import dolfinx
 import numpy as np
 import pytest
-
-pytest.importorskip("dolfinx")
-
-import dolfinx
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.base.errors import InputError
+import parts
 from antiosc.fem.elements.weak_form import restricted
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.site import functional
 from assemblies import dense, free_dofs
-
-pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 SECTION = ao.Section.rectangle(0.01, 0.02)
 TIP = ao.Site((1, 0, 0), (0, 0, 1))
@@ -47,6 +42,7 @@ def two_materials(**root):
     return part, share[free][:, free].toarray()
 
 
+@pytest.mark.slow
 def test_a_layer_with_a_prony_series_is_that_of_the_complex_stiffness():
     prony = [(0.8, 1e-3), (0.5, 1e-4)]
     part, share = two_materials(prony=prony)
@@ -71,6 +67,7 @@ def test_a_layer_with_a_prony_series_is_that_of_the_complex_stiffness():
         assert (H.imag <= 0).all()
 
 
+@pytest.mark.slow
 def test_loss_factors_give_the_peaks_of_the_complex_stiffness():
     """At the first resonances, where H is the largest; zeta is half the mean loss factor."""
     part, share = two_materials(loss=0.04)
@@ -90,14 +87,16 @@ def test_loss_factors_give_the_peaks_of_the_complex_stiffness():
     np.testing.assert_allclose(ratio, 0.015, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_is_no_loss_factor_and_no_series_is_refused():
-    with pytest.raises(InputError, match="loss"):
+    with pytest.raises(ao.InputError, match="loss"):
         ao.Solid(1e9, 0.3, 1e3, loss=-0.1)
     for bad in ([(1.0,)], [(0.5, -1e-3)], 3.0, "slow"):
-        with pytest.raises(InputError, match="prony"):
+        with pytest.raises(ao.InputError, match="prony"):
             ao.Solid(1e9, 0.3, 1e3, prony=bad)
 
 
+@pytest.mark.slow
 def test_a_layer_in_an_assembly_relaxes_as_in_its_part_alone():
     part, _ = two_materials(prony=[(0.8, 1e-3), (0.5, 1e-4)])
     joined = ao.assemble({"a": part}, [])
@@ -107,6 +106,7 @@ def test_a_layer_in_an_assembly_relaxes_as_in_its_part_alone():
     np.testing.assert_allclose(both.receptance(omega), alone, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_losses_beside_dampers_act_together():
     part, share = two_materials(loss=0.04)
     c = 2.0
@@ -121,3 +121,41 @@ def test_losses_beside_dampers_act_together():
         for w in peaks
     ]
     np.testing.assert_allclose(np.abs(body.receptance(peaks)), np.abs(exact), rtol=2e-2)
+
+
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    return parts.held_sheet()
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("damping", [0.02, [0.05, 0.02, 0.01], ao.Damping(alpha=30.0, beta=1e-7)])
+def test_every_model_has_the_damping_of_its_free_modes(sheet, damping):
+    known = damping if isinstance(damping, ao.Damping) else ao.Damping(ratio=damping)
+    for model in (
+        ao.extract(sheet, SITE, 6, damping=damping),
+        ao.superposition(sheet, SITE, 4, damping=damping),
+        ao.full(sheet, SITE, damping=damping),
+        *ao.extract(sheet, [SITE, SITE], 4, damping=damping),
+    ):
+        body = model.modal()
+        np.testing.assert_allclose(body.decay, known.decay(body.omega), rtol=1e-12)
+    several = ao.extract(sheet, {"tip": SITE}, 6, damping=damping).site_modes()
+    np.testing.assert_allclose(several.decay, known.decay(several.omega), rtol=1e-12)
+
+
+def test_the_ringing_after_a_blow_decays_by_its_ratio(sheet):
+    """The lowest mode alone is left after the others have died: e^(−ζωt)."""
+    model = ao.extract(sheet, SITE, 8, damping=[0.02, 0.2])
+    hit = ao.simulate(model, ao.RigidMass(0.02, 1.0), ao.Hertz(1e8), 0.05)
+    omega = model.modal().omega[0]
+    period = 2 * np.pi / (omega * np.sqrt(1 - 0.02**2))
+    start = 0.05 - 20 * period
+    t = start + np.linspace(0, 1, 400) * period
+    first, last = (
+        np.abs(ao.probe(sheet, hit, (0.2, 0.03), times=t + k * period)[:, 1]).max() for k in (0, 15)
+    )
+    assert np.log(first / last) == pytest.approx(0.02 * omega * 15 * period, rel=1e-3)

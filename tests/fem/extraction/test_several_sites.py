@@ -1,17 +1,23 @@
-"""One model with several sites: against direct solves, and sites alone."""
+"""Models of several sites: receptances, tangential directions, and scenes against direct solves."""
 
 from __future__ import annotations
+
+import warnings
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 import antiosc as ao
+from antiosc.fem.site import functional
 from chains import loose_chains, receptance
 from marks import FREE_ON_PURPOSE
+from parts import STEEL, box, line
 from several import CORNERS, OMEGA, block_with_corners, sites_of
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = FREE_ON_PURPOSE
+
 
 Array = NDArray[np.float64]
 
@@ -189,3 +195,275 @@ def test_the_other_site_free_is_the_site_alone(block):
     omega = np.linspace(0.1, 1, 20) * 1.5 * alone.omega[0] * (1 + 0.01j)
     H = both.receptance(omega)[:, 1, 1]
     np.testing.assert_allclose(H * alone.dynamic_stiffness(omega), 1.0, atol=1e-7)
+
+
+def _slanted(**options: object) -> ao.Site:
+    return ao.Site((0.11, 0.02, 0.04), (0.1, 0.2, -1), radius=0.03, **options)
+
+
+def test_a_site_may_know_its_tangential_displacements(block):
+    model = ao.extract(block, {"near": _slanted(tangential=True), "far": CORNERS["far"]}, 10)
+    assert model.sites == ("near", "far")
+    assert model.columns == {"near": (0, 1, 2), "far": (3,)}
+    assert model.k0.shape == (4, 4)
+    three = model.direction[:3]
+    np.testing.assert_allclose(three @ three.T, np.eye(3), atol=1e-12)
+    alone = ao.extract(block, _slanted(), 10)
+    at_rest = model.site_modes().receptance(0.0).real
+    assert at_rest[0, 0] == pytest.approx(1 / alone.k0, rel=1e-9)
+    assert np.linalg.eigvalsh(at_rest)[0] > 0
+    # where the plane of the site is turned, the displacement in space is the same one
+    turned = ao.extract(block, {"near": ao.Site((0.11, 0.02, 0.04), (0, 0, -1), radius=0.03,
+                                                tangential=True)}, 10)  # fmt: skip
+    R = three @ turned.direction.T
+    other = R @ turned.site_modes().receptance(0.0).real @ R.T
+    np.testing.assert_allclose(other, at_rest[:3, :3], atol=1e-9 * at_rest.max())
+
+
+def test_tangential_directions_that_supports_hold():
+    rails = ao.Support(lambda x: np.isclose(x[2], 0), ["x", "y", "z"])
+    wall = ao.Support(lambda x: np.isclose(x[2], 0.04), ["y"])
+    block = ao.Structure(box((6, 3, 2)), ao.Solid(**STEEL), [rails, wall])
+    site = ao.Site((0.1, 0.025, 0.04), (0, 0, -1), radius=0.025, tangential=True)
+    model = ao.extract(block, {"top": site}, 6)
+    along_y = np.abs(model.direction[:, 1]) > 0.5
+    np.testing.assert_array_equal(model.dependence[along_y], 0.0)
+    assert model.k0.shape == (2, 2)
+    np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
+def test_an_oblique_blow_rubs(mu, slides):
+    """A free block thrown askew on the floor: its momentum is what the contact's forces give."""
+    free = ao.Structure(box((6, 3, 2)), ao.Solid(**STEEL))
+    foot = ao.Site((0.1, 0.025, 0.0), (0, 0, 1), radius=0.025, tangential=True)
+    model = ao.extract(free, {"foot": foot}, 12)
+    scene = ao.Scene(
+        {"block": model, "floor": ao.Obstacle()},
+        [ao.Contact("block:foot", "floor", ao.Hertz(1e9), gap=1e-5, friction=mu)],
+        motion={"block": ao.Motion(velocity=(1.0, 0.0, -0.5))},
+    )
+    hit = scene.run(2e-3)
+    contact, momentum = hit["block:foot", "floor"], hit.bodies["block"].momentum
+    change = momentum[-1] - momentum[0]
+    assert contact.impulse > 0.5 * free.mass
+    np.testing.assert_allclose(change[2], contact.impulse, rtol=1e-9)
+    if slides:
+        np.testing.assert_allclose(change[0], -mu * contact.impulse, rtol=0.02)
+    else:
+        assert abs(change[0]) < 0.5 * mu * contact.impulse
+    assert hit.energy.drift < 2e-3
+
+
+def test_tangential_directions_belong_to_named_sites(block):
+    with pytest.raises(ao.InputError, match="belong to a model of named sites"):
+        ao.extract(block, _slanted(tangential=True))
+    with pytest.raises(ao.InputError, match="need a Site with a direction"):
+        ao.Site(dof=3, tangential=True)
+    model = ao.extract(block, {"near": _slanted()}, 4)
+    contact = ao.Contact("part:near", "floor", ao.Hertz(1e9), friction=0.1)
+    scene = ao.Scene({"part": model, "floor": ao.Obstacle()}, [contact])
+    with pytest.raises(ao.InputError, match="tangential=True"):
+        scene.run(1e-4)
+
+
+@pytest.mark.slow
+def test_tangential_directions_of_an_assembly():
+    top = {"top": (2, lambda x: np.isclose(x[2], 0.05)), "foot": (2, lambda x: np.isclose(x[2], 0))}
+    under = {"under": (2, lambda x: np.isclose(x[2], 0))}
+    plate = ao.Structure(box((4, 3, 1), (0.2, 0.1, 0.01), groups=under), ao.Solid(**STEEL))
+    post = ao.Structure(
+        box((2, 2, 2), (0.02, 0.02, 0.05), groups=top), ao.Solid(**STEEL), [ao.Support("foot")]
+    )
+    both = ao.assemble(
+        {"plate": plate, "post": post},
+        joints=[ao.Tie("post:top", "plate:under")],
+        at={"plate": (0, 0, 0.05)},
+    )
+    site = ao.Site((0.15, 0.05, 0.06), (0, 0.6, -0.8), radius=0.043, tangential=True)
+    model = ao.extract(both, {"far": site}, 8)
+    np.testing.assert_allclose(model.direction @ model.direction.T, np.eye(3), atol=1e-12)
+    # the displacement in space is the same whatever directions it is taken along
+    across = ao.Site((0.15, 0.05, 0.06), (0, 0, -1), radius=0.043, tangential=True)
+    other = ao.extract(both, {"far": across}, 8)
+    R = model.direction @ other.direction.T
+    at_rest = R @ other.site_modes().receptance(0.0).real @ R.T
+    found = model.site_modes().receptance(0.0).real
+    np.testing.assert_allclose(found, at_rest, atol=1e-9 * np.abs(at_rest).max())
+
+
+def test_a_plane_part_has_one_tangential_direction():
+    plate = ao.Structure(
+        box((8, 3), (0.2, 0.05), "quadrilateral"),
+        ao.Solid(**STEEL, plane="stress", thickness=0.01),
+        [ao.Support("left")],
+    )
+    site = ao.Site((0.15, 0.05), (0, -1), radius=0.03, tangential=True)
+    model = ao.extract(plate, {"top": site}, 6)
+    np.testing.assert_allclose(model.direction, [[0, -1, 0], [1, 0, 0]], atol=1e-15)
+
+
+@pytest.mark.slow
+def test_motion_of_a_struck_structure_is_the_unreduced_one(rng):
+    """A free chain that two hammers strike, one of them on its load too: at any time, anywhere."""
+    K, M = loose_chains((10,), 0, rng)
+    B = np.eye(10)[:, [1, 7]]
+    model = ao.extract(ao.Structure.from_matrices(K, M), sites_of(B), 8)
+    k, masses, speeds = 2e6, np.array([0.6, 0.4]), np.array([2.0, 1.0])
+    load = ao.Load("chain:s1", [0.0, 2e-3, 4e-3], [0.0, -300.0, 0.0])
+    hammers = {f"h{i}": ao.RigidMass(masses[i], speeds[i]) for i in range(2)}
+    contacts = [ao.Contact(f"chain:s{i}", f"h{i}", ao.Linear(k)) for i in range(2)]
+    scene = ao.Scene({"chain": model, **hammers}, contacts, loads=[load])
+    hit = scene.run(8e-3, tol=1e-4)
+
+    def slope(t: float, y: Array) -> Array:
+        u, w = y[:10], y[10:12]
+        force = k * np.maximum(w - B.T @ u, 0.0)
+        push = np.interp(t, load.times, load.forces) * B[:, 1] + B @ force
+        return np.concatenate([y[12:], (push - K @ u) / M.diagonal(), -force / masses])
+
+    start = np.concatenate([np.zeros(22), speeds])
+    times = np.linspace(0, 8e-3, 40)
+    exact = solve_ivp(slope, (0, 8e-3), start, "DOP853", times, rtol=1e-10, atol=1e-13)
+    found = hit.field(times, "chain")
+    np.testing.assert_allclose(found, exact.y[:10].T, atol=2e-4 * np.abs(found).max())
+    np.testing.assert_allclose(hit.field(8e-3), found[-1], rtol=1e-12)
+    own = hit.bodies["chain"].displacement("s1")
+    np.testing.assert_allclose(
+        hit.field(hit.time, "chain") @ B[:, 1], own, atol=1e-9 * np.abs(own).max()
+    )
+    with pytest.raises(ao.InputError, match="no body 'rod' in the scene: name one of chain, h0"):
+        hit.field(0.0, "rod")
+    with pytest.raises(ao.InputError, match="t must lie within the run"):
+        hit.field(1.0)
+
+
+@pytest.mark.slow
+def test_a_ground_that_moves_across_the_site_is_felt_or_refused():
+    """A bar at 45 degrees, shaken along x, bends along z; one site's direction does not tell it."""
+    section = ao.Section.rectangle(0.03, 0.01)
+    bar = ao.Beam(**STEEL, section=section, orientation=(-1, 0, 1), shear=False)
+    part = ao.Structure(line(0.5, 12, (1.0, 0.0, 1.0)), bar, [ao.Support("left")])
+    tip = ao.Site((0.5 / np.sqrt(2), 0, 0.5 / np.sqrt(2)), (0, 0, 1))
+    base = ao.Base([0.0, 9.0], [(-100.0, 0, 0)] * 2)
+
+    def shaken(model: ao.AntiOscillators | ao.ModalBody, end: str) -> ao.History:
+        stop = ao.Contact(end, "stop", ao.Linear(1e5), gap=1.0)
+        with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
+            return ao.Scene({"bar": model, "stop": ao.Obstacle()}, [stop], base=base).run(1.0)
+
+    damping = ao.Damping(alpha=300.0)
+    for model in (ao.extract(part, tip, 6, damping=damping), ao.full(part, tip)):
+        with pytest.raises(ao.InputError, match=r"100 m/s² across .* name the site"):
+            shaken(model, "bar")
+    hit = shaken(ao.extract(part, {"tip": tip}, 6, damping=damping), "bar:tip")
+    sag = STEEL["rho"] * section.A * 50.0 * 0.5**4 / (8 * STEEL["E"] * section.I)
+    moved = hit.bodies["bar"].displacement("tip")
+    assert moved[-1] == pytest.approx(-sag, rel=1e-3)  # and 5e-4 of it by stretching
+
+
+@pytest.mark.slow
+def test_a_field_tells_of_shaken_mass_that_no_site_sees():
+    """A bar that sags along y under a steady ground; only a site along y has this in its model."""
+    section = ao.Section.rectangle(0.03, 0.01)
+    bar = ao.Beam(**STEEL, section=section, orientation=(0, 1, 0), shear=False)
+    # what the support holds shakes nothing
+    heavy = ao.PointMass((0, 0, 0), 50.0)
+    part = ao.Structure(line(0.5, 12, (1.0, 0.0, 0.0)), bar, [ao.Support("left")], attached=[heavy])
+    base = ao.Base([0.0, 9.0], [(0.0, -100.0, 0.0)] * 2)
+
+    def sag(direction: tuple[float, float, float]) -> float:
+        model = ao.extract(
+            part, {"tip": ao.Site((0.5, 0, 0), direction)}, 6, damping=ao.Damping(alpha=300.0)
+        )
+        stop = ao.Contact("bar:tip", "stop", ao.Linear(1e5), gap=1.0)
+        with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
+            hit = ao.Scene({"bar": model, "stop": ao.Obstacle()}, [stop], base=base).run(1.0)
+        return float(ao.probe(part, hit, (0.5, 0, 0), body="bar")[-1, 1])
+
+    exact = STEEL["rho"] * section.A * 100.0 * 0.5**4 / (8 * STEEL["E"] * section.I)
+    assert sag((0, 1, 0)) == pytest.approx(exact, rel=1e-3)
+    with pytest.warns(ao.AccuracyWarning, match=r"1.2 kg along y, and the model carries 0%"):
+        assert abs(sag((0, 0, 1))) < 1e-9 * exact
+
+
+@pytest.mark.slow
+def test_fields_of_a_scene(block, tmp_path):
+    model = ao.extract(block, CORNERS, 30)
+    scene = ao.Scene(
+        {"part": model, "ball": ao.RigidMass(0.1, 1.0)},
+        [ao.Contact("part:far", "ball", ao.Hertz(1e9))],
+    )
+    hit = scene.run(2e-4)
+    times = hit.time[[len(hit.time) // 3, -2]]
+    field = hit.field(times, "part")
+    for name, site in CORNERS.items():
+        own = hit.bodies["part"].displacement(name)
+        at = own[[len(hit.time) // 3, -2]]
+        np.testing.assert_allclose(
+            field @ functional(block, site).b, at, atol=1e-9 * np.abs(own).max()
+        )
+    probed = ao.probe(block, hit, (0.2, 0.05, 0.04), times)
+    assert probed.shape == (2, 3)
+    assert np.abs(probed[1, 2]) > 1e-6
+    listed = ao.write_series(block, hit, tmp_path / "run", times, body="part")
+    assert listed.exists()
+    with pytest.raises(ao.InputError, match="no displacement field"):
+        ao.probe(block, hit, (0.2, 0.05, 0.04), times, body="ball")
+
+
+@pytest.mark.slow
+def test_a_free_body_moves_as_a_whole():
+    """A free block, struck at two corners: its momentum is that of the balls."""
+    free = ao.Structure(box((8, 3, 2)), ao.Solid(**STEEL))
+    sites = {
+        name: ao.Site((x, 0.025, 0.04), (0, 0, -1), radius=0.022)
+        for name, x in (("left", 0.03), ("right", 0.17))
+    }
+    model = ao.extract(free, sites, 12)
+    assert model.rigid.shape == (2, 2)
+    assert np.sum(model.site_modes().omega == 0) == 6
+    law = ao.Hertz(1e9)
+    scene = ao.Scene(
+        {"part": model, "a": ao.RigidMass(0.2, 1.0), "b": ao.RigidMass(0.1, 1.0)},
+        [ao.Contact("part:left", "a", law), ao.Contact("part:right", "b", law)],
+        motion={"part": ao.Motion(velocity=(0.3, 0.0, 0.1), spin=(0.0, 0.0, 2.0))},
+    )
+    hit = scene.run(4e-4)
+    impulse = hit["part:left", "a"].impulse + hit["part:right", "b"].impulse
+    momentum = hit.bodies["part"].momentum
+    np.testing.assert_allclose(momentum[0], free.mass * np.array([0.3, 0.0, 0.1]), atol=1e-9)
+    np.testing.assert_allclose(momentum[-1] - momentum[0], [0, 0, -impulse], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_gravity_and_base_act_on_every_shape(block):
+    """The modal forces of a uniform acceleration bend the block as a direct solve says."""
+    free = ao.extract(block, CORNERS, 60).site_modes()
+    for axis in np.eye(3):
+        load = block.uniform_inertia(axis)
+        sag = block.factorize().solve(load)
+        sites = [functional(block, site).b for site in CORNERS.values()]
+        found = free.b.T @ (free.weight @ axis / free.omega**2)
+        np.testing.assert_allclose(found, [b @ sag for b in sites], rtol=1e-5, atol=1e-15)
+
+
+@pytest.mark.slow
+def test_gravity_as_a_number_needs_one_direction(block):
+    model = ao.extract(block, CORNERS, 10)
+    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)
+    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
+    base = ao.Base([0.0, 1e-4], [100.0, 0.0])
+    alike = ao.Scene(bodies, [contact], base=base).run(1e-4)
+    way = np.array([0.1, 0.2, -1]) / np.linalg.norm([0.1, 0.2, -1])
+    vector = ao.Base([0.0, 1e-4], [100.0 * way, 0 * way])
+    turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
+    both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
+    np.testing.assert_allclose(*both, rtol=1e-6)
+    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.022)}
+    with warnings.catch_warnings(action="ignore", category=ao.AccuracyWarning):
+        mixed = ao.extract(block, sites, 6)
+    scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
+    with pytest.raises(ao.InputError, match="several directions: give gravity"):
+        scene.run(1e-4)

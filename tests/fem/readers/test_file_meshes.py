@@ -1,21 +1,34 @@
-"""What every reader returns: packed for a pipe, merged, selected."""
+"""What every reader returns: packed for a pipe, merged, selected; kinds of files, other readers."""
 
 from __future__ import annotations
 
 import json
+import re
 import resource
 import signal
+import subprocess
+import sys
 import time
+import tomllib
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from antiosc.base.errors import MeshError
-from antiosc.io import isolation, mesh_files, reading
-from antiosc.io.neutral import FileMesh, packed, unpacked
+import antiosc as ao
+from antiosc.io import isolation, mesh_files, neutral, reading, request
+from antiosc.io.conversion import NodeTable
+from antiosc.io.mesh_files import GMSH_FACES
+from antiosc.io.neutral import FileMesh, UnitSystem, packed, unpacked
 from antiosc.io.reading import selected
 from antiosc.io.request import Request
+from antiosc.io.table import deck_endings, is_deck, reader_of
+from antiosc_decks.abaqus_joints import SOLID_FACES
+from antiosc_decks.abaqus_mesh import element_type
+from paths import ROOT
 from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -185,11 +198,8 @@ def test_fields_that_name_no_group_are_passed_over(monkeypatch):
 def test_cells_that_nothing_carries(monkeypatch):
     content = mesh()
     content.cells[0].type = "polygon"
-    with pytest.raises(MeshError, match="polygon"):
+    with pytest.raises(ao.MeshError, match="polygon"):
         read(monkeypatch, content)
-
-
-# --- Several kinds of cells -----------------------------------------------------------------------
 
 
 # --- Limits of the process that reads: what the kernel is asked for, written down instead ---------
@@ -233,3 +243,205 @@ def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(isolation, "_machine_memory", lambda: 1111)
     with pytest.raises(isolation.MeshError, match=r"part.msh has 9.31e-07 GiB, more than this mac"):
         isolation._size(path)
+
+
+def test_decks_that_share_their_endings_with_others(tmp_path):
+    texts = {"a.dat": b"$ c\n begin  bulk\n", "b.dat": b"GRID,1\n", "c.pch": b"cend\n"}
+    texts |= {"d.asm": b"x\nGRID*   1\n", "e.dat": b"GRIDS\n", "f.dat": b"TITLE\n"}
+    texts |= {"g.txt": b"GRID 1\n"}
+    found = {}
+    for name, content in texts.items():
+        (tmp_path / name).write_bytes(content)
+        found[name] = is_deck(tmp_path / name)
+        assert reader_of(tmp_path / name).library == ("numpy" if found[name] else "meshio")
+    assert [name for name, deck in found.items() if deck] == ["a.dat", "b.dat", "c.pch", "d.asm"]
+    assert not is_deck(tmp_path / "none.dat")
+    for name in ("a.inp", "a.BDF", "a.nas", "a.fem"):
+        assert is_deck(name)
+        assert reader_of(name).library == "numpy"
+    assert not is_deck("a.unv")
+    for suffix, library in {"unv": "numpy", "msh": "gmsh", "step": "gmsh", "vtu": "meshio"}.items():
+        name = f"a.{suffix}"
+        assert reader_of(name).library == library
+    assert reader_of("a.stl", solid=True).library == "gmsh"
+
+
+OPTIONS = {
+    ("a.msh", (("solid", True),)): (None, "solid=True"),
+    ("a.msh", (("fragments", True),)): (None, "fragments=True"),
+    ("a.STEP", ()): (None, "a.STEP"),
+    ("a.stl", (("solid", True),)): (None, "a.stl"),
+    ("a.vtu", (("size", 1.0),)): (None, "apply"),
+    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): (None, "refine="),
+    ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (None, "states"),
+    ("a.geo", (("merge", 1e-3),)): (None, "applies"),
+}
+
+
+@pytest.mark.parametrize("case", OPTIONS)
+def test_options_that_do_not_fit_a_file(tmp_path, case):
+    name, options = case
+    with refused(*OPTIONS[case], ao.MeshError):
+        reading.read(tmp_path / name, **dict(options))
+
+
+BASE = {"triangle": [(0, 0), (1, 0), (0, 1)], "quad": [(0, 0), (1, 0), (1, 1), (0, 1)]}
+CORNERS_OF = {
+    "triangle": BASE["triangle"],
+    "quad": BASE["quad"],
+    "tetra": [*((*p, 0) for p in BASE["triangle"]), (0, 0, 1)],
+    "pyramid": [*((*p, 0) for p in BASE["quad"]), (0, 0, 1)],
+    "wedge": [(*p, z) for z in (0, 1) for p in BASE["triangle"]],
+    "hexahedron": [(*p, z) for z in (0, 1) for p in BASE["quad"]],
+}
+
+
+def rings(face):
+    return {frozenset(pair) for pair in pairwise([*face, face[0]])}
+
+
+@pytest.mark.parametrize("shape", ["tetra", "pyramid", "wedge", "hexahedron"])
+def test_volumes_are_closed_by_their_faces(shape):
+    """Every edge lies in two faces, and V − E + F = 2; corners go around plane faces."""
+    x = np.array(CORNERS_OF[shape], dtype=float)
+    edges, faces = neutral.EDGES[shape], neutral.FACES[shape]
+    assert neutral.DIMENSION[shape] == 3
+    assert neutral.CORNERS[shape] == len(x)
+    assert len(x) - len(edges) + len(faces) == 2
+    count = Counter(edge for face in faces for edge in rings(face))
+    assert count == dict.fromkeys(map(frozenset, edges), 2)
+    for face in faces:
+        corners = x[list(face)]
+        assert np.linalg.matrix_rank(corners[1:] - corners[0]) == 2
+        sides = np.roll(corners, -1, axis=0) - corners
+        turns = np.cross(sides, np.roll(sides, -1, axis=0))
+        assert (turns @ turns[0] > 0).all()
+    assert all(len(face) == 4 for face in neutral.rectangles(shape))
+    assert len(neutral.rectangles(shape)) == sum(len(face) == 4 for face in faces)
+
+
+@pytest.mark.parametrize(
+    ("faces", "shape"),
+    [(faces, shape) for shape, faces in SOLID_FACES.items()]
+    + [(faces, shape) for shape, faces in GMSH_FACES.items()],
+)
+def test_faces_of_other_programs_are_those_of_the_cell(faces, shape):
+    """Each is a face of the cell with its corners around it; gmsh's are those with four."""
+    own = neutral.FACES[shape]
+    if faces is GMSH_FACES.get(shape):
+        own = [face for face in own if len(face) == 4]
+    assert sorted(map(sorted, faces)) == sorted(map(sorted, own))
+    around = {frozenset(face): rings(face) for face in own}
+    assert all(rings(face) == around[frozenset(face)] for face in faces)
+
+
+def test_middles_that_are_placed_lie_there_among_their_nodes():
+    """The first, the second, and one that is not placed: that lies halfway."""
+    table = NodeTable(np.arange(30.0).reshape(10, 3))
+    around = np.arange(2, 10)[None]
+    table.place(np.array([[3, 1]]), np.full((1, 3), 7.5), around)
+    table.place(np.array([[4, 6]]), np.full((1, 3), 8.5), around[:, ::-1])
+    for ends, x, parents in (
+        ((1, 3), [7.5] * 3, range(2, 10)),
+        ((6, 4), [8.5] * 3, range(9, 1, -1)),
+        ((0, 2), [3, 4, 5], (0, 2)),
+    ):
+        node = int(table.between(np.array(ends)))
+        assert table.all_points()[node].tolist() == list(x)
+        assert int(table.between(np.array(ends[::-1]))) == node  # once
+        own = [*parents]
+        assert node in table.grown(np.array(own))
+        for missing in range(len(own)):
+            assert node not in table.grown(np.delete(own, missing))
+
+
+def test_inner_nodes_of_the_hexahedron_of_27():
+    """Node 21 is the centre; 22 bottom, 23 top, then the sides y = 0, x = 1, y = 1, x = 0.
+
+    In VTK's order they stand as x = 0, x = 1, y = 0, y = 1, bottom, top, centre.
+    """
+    found = element_type("C3D27")
+    sides = {21: "centre", 22: "bottom", 23: "top", 24: "y0", 25: "x1", 26: "y1", 27: "x0"}
+    names = [sides[place + 1] for place in found.inner]
+    assert names == ["x0", "x1", "y0", "y1", "bottom", "top", "centre"]
+    assert list(found.corners) == list(range(8))
+    assert list(found.mids) == list(range(8, 20))
+
+
+GROUPS = ("antiosc.readers", "antiosc.matrices")
+PAGE = (ROOT / "docs" / "howto" / "reader.md").read_text(encoding="utf-8")
+PROGRAM, POINT = re.findall(r"```(?:python|toml)\n(.*?)```", PAGE, re.DOTALL)
+SHARED = "\nSHARED = FileReader(read, matches=lambda start: not start.startswith(b'*'))\n"
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch) -> Path:
+    """The package of the page, which registers a reader of `.inp` and two broken ones too."""
+    folder = tmp_path / "site"
+    information = folder / "polylines-1.dist-info"
+    information.mkdir(parents=True)
+    (folder / "polylines.py").write_text(PROGRAM + SHARED)
+    (information / "METADATA").write_text("Name: polylines\nVersion: 1\n")
+    points = tomllib.loads(POINT)["project"]["entry-points"]["antiosc.readers"]
+    points |= {"inp": "polylines:SHARED", "bad": "polylines:read", "lost": "nowhere:READER"}
+    text = "\n".join(f"{name} = {value}" for name, value in points.items())
+    (information / "entry_points.txt").write_text(f"[antiosc.readers]\n{text}\n")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(folder)])
+    return tmp_path
+
+
+def test_a_package_adds_a_reader(package):
+    path = package / "wire.xyz"
+    path.write_text("0 0 0\n1 0 0\n1 2 0\n")
+    raw = reading.read(path)
+    assert raw.cells.tolist() == [[0, 1], [1, 2]]
+    assert set(raw.groups) == {"wire"}
+    path.with_suffix(".inp").write_text(path.read_text())  # known by its content beside decks
+    np.testing.assert_array_equal(reading.read(path.with_suffix(".inp")).points, raw.points)
+    assert not is_deck(path.with_suffix(".inp"))
+    path.with_suffix(".inp").write_text("*NODE\n1,0,0,0\n2,1,0,0\n*ELEMENT,TYPE=B31\n1,1,2\n")
+    assert is_deck(path.with_suffix(".inp"))
+    assert len(reading.read(path.with_suffix(".inp")).cells) == 1
+
+
+def test_a_reader_that_cannot_be_loaded_is_told_for_its_files_alone(package):
+    for ending, word in (("bad", "FileReader"), ("lost", "nowhere")):
+        path = package / f"a.{ending}"
+        path.write_text("0 0 0\n1 0 0\n")
+        with pytest.raises(ao.MissingDependencyError, match=word):
+            reading.read(path)
+    path = package / "wire.xyz"
+    path.write_text("0 0 0\n1 0 0\n")
+    assert len(reading.read(path).cells) == 1
+
+
+def test_packages_in_the_working_folder_register_nothing(package, monkeypatch):
+    monkeypatch.chdir(package / "site")
+    monkeypatch.setattr(sys, "path", ["", *sys.path[:-1]])
+    assert "xyz" not in {entry.name for entry in request.registered("antiosc.readers")}
+
+
+def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
+    script = "from antiosc.io.request import registered as f\n"
+    script += "print(*(e.name for g in {} for e in f(g)))"
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", script.format(GROUPS)],
+        cwd=tmp_path, capture_output=True, text=True, check=True,
+        env={"PYTHONPATH": f"{ROOT / 'src'}:{Path(np.__file__).parents[1]}"},
+    )  # fmt: skip
+    here = [entry.name for group in GROUPS for entry in request.registered(group)]
+    assert sorted(set(done.stdout.split())) == sorted(here)
+    assert {"inp", "bdf", "op4", "dmig", "harwell-boeing"} <= set(here)
+    assert deck_endings() == [".bdf", ".fem", ".inp", ".nas"]
+
+
+def test_decks_know_the_neutral_model_alone_and_the_core_no_decks():
+    """What a reader of another package may import, too."""
+    ground = {"base", "io", "io.matrices"}
+    for path in (ROOT / "src").rglob("*.py"):
+        used = set(re.findall(r"^ *(?:from|import) (antiosc\w*)([.\w]*)", path.read_text(), re.M))
+        if "antiosc_decks" in path.parts:
+            own = {module.lstrip(".") for name, module in used if name == "antiosc"}
+            assert not {m for m in own if m not in ground and m.rpartition(".")[0] not in ground}
+        else:
+            assert "antiosc_decks" not in {name for name, _ in used}

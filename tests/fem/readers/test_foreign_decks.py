@@ -1,4 +1,4 @@
-"""What decks of public collections hold, beside what the manuals ask for."""
+"""What decks of public collections hold and name, beside what the manuals ask for."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.reading import read as read_mesh
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.sources import Sources
+from refusals import refused
 
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
 BAR = bdf.GRIDS + bdf.MAT1 + "SPC1,1,123456,1\n"
@@ -102,18 +102,32 @@ def test_masses_that_nothing_joins_are_told(tmp_path, mass):
     assert any("nothing joins" in text for text in model["ignored"])
 
 
-def test_files_of_the_folder_above_are_included_and_no_others(tmp_path):
+INCLUDES = {
+    # what is included, and from which folder on: whether it is read, or what is said
+    "above": ("../grids.inc", None, ""),
+    "far above": ("../../grids.inc", None, "outside"),
+    "below root": ("../../grids.inc", ".", ""),
+    "above root": ("../../grids.inc", "sub", "root="),
+    "a link": ("link.inc", None, "outside the folder"),
+}
+
+
+@pytest.mark.parametrize("case", INCLUDES)
+def test_files_of_the_folder_above_and_below_root_are_included_and_no_others(tmp_path, case):
+    name, root, word = INCLUDES[case]
     folder = tmp_path / "sub" / "decks"
     folder.mkdir(parents=True)
-    for place, reads in ((tmp_path / "sub", True), (tmp_path, False)):
+    for place in (tmp_path / "sub", tmp_path):
         (place / "grids.inc").write_text(bdf.GRIDS)
-        name = "../grids.inc" if reads else "../../grids.inc"
-        (folder / "part.bdf").write_text(f"BEGIN BULK\nINCLUDE '{name}'\n{bdf.HEXA}")
-        if reads:
-            assert len(read_mesh(folder / "part.bdf").cells) == 1
-        else:
-            with pytest.raises(MeshError, match="outside"):
-                read_mesh(folder / "part.bdf")
+    (folder / "link.inc").symlink_to(tmp_path / "grids.inc")
+    path = folder / "part.bdf"
+    path.write_text(f"BEGIN BULK\nINCLUDE '{name}'\n{bdf.HEXA}")
+    sources = Sources(path, "part.bdf", **({"root": str(tmp_path / root)} if root else {}))
+    if not word:
+        assert nastran.read(sources).deck.n_elements == 1
+        return
+    with refused(None, word, MeshError):
+        nastran.read(sources)
 
 
 @pytest.mark.parametrize(
@@ -212,17 +226,6 @@ def test_a_shear_modulus_of_beams_that_does_not_follow(tmp_path):
     assert G * section["A"] * section["shear"] == pytest.approx(4e10 * 0.8e-6)
 
 
-def test_files_below_a_folder_that_the_caller_names_are_included(tmp_path):
-    folder = tmp_path / "jobs" / "one"
-    folder.mkdir(parents=True)
-    (tmp_path / "grids.inc").write_text(bdf.GRIDS)
-    (folder / "part.bdf").write_text(f"BEGIN BULK\nINCLUDE '../../grids.inc'\n{bdf.HEXA}")
-    found = nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path)))
-    assert found.deck.n_elements == 1
-    with pytest.raises(MeshError, match="root="):
-        nastran.read(Sources(folder / "part.bdf", "part.bdf", root=str(tmp_path / "jobs")))
-
-
 def test_orthotropic_solids_by_nine_constants(tmp_path):
     """MAT11: E1 to G23 as stated; with those of an isotropic material it is MAT1."""
     given = "MAT11,1,2.+5,2.+5,2.+5,.3,.3,.3,{0},\n,{0},{0},8.-9\n".format(repr(2e5 / 2.6))
@@ -259,3 +262,238 @@ def test_an_include_below_loads_may_have_a_name_that_is_too_long(tmp_path):
     cube = inp.CUBE + inp.SOLID + inp.STEEL
     model, _ = inp.read(tmp_path, f"{cube}*STEP\n*CLOAD\n*INCLUDE, INPUT={'x' * 300}\n")
     same(model, inp.read(tmp_path, cube)[0])
+
+
+CUBE = inp.CUBE + inp.SOLID + inp.STEEL
+PART = "*PART,NAME=P\n" + inp.CUBE + inp.SOLID + "*END PART\n" + inp.STEEL
+PLACED = PART + "*ASSEMBLY,NAME=A\n*INSTANCE,NAME=I,PART=P\n*END INSTANCE\n{}*END ASSEMBLY\n"
+
+
+def held(deck) -> dict[str, list[int]]:
+    """Rows of the nodes that are held, by the motion."""
+    return {name.removeprefix("fixed "): rows.tolist() for name, rows in deck.fixed.items()}
+
+
+@pytest.mark.parametrize(
+    "row", ["NOSUCH,1,3", "999,1,3", "0,1,3", "1,1,99", "1,3,2", "1", "EMPTY,1,3", "ALL,ENCASTRE"]
+)
+def test_a_support_of_what_is_not_there_is_an_error(tmp_path, row):
+    text = f"{CUBE}*NSET,NSET=EMPTY,GENERATE\n500,600\n*BOUNDARY\n{row}\n"
+    last = text.count("\n")
+    with pytest.raises(MeshError, match=f"^line {last} of part.inp: "):
+        inp.read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "cards",
+    [
+        "*SOLID SECTION,ELSET=NOSUCH,MATERIAL=M\n",
+        "*TRANSFORM,NSET=NOSUCH\n1,0,0,0,1,0\n",
+        "*MASS,ELSET=NOSUCH\n1\n",
+        "*SURFACE,NAME=S\nNOSUCH,S1\n",
+        "*EQUATION\n2\n1,1,1.,999,1,-1.\n",
+        "*NODAL THICKNESS\nNOSUCH,1.\n",
+    ],
+)
+def test_other_cards_name_what_is_there(tmp_path, cards):
+    with pytest.raises(MeshError, match="there is no"):
+        inp.read(tmp_path, CUBE + cards)
+
+
+def test_missing_members_of_a_set_are_told(tmp_path):
+    text = f"{CUBE}*NSET,NSET=A\n1,2,77,LATER\n*NSET,NSET=LATER\n3\n*BOUNDARY\nA,1\n"
+    _, deck = inp.read(tmp_path, text)
+    (told,) = deck.told
+    assert told.startswith(inp.line(text, "*NSET,NSET=A"))
+    assert "2 of 4 members" in told
+    assert held(deck) == {"x": [0, 1]}
+
+
+def test_motions_that_are_none_are_told(tmp_path):
+    """Temperatures and the like: 0 and 11 in CalculiX."""
+    model, deck = inp.read(tmp_path, f"{CUBE}*BOUNDARY\n1,2\n2,11,11,20.\n3,0,0\n")
+    assert held(deck) == {"y": [0]}
+    assert any("no motion of *BOUNDARY" in text for text in model["ignored"])
+
+
+def test_supports_of_the_first_step_in_place_of_those_of_the_model(tmp_path):
+    text = CUBE + "*BOUNDARY\n1,1\n*STEP\n*BOUNDARY,OP={}\n2,2\n*BOUNDARY,OP={}\n3,3\n*END STEP\n"
+    assert held(inp.read(tmp_path, text.format("MOD", "MOD"))[1]) == {"x": [0], "y": [1], "z": [2]}
+    assert held(inp.read(tmp_path, text.format("NEW", "NEW"))[1]) == {"y": [1], "z": [2]}
+
+
+@pytest.mark.parametrize("members", ["\n1,2\n", ",GENERATE\n1,2\n"])
+def test_sets_of_the_assembly_name_their_instance(tmp_path, members):
+    text = PLACED.format("*NSET,NSET=F{}" + members) + "*BOUNDARY\nF,1\n"
+    _, deck = inp.read(tmp_path, text.format(",INSTANCE=I"))
+    assert held(deck) == {"x": [0, 1]}
+    assert held(inp.read(tmp_path, text.format(""))[1]) == {"x": [0, 1]}  # of the only one
+    second = "*END INSTANCE\n*INSTANCE,NAME=J,PART=P\n90,0,0\n*END INSTANCE\n"
+    with pytest.raises(MeshError, match="INSTANCE="):
+        inp.read(tmp_path, text.format("").replace("*END INSTANCE\n", second))
+
+
+def test_a_part_without_an_instance_is_told(tmp_path):
+    _, deck = inp.read(tmp_path, PLACED.format("") + "*PART,NAME=Q\n*NODE\n1,0,0,0\n*END PART\n")
+    assert any("'Q'" in text for text in deck.told)
+
+
+SUPPORTS = "SPC1,1,1,1\nSPC1,2,2,2\nSPC,3,3,3,,4,2,.5\nSPCADD,9,1,3\n"
+CONTROL = {
+    "SPC=1\n": ("x", [2, 3, 9]),
+    "SPC=9\n": ("xyz", [2]),
+    "SPC=1\nSUBCASE 1\nSPC=2\nSUBCASE 2\nSPC=3\n": ("y", [1, 3, 9]),
+    "SUBCASE 1\nLOAD=4\nSUBCASE 2\nSPC=1\n": ("", [1, 2, 3, 9]),
+    "ECHO=NONE\n": ("", [1, 2, 3, 9]),
+}
+
+
+@pytest.mark.parametrize("control", CONTROL)
+def test_the_supports_are_those_that_the_first_subcase_selects(tmp_path, control):
+    motions, others = CONTROL[control]
+    _, deck = bdf.read(tmp_path, f"SOL 103\nCEND\n{control}BEGIN BULK\n{BLOCK}{SUPPORTS}")
+    assert set(held(deck)) == set(motions)
+    (told,) = deck.told
+    assert f"SPC set{'s' * (len(others) > 1)} {', '.join(map(str, others))}, which" in told
+
+
+def test_a_set_of_supports_that_is_not_there(tmp_path):
+    with pytest.raises(MeshError, match="SPC = 5"):
+        bdf.read(tmp_path, f"SPC=5\nBEGIN BULK\n{BLOCK}{SUPPORTS}")
+
+
+TWICE = {
+    "coordinate system 5": bdf.CYCLIC + "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\n",
+    "material 1": "MAT1,1,1.+5,,.3,8.-9\n",
+    "property 7": "PSOLID,7,2\n",
+}
+
+
+@pytest.mark.parametrize("what", TWICE)
+def test_what_is_defined_twice_must_be_the_same(tmp_path, what):
+    entries = TWICE[what]
+    with pytest.raises(MeshError, match=f"{what} .*more than once"):
+        bdf.read(tmp_path, BLOCK + entries)
+    again = {"c": bdf.CYCLIC * 2, "m": bdf.MAT1, "p": "PSOLID,7,1\n"}[what[0]]
+    bdf.read(tmp_path, BLOCK + again)
+
+
+def test_springs_along_an_orientation(tmp_path):
+    """A spring along direction 2 of a system turned by 30° about z is one along that direction."""
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    turned = f"*ORIENTATION,NAME=O\n{c},{s},0,{-s},{c},0\n"
+    cards = "*ELEMENT,TYPE={}2,ELSET=S\n90,1,7\n*{},ELSET=S,ORIENTATION=O\n2,2\n3.\n"
+    for card, where in (("SPRING", "springs"), ("DASHPOT", "dampers")):
+        model, _ = inp.read(tmp_path, CUBE + turned + cards.format(card, card))
+        ((terms, _),) = model["joints"][where]
+        found = {(node, motion): value for node, motion, value in terms}
+        expected = {(0, 0): -s, (0, 1): c, (6, 0): s, (6, 1): -c}
+        assert found == pytest.approx(expected, abs=1e-12)
+
+
+RODDED = bdf.GRIDS + "CBAR,1,7,1,2,0.,1.,0.\n" + bdf.MAT1
+PBAR = "PBAR,7,1,2.,3.,3.,4.\n"
+
+
+def test_a_bar_with_one_blank_inertia_is_soft_there(tmp_path):
+    """It is read, with a small stiffness in that plane, and told."""
+    model, _ = bdf.read(tmp_path, RODDED + "PBAR,7,1,2.,3.,,4.\n")
+    ((_, kind, arguments, _),) = model["families"]
+    assert kind == "Beam"
+    section = arguments["section"]
+    small, large = sorted((section["I"], section["I_side"]))
+    assert small < 1e-5 * large
+    assert any("hinge" in sentence for sentence in model["ignored"])
+
+
+def test_an_include_before_the_bulk_data_may_be_missing(tmp_path):
+    text = (
+        "INCLUDE 'dmap.txt'\nSOL 103\nCEND\nBEGIN BULK\n"
+        + RODDED
+        + "PBAR,7,1,2.,3.,3.,4.\nENDDATA\n"
+    )
+    _, deck = bdf.read(tmp_path, text)
+    assert any("dmap.txt" in sentence for sentence in deck.told)
+
+
+def test_the_displacement_of_nodes_on_a_line_is_their_mean(tmp_path):
+    """RBE3 to a node beside the middle of two nodes, on their line: no rotation matters."""
+    rbe3 = "RBE3,9,,2,1,1.,123,1,10\n"
+    text = RODDED + PBAR + "GRID,10,,60.,0.,0.\nCBAR,2,7,1,10,0.,1.,0.\n" + rbe3
+    model, _ = bdf.read(tmp_path, text)
+    (terms,) = model["joints"]["equations"]
+    assert {n: c for n, m, c in terms if m == 0} == pytest.approx({1: 1.0, 0: -0.5, 8: -0.5})
+
+
+CYLINDER = """*NODE
+1, 5., 0., 0.
+2, 0., 5., 0.
+3, 0., 5., 2.
+4, 5., 0., 2.
+*ELEMENT, TYPE=S4, ELSET=ALL
+1, 1, 2, 3, 4
+*MATERIAL, NAME=M
+*ELASTIC, TYPE=LAMINA
+2e5, 1e4, .3, 5e3, 5e3, 4e3
+*DENSITY
+1e-9
+*ORIENTATION, NAME=AROUND, SYSTEM=CYLINDRICAL
+0., 0., 0., 0., 0., 1.
+1, {}
+*SHELL SECTION, ELSET=ALL, MATERIAL=M, ORIENTATION=AROUND
+0.1
+"""
+
+
+def test_a_cylindrical_orientation_that_calculix_reads_otherwise_is_told(tmp_path):
+    """Constants of a solid: CalculiX has the first along the radius."""
+    nine = "TYPE=ENGINEERING CONSTANTS\n2e5, 1e4, 1e4, .3, .3, .3, 5e3, 5e3\n4e3"
+    text = CYLINDER.format(0).replace("TYPE=LAMINA\n2e5, 1e4, .3, 5e3, 5e3, 4e3", nine)
+    model, _ = inp.read(tmp_path, text)
+    assert any("CalculiX" in text for text in model["ignored"])
+
+
+def test_layers_turn_against_each_other_by_their_cylindrical_orientations(tmp_path):
+    """Axes in the plane of a flat shell at ±45° to x: first directions across them."""
+    rows = "*SHELL SECTION, ELSET=ALL, COMPOSITE\n.1,, M, A\n.1,, M, B\n.1,, M, A\n"
+    for name, y in (("A", 1), ("B", -1)):
+        rows += f"*ORIENTATION, NAME={name}, SYSTEM=CYLINDRICAL\n0, 0, 0, 1, {y}, 0\n"
+    nodes = "1, 9, 0, 0\n2, 20, 0, 0\n3, 20, 5, 0\n4, 9, 5, 0\n5, 30, 0, 0\n6, 30, 5, 0\n"
+    material = CYLINDER.partition("*MATERIAL")[2]
+    element = "*ELEMENT, TYPE=S4, ELSET=ALL\n1, 1, 2, 3, 4\n2, 2, 5, 6, 3\n*MATERIAL"
+    text = f"*NODE\n{nodes}{element}{material.partition('*ORIENTATION')[0]}{rows}"
+    model, _ = inp.read(tmp_path, text)
+    ((_, _, arguments, _),) = model["families"]
+    assert np.abs(np.array(arguments["axis"]) @ [1, 1, 0]) < 1e-12
+    angles = [layer["angle"] % 180 for layer in arguments["layers"]]
+    assert angles == pytest.approx([0, 90, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize(("gap", "springs"), [(0.0, 1), (0.1, 0)])
+def test_a_gap_stays_as_it_is_at_first(tmp_path, gap, springs):
+    """Closed it is a spring along its nodes, open it is none; both are told."""
+    text = (
+        RODDED
+        + PBAR
+        + f"GRID,10,,60.,0.,0.\nCBAR,2,7,2,10,0.,1.,0.\nPGAP,3,{gap},,5.\nCGAP,9,3,1,10\n"
+    )
+    model, _ = bdf.read(tmp_path, text)
+    assert len(model["joints"]["springs"]) == springs
+    assert any("CGAP" in sentence for sentence in model["ignored"])
+
+
+def test_a_file_of_loads_may_be_missing(tmp_path):
+    """The loads are not read either; it is told."""
+    loads = "*STEP\n*STATIC\n*DLOAD\n*INCLUDE, INPUT=pressure.dlo\n*END STEP\n"
+    model, _ = inp.read(tmp_path, CYLINDER.format(0) + loads)
+    assert any("*INCLUDE" in sentence for sentence in model["ignored"])
+
+
+@pytest.mark.parametrize(("degrees", "axis"), [(0, (-1, 1, 0)), (90, (0, 0, 1))])
+def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis):
+    """Where the radius is the normal of a shell, the first direction is that around the axis."""
+    model, _ = inp.read(tmp_path, CYLINDER.format(degrees))
+    ((_, _, arguments, _),) = model["families"]
+    expected = np.array(axis) / np.linalg.norm(axis)
+    np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
+    assert not any("CalculiX" in text for text in model["ignored"])

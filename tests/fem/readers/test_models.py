@@ -1,7 +1,4 @@
-"""What a deck says of its materials, sections, supports, masses and springs, in SI units.
-
-The parsers are called here directly; `tests/fem/assembly/test_from_deck.py` builds the structures.
-"""
+"""What decks say of materials, masses, supports and springs, in SI units; turned instances."""
 
 from __future__ import annotations
 
@@ -12,7 +9,9 @@ import pytest
 
 import abaqus_decks as inp
 import nastran_decks as bdf
-from antiosc_decks.properties import fixed_along_axes, isotropic, of_stiffness
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Block, Deck
+from antiosc_decks.properties import fixed_along_axes, isotropic, measures_of, of_stiffness
 
 
 def ply(card: str) -> str:
@@ -94,9 +93,8 @@ def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
     assert given["axis"] == axis
 
 
-GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
 MAT = "MAT1,1,2.+5,,.3,2.-9\n"
-QUAD = GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
+QUAD = bdf.UNIT_GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
 
 
 @pytest.mark.parametrize(
@@ -169,3 +167,211 @@ def test_masses_with_a_factor(bulk):
     assert point == pytest.approx([1e-3, 0, 0])
     assert mass == pytest.approx(1.5)
     assert inertia == pytest.approx([5e-4, 1e-3, 1.5e-3])
+
+
+#: kg/m³ of a t/mm³.
+UNIT = 1e12
+#: Two cells of 20 x 10 mm, 2 mm thick, 8e-9 t/mm³; beams of 2 mm² along 20 mm.
+SOLID = inp.CUBE + inp.SOLID
+PLATE = inp.SHEET + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
+LAYERS = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,,M,0\n1.5,,M,0\n"
+BARS = inp.BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=RECT\n2.,1.\n0,0,1\n"
+RODS = inp.BARS.replace("B31", "T3D2") + "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
+CASES = {
+    "total": (SOLID, "TOTAL MASS", 3e-6, 3e-6 / 2000),
+    "per volume": (SOLID, "MASS PER VOLUME", 1e-9, 1e-9),
+    "shell, per area": (PLATE, "MASS PER AREA", 3e-9, 3e-9 / 2),
+    "layers, per area": (LAYERS, "MASS PER AREA", 3e-9, 3e-9 / 2),
+    "shell, total": (PLATE, "TOTAL MASS,DISTRIBUTION=VOLUME PROPORTIONAL", 4e-7, 4e-7 / 400),
+    "beam, per length": (BARS, "MASS PER LENGTH", 3e-9, 3e-9 / 2),
+    "rods, total": (RODS, "TOTAL MASS", 8e-8, 8e-8 / 80),
+}
+
+
+def densities(model) -> list[float]:
+    """kg/m³ of the families of a model."""
+    given = [arguments for _, _, arguments, *_ in model["families"]]
+    return [a.get("rho") or np.mean([layer["rho"] for layer in a["layers"]]) for a in given]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nonstructural_mass_of_abaqus(tmp_path, case):
+    deck, units, value, more = CASES[case]
+    card = f"*NONSTRUCTURAL MASS,ELSET=ALL,UNITS={units}\n{value!r}\n"
+    model, _ = inp.read(tmp_path, deck + inp.STEEL + card)
+    assert densities(model) == pytest.approx([(8e-9 + more) * UNIT])
+
+
+def test_mass_in_proportion_to_mass_or_volume(tmp_path):
+    """Two sheets, one of twice the density."""
+    sheets = inp.BENT.replace("2,2,9,10,3\n", "*ELEMENT,TYPE=S4,ELSET=B\n2,5,6,7,8\n")
+    text = sheets + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n2.\n*SHELL SECTION,ELSET=B,MATERIAL=N\n"
+    text += "2.\n*MPC\nTIE,1,5\n" + inp.STEEL + inp.STEEL.replace("=M", "=N").replace("8.E", "16.E")
+    text += "*ELSET,ELSET=BOTH\nALL,B\n*NONSTRUCTURAL MASS,ELSET=BOTH,UNITS=TOTAL MASS"
+    by_mass, _ = inp.read(tmp_path, text + "\n9.6e-6\n")
+    assert densities(by_mass) == pytest.approx([16e3, 32e3])
+    by_volume, _ = inp.read(tmp_path, text + ",DISTRIBUTION=VOLUME PROPORTIONAL\n8e-6\n")
+    assert densities(by_volume) == pytest.approx([18e3, 26e3])
+
+
+@pytest.mark.parametrize("units", ["MASS PER LENGTH", "MASS PER AREA", "MASS PER YEAR"])
+def test_masses_of_another_dimension_are_refused(tmp_path, units):
+    card = f"*NONSTRUCTURAL MASS,ELSET=ALL,UNITS={units}\n1\n"
+    with pytest.raises(MeshError, match=inp.line(SOLID + inp.STEEL + card, "*NONST")):
+        inp.read(tmp_path, SOLID + inp.STEEL + card)
+
+
+SHELLS = bdf.GRIDS + bdf.MAT1 + "CQUAD4,1,7,1,2,3,4\nCQUAD4,2,8,5,6,7,8\nRBE2,9,1,123456,5\n"
+SHELLS += "PSHELL,7,1,2.,1,,1\nPSHELL,8,1,2.,1,,1\n"
+#: Entry -> densities of both shells beyond the material's, t/mm³.
+ENTRIES = {
+    "NSM,3,PSHELL,7,2.-9,8,4.-9": (1e-9, 2e-9),
+    "NSM1,3,PSHELL,2.-9,7,THRU,8": (1e-9, 1e-9),
+    "NSM1,3,PSHELL,2.-9,ALL": (1e-9, 1e-9),
+    "NSM,3,ELEMENT,2,4.-9": (0, 2e-9),
+    "NSML,3,PSHELL,7,4.-7,8,8.-7": (1e-9, 2e-9),
+    "NSML1,3,PSHELL,8.-7,7,8": (1e-9, 1e-9),
+    "NSML1,3,ELEMENT,8.-7,1": (2e-9, 0),
+}
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_nonstructural_mass_of_nastran(tmp_path, entry):
+    """By properties and elements, per area (NSM) or in all (NSML); WTMASS counts."""
+    for factor in (1.0, 0.5):
+        text = f"{SHELLS}{entry}\nPARAM,WTMASS,{factor}\n"
+        model, _ = bdf.read(tmp_path, text)
+        expected = [(8e-9 + more) * UNIT * factor for more in ENTRIES[entry]]
+        assert sorted(densities(model)) == pytest.approx(sorted(expected))
+
+
+def test_the_case_control_selects_nonstructural_mass(tmp_path):
+    text = SHELLS + "NSM,3,PSHELL,7,2.-9\nNSM,4,PSHELL,8,2.-9\nNSMADD,5,3,4\n"
+    for control, more in (("NSM=4\n", (0, 1)), ("NSM=5\n", (1, 1)), ("LOAD=1\n", (0, 0))):
+        model, deck = bdf.read(tmp_path, f"{control}BEGIN BULK\n{text}")
+        assert densities(model) == pytest.approx([8e3 + 1e3 * k for k in more])
+        assert any("NSM set" in told for told in deck.told) == (sum(more) < 2)
+
+
+def test_nonstructural_mass_of_nothing_is_refused(tmp_path):
+    with pytest.raises(MeshError, match="of no element"):
+        bdf.read(tmp_path, SHELLS + "NSM,3,PSHELL,99,2.-9\n")
+    card = "*NONSTRUCTURAL MASS,ELSET=ALL,UNITS=MASS PER AREA\n3e-9\n"
+    for sheet in (PLATE.replace("2.\n", "0.\n"), LAYERS.replace("1.5,", "-.5,")):
+        with pytest.raises(MeshError, match="without thickness"):
+            inp.read(tmp_path, sheet + inp.STEEL + card)
+
+
+def test_measures_of_cells():
+    """An affine image of each reference cell has its measure times the determinant."""
+    rng = np.random.default_rng(5)
+    J = rng.normal(size=(3, 3))
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    up = np.array([0.0, 0.0, 1.0])
+    flat, across = square[[0, 1, 3]], np.linalg.norm(np.cross(J[:, 0], J[:, 1]))
+    det = abs(np.linalg.det(J))
+    cells = {
+        "line": (square[:2], np.linalg.norm(J[:, 0])),
+        "triangle": (flat, across / 2),
+        "quad": (square, across),
+        "tetra": (np.vstack([flat, up]), det / 6),
+        "pyramid": (np.vstack([square, up]), det / 3),
+        "wedge": (np.vstack([flat, flat + up]), det / 2),
+        "hexahedron": (np.vstack([square, square + up]), det),
+    }
+    for shape, (x, expected) in cells.items():
+        none = np.zeros((1, 0), dtype=np.int64)
+        deck = Deck("a", x @ J.T, [Block(shape, "", np.arange(len(x))[None], none, none)])
+        assert measures_of(deck, np.array([0]))[0] == pytest.approx(expected, rel=1e-12)
+
+
+#: A rotation by 90° about the line along z through (5, 0, 0), after a shift by 100.
+ROTATED = "*INSTANCE,NAME=I,PART=P\n100,0,0\n5,0,0,5,0,1,90\n*END INSTANCE\n"
+STRAIGHT = "*INSTANCE,NAME=J,PART=P\n0,0,50\n*END INSTANCE\n"
+BEAM = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=RECT\n2,1\n"
+ORTHOTROPIC = "*MATERIAL,NAME=M\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
+COMPOSITE = "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n.5,3,M,0.\n"
+ALONG = "*ORIENTATION,NAME=O\n{}\n"
+
+
+def deck(part: str, placed: str, rest: str = "", material: str = inp.STEEL) -> str:
+    """A deck of one part."""
+    return f"*PART,NAME=P\n{part}*END PART\n*ASSEMBLY\n{placed}{rest}*END ASSEMBLY\n{material}"
+
+
+@pytest.mark.parametrize("points", ["1,0,0,0,1,0", "3,2,1,2,3,1,2,2,1"])
+def test_the_axes_of_layers(tmp_path, points):
+    """By two points, and an origin if it is given."""
+    part = inp.SHEET + ALONG.format(points) + COMPOSITE.format(",ORIENTATION=O")
+    model, _ = inp.read(tmp_path, deck(part, ROTATED + STRAIGHT, material=ORTHOTROPIC))
+    found = {name: arguments["axis"] for name, _, arguments, _ in model["families"]}
+    assert found["I.All"] == pytest.approx([0, 1, 0], abs=1e-12)
+    assert found["J.All"] == pytest.approx([1, 0, 0], abs=1e-12)
+
+
+def test_orientations_of_the_same_name_belong_to_their_parts(tmp_path):
+    sheet = inp.SHEET + ALONG + COMPOSITE.format(",ORIENTATION=O")
+    parts = "".join(
+        f"*PART,NAME={name}\n{sheet.format(points)}*END PART\n"
+        for name, points in (("P", "1,0,0,0,1,0"), ("Q", "0,1,0,-1,0,0"))
+    )
+    placed = STRAIGHT + "*INSTANCE,NAME=K,PART=Q\n*END INSTANCE\n"
+    model, _ = inp.read(tmp_path, f"{parts}*ASSEMBLY\n{placed}*END ASSEMBLY\n{ORTHOTROPIC}")
+    found = {name: arguments["axis"] for name, _, arguments, _ in model["families"]}
+    assert found == {"J.All": [1, 0, 0], "K.All": [0, 1, 0]}
+
+
+@pytest.mark.parametrize(
+    ("transform", "fixed"),
+    [
+        ("*TRANSFORM,NSET=N\n0,1,0,-1,0,0\n", "fixed x"),  # 1 along y of the part
+        ("*TRANSFORM,NSET=N\n1,0,0,0,1,0\n", "fixed y"),
+        # 1 away from the line along z through (40, 5, 0) of the part, as seen from node 9
+        ("*TRANSFORM,NSET=E,TYPE=C\n40,5,0,40,5,1\n", "fixed x"),
+    ],
+)
+def test_supports_in_the_axes_of_their_part(tmp_path, transform, fixed):
+    part = inp.BENT + "*NSET,NSET=E\n9\n*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.5\n" + transform
+    _, found = inp.read(tmp_path, deck(part, ROTATED, "*BOUNDARY\nI.E,1,1\n"))
+    assert {name: rows.tolist() for name, rows in found.fixed.items()} == {fixed: [8]}
+
+
+@pytest.mark.parametrize(
+    ("part", "material"),
+    [
+        (inp.BARS + BEAM, inp.STEEL),
+        (inp.BARS + BEAM + "0,1,0\n*BOUNDARY\n1,1,1\n", inp.STEEL),
+        (inp.BARS + BEAM + "0,1,0\n*EQUATION\n2\n2,1,1.,3,1,-1.\n", inp.STEEL),
+        (inp.SHEET + COMPOSITE.format(""), ORTHOTROPIC),
+        (
+            inp.CUBE + inp.SOLID,
+            "*MATERIAL,NAME=M\n*ELASTIC,TYPE=ENGINEERING CONSTANTS\n9E4,2E4,2E4,.2,.2,.2,5E3,5E3,\n"
+            "5E3\n*DENSITY\n2.E-9\n",
+        ),
+        (
+            inp.BARS + BEAM + "0,1,0\n*ELEMENT,TYPE=SPRING1,ELSET=K\n5,2\n*SPRING,ELSET=K\n1\n4.\n",
+            inp.STEEL,
+        ),
+    ],
+)
+def test_motions_and_axes_by_their_numbers_are_refused(tmp_path, part, material):
+    inp.read(tmp_path, deck(part, STRAIGHT, material=material))
+    with pytest.raises(MeshError, match="rotated"):
+        inp.read(tmp_path, deck(part, ROTATED, material=material))
+
+
+def test_the_axes_of_beams(tmp_path):
+    text = deck(inp.BARS + BEAM + "0,1,0\n", ROTATED + STRAIGHT)
+    model, _ = inp.read(tmp_path, text)
+    found = {name: arguments["orientation"] for name, _, arguments, _ in model["families"]}
+    assert found["I.ALL"] == pytest.approx([-1, 0, 0], abs=1e-12)
+    assert found["J.ALL"] == [0, 1, 0]
+
+
+def test_springs_along_axes_of_their_part(tmp_path):
+    spring = "*ELEMENT,TYPE=SPRING1,ELSET=K\n5,2\n*SPRING,ELSET=K,ORIENTATION=O\n1\n4.\n"
+    part = inp.BARS + BEAM + "0,1,0\n" + ALONG.format("1,0,0,0,0,1") + spring
+    for placed, motion in ((ROTATED, "y"), (STRAIGHT, "x")):
+        model, _ = inp.read(tmp_path, deck(part, placed))
+        ((_, stiffness),) = model["springs"]
+        assert stiffness == {motion: pytest.approx(4e3)}

@@ -1,4 +1,4 @@
-"""Nastran bulk data as meshes and as structures: small decks, one for each feature."""
+"""Decks of Nastran and Abaqus as meshes and as structures: small decks, one for each feature."""
 
 from __future__ import annotations
 
@@ -7,18 +7,15 @@ import math
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
 from antiosc_decks import nastran_mesh as nastran
 from antiosc_decks.nastran_mesh import System
 from antiosc_decks.sources import Sources
+from nastran_decks import UNIT_GRIDS
 from paths import DECKS
 from refusals import refused
-
-pytestmark = pytest.mark.fem
 
 
 def volume(mesh: ao.Mesh) -> float:
@@ -51,13 +48,7 @@ def test_systems_agree_with_their_derivatives(kind):
         np.testing.assert_allclose(along / np.linalg.norm(along), row, atol=1e-6)
 
 
-GRIDS = "".join(
-    f"GRID,{k},,{x}.,{y}.,{z}.\n"
-    for k, (x, y, z) in enumerate(
-        [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], 1
-    )
-)
-CUBE = GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
+CUBE = UNIT_GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
 
 
 def test_copies_of_entries(tmp_path):
@@ -145,3 +136,25 @@ def test_a_plate_of_quadrilaterals_and_triangles():
     with pytest.warns(ao.AccuracyWarning, match="edge"):
         k0 = [ao.extract(part, corner, n=4).k0 for part in (plate, by_hand)]
     assert k0[0] == pytest.approx(k0[1], rel=0.03)
+
+
+def test_units_scale_the_mesh():
+    assert volume(ao.read_mesh(DECKS / "sets.inp", unit="mm")) == pytest.approx(2e-9, rel=1e-12)
+    assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)
+    with pytest.raises(ao.InputError, match="unit must be one of 'm', 'mm'"):
+        ao.read_mesh(DECKS / "sets.inp", unit="miles")
+
+
+@pytest.mark.slow
+def test_curved_cells_keep_their_sides_when_they_are_cut():
+    whole, mixed = (ao.read_mesh(DECKS / name) for name in ("tube.inp", "tube_mixed.inp"))
+    assert (whole.cell, mixed.cell) == ("hexahedron", "tetrahedron")
+    assert whole.order == mixed.order == 2
+    exact = np.pi / 8 * (2**2 - 1)
+    assert volume(whole) == pytest.approx(exact, rel=2e-5)
+    assert volume(mixed) == pytest.approx(exact, rel=2e-4)
+    x = mixed.dolfinx.geometry.x
+    radius = np.hypot(x[:, 0], x[:, 1])
+    outer = np.isclose(radius, 2, atol=5e-3)
+    assert outer.sum() > 20
+    np.testing.assert_allclose(radius[outer], 2, atol=1e-4)

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.neutral import UnitSystem
-from antiosc_decks import nastran_mesh as nastran, nastran_model
-from antiosc_decks.sources import Sources
+from motions import matrix, node_at, rigid, row_of, stiffness
 
 RNG = np.random.default_rng(23)
 X = np.round(RNG.uniform(-1, 1, (7, 3)), 3)
@@ -43,29 +42,9 @@ def frame_of_bars(turned: int | None = None) -> str:
 @pytest.fixture
 def joints(tmp_path):
     def of(cards: str, turned: int | None = None, control: str = "") -> dict:
-        path = tmp_path / "part.bdf"
-        path.write_text(control + frame_of_bars(turned) + cards)
-        return nastran_model.model_of(
-            nastran.read(Sources(path, path.name)), UnitSystem.of("m"), None
-        )
+        return bdf.read(tmp_path, control + frame_of_bars(turned) + cards, unit="m")[0]
 
     return of
-
-
-def row_of(terms) -> np.ndarray:
-    row = np.zeros((COUNT, 6))
-    for node, motion, value in terms:
-        row[node, motion] += value
-    return row.ravel()
-
-
-def rigid() -> np.ndarray:
-    """Motions (nodes · 6, 6) of the nodes in the six of a rigid body."""
-    motions = np.zeros((COUNT, 6, 6))
-    motions[:, :3, :3] = motions[:, 3:, 3:] = np.eye(3)
-    for k in range(3):
-        motions[:, :3, 3 + k] = np.cross(np.eye(3)[k], X)
-    return motions.reshape(-1, 6)
 
 
 def depends(rows: np.ndarray, node: int) -> set[int]:
@@ -92,9 +71,11 @@ CONSTRAINTS = {
 @pytest.mark.parametrize("case", CONSTRAINTS)
 def test_rigid_bodies_fulfil_constraints(joints, case, turned):
     card, count, dependent = CONSTRAINTS[case]
-    rows = np.array([row_of(terms) for terms in joints(card, turned)["joints"]["equations"]])
+    rows = np.array(
+        [row_of(terms, COUNT).ravel() for terms in joints(card, turned)["joints"]["equations"]]
+    )
     assert np.linalg.matrix_rank(rows, tol=1e-9) == len(rows) == count
-    assert np.abs(rows @ rigid()).max() < 1e-12 * np.abs(rows).sum()
+    assert np.abs(rows @ rigid(X).reshape(-1, 6)).max() < 1e-12 * np.abs(rows).sum()
     for node, motions in dependent.items():
         if turned != node + 1:
             leading = depends(rows, node)
@@ -104,7 +85,7 @@ def test_rigid_bodies_fulfil_constraints(joints, case, turned):
 def test_the_weighted_mean_of_translations_and_of_rotation(joints):
     """RBE3: the mean of displacements at the centre of the weights; θ = J⁻¹ Σ w r × u there."""
     card = "RBE3,9,,7,456,1.,123,1,2\n,3,2.5,123,4,5\n"
-    rows = np.array([row_of(terms) for terms in joints(card)["joints"]["equations"]])
+    rows = np.array([row_of(terms, COUNT).ravel() for terms in joints(card)["joints"]["equations"]])
     w = np.array([1, 1, 1, 2.5, 2.5]) / 8
     r = X[:5] - w @ X[:5]
     inertia = np.einsum("p,pi,pi", w, r, r) * np.eye(3) - np.einsum("p,pi,pj->ij", w, r, r)
@@ -124,26 +105,9 @@ def test_the_sums_of_mpc_that_the_case_control_selects(joints, selected):
     expected[1, [1, 4], [3, 3]] = 1.0, -1.0
     expected[2, [0, 1], [0, 0]] = 1.0, -1.0
     model = joints(cards, control=f"MPC={selected}\nBEGIN BULK\n" if selected else "")
-    sums = np.array([row_of(terms) for terms in model["joints"]["equations"]])
+    sums = np.array([row_of(terms, COUNT).ravel() for terms in model["joints"]["equations"]])
     taken = {None: [0, 1, 2], 4: [0, 1], 8: [2]}[selected]
     np.testing.assert_array_equal(sums, expected[taken].reshape(len(taken), -1))
-
-
-def matrix(terms_and_values) -> np.ndarray:
-    """Σ value (Σ coefficient × motion)²."""
-    rows = [np.sqrt(value) * row_of(terms) for terms, value in terms_and_values]
-    return sum((np.outer(row, row) for row in rows), np.zeros((6 * COUNT, 6 * COUNT)))
-
-
-def stiffness(model: dict) -> np.ndarray:
-    """Of the springs, those to the ground included."""
-    K = matrix(model["joints"]["springs"])
-    for point, given in model["springs"]:
-        node = int(np.argmin(np.linalg.norm(X - point, axis=1)))
-        for name, k in given.items():
-            one = 6 * node + ["x", "y", "z", "rx", "ry", "rz"].index(name)
-            K[one, one] += k
-    return K
 
 
 def along(node: int, motion: int, direction=None) -> np.ndarray:
@@ -172,7 +136,7 @@ def test_springs_between_two_motions(joints, case, turned):
             for node, motion in ((0, 1), (3, 5))]  # fmt: skip
     row = rows[0] - rows[1]
     model = joints(SCALAR[case], turned)
-    both = stiffness(model), matrix(model["joints"]["dampers"])
+    both = stiffness(model, X), matrix(model["joints"]["dampers"], COUNT)
     expected = 40 * np.outer(row, row), np.zeros((6 * COUNT, 6 * COUNT))
     for found, known in zip(both, expected[:: -1 if "DAMP" in case else 1], strict=True):
         np.testing.assert_allclose(found, known, atol=1e-12)
@@ -197,7 +161,7 @@ def test_a_bush_deforms_at_its_place(joints, share, oriented):
     d = [u[n, :3] + np.cross(u[n, 3:], p - X[n]) for n in (1, 4)]
     stretch, turn = T @ (d[0] - d[1]), T @ (u[1, 3:] - u[4, 3:])
     model = joints(cards)
-    K, C = stiffness(model), matrix(model["joints"]["dampers"])
+    K, C = stiffness(model, X), matrix(model["joints"]["dampers"], COUNT)
     energy = np.array(k) @ np.concatenate([stretch, turn]) ** 2
     assert u.ravel() @ K @ u.ravel() == pytest.approx(energy, rel=1e-9)
     assert u.ravel() @ C @ u.ravel() == pytest.approx(0.1 * energy, rel=1e-9)
@@ -211,24 +175,32 @@ def test_only_the_constants_that_an_element_uses_count(joints):
     assert told == ["GE of PELAS 4", "GE of PBUSH 3"]
 
 
-def test_viscous_dampers_act_along_their_line_and_about_it(joints):
-    C = matrix(joints("PVISC,1,1.,1.,,3,10.,4.\nCVISC,9,3,2,5\n")["joints"]["dampers"])
+ON_LINE = {
+    "CVISC": ("PVISC,1,1.,1.,,3,10.,4.\nCVISC,9,3,2,5\n", "dampers"),
+    "CBUSH without orientation": ("PBUSH,3,K,10.,,,4.\nCBUSH,9,3,2,5\n", "springs"),
+}
+
+
+@pytest.mark.parametrize("case", ON_LINE)
+def test_dampers_and_bushes_act_along_their_line_and_about_it(joints, case):
+    cards, kind = ON_LINE[case]
     line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
     push = along(1, 0, line) - along(4, 0, line)
     twist = along(1, 3, line) - along(4, 3, line)
     expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
-    np.testing.assert_allclose(C, expected, atol=1e-12)
+    found = matrix(joints(cards)["joints"][kind], COUNT)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def mass_matrix(model: dict) -> tuple[np.ndarray, float]:
     """(matrix, mass) of all point masses."""
     M, total = np.zeros((6 * COUNT, 6 * COUNT)), 0.0
-    for rows, matrix, mass in model["joints"]["masses"]:
-        table = np.array([row_of(terms) for terms in rows])
-        M += table.T @ np.array(matrix) @ table
+    for rows, own, mass in model["joints"]["masses"]:
+        table = np.array([row_of(terms, COUNT).ravel() for terms in rows])
+        M += table.T @ np.array(own) @ table
         total += mass
     for point, mass, inertia in model["masses"]:
-        node = int(np.argmin(np.linalg.norm(X - point, axis=1)))
+        node = node_at(X, point)
         M[6 * node : 6 * node + 6, 6 * node : 6 * node + 6] += np.diag([mass] * 3 + inertia)
         total += mass
     return M, total
@@ -309,18 +281,9 @@ def test_what_is_wrong_is_told_with_its_line(joints, card):
 
 
 def test_a_bush_to_the_ground_is_along_the_axes(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"))
+    K = stiffness(joints("PBUSH,3,K,10.,,30.,,5.\nCBUSH,9,3,2\n"), X)
     expected = 10 * np.outer(along(1, 0), along(1, 0)) + 30 * np.outer(along(1, 2), along(1, 2))
     np.testing.assert_allclose(K, expected + 5 * np.outer(along(1, 4), along(1, 4)), atol=1e-12)
-
-
-def test_a_bush_along_its_line_needs_no_orientation(joints):
-    K = stiffness(joints("PBUSH,3,K,10.,,,4.\nCBUSH,9,3,2,5\n"))
-    line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
-    push = along(1, 0, line) - along(4, 0, line)
-    twist = along(1, 3, line) - along(4, 3, line)
-    expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
-    np.testing.assert_allclose(K, expected, atol=1e-12)
 
 
 def test_three_masses_on_the_axes_of_a_node_are_one(joints):

@@ -8,10 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import nastran_decks as bdf
 from antiosc.base.errors import MeshError
-from antiosc.io.neutral import UnitSystem
-from antiosc_decks import nastran_mesh as nastran, nastran_model
-from antiosc_decks.sources import Sources
 
 RNG = np.random.default_rng(31)
 ORIGIN, E1, E2 = np.round(RNG.uniform(-1, 1, (3, 3)), 3)
@@ -43,10 +41,7 @@ Q3 = np.array([[100.0, 20, 3], [20, 80, 4], [3, 4, 50]])
 @pytest.fixture
 def families(tmp_path):
     def of(cards: str) -> tuple[list, list[str]]:
-        path = tmp_path / "part.bdf"
-        path.write_text(grids() + cards)
-        found = nastran.read(Sources(path, path.name))
-        model = nastran_model.model_of(found, UnitSystem.of("mm"), None)
+        model, _ = bdf.read(tmp_path, grids() + cards)
         return [(kind, given) for _, kind, given, _ in model["families"]], model["ignored"]
 
     return of

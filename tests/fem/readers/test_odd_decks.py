@@ -1,9 +1,15 @@
 """Decks as editors, mails, other systems and mistakes leave them: the right model, or a sentence.
 
-`SAME` are the deck of a cube written otherwise; `REFUSED` name the line at fault.
+Every card is read, harmless, ignored, refused, or told as unknown.
 """
 
 from __future__ import annotations
+
+import random
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +17,19 @@ import pytest
 import abaqus_decks as inp
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.base.errors import MeshError
+from antiosc.base.errors import AntioscError
+from antiosc.io.deck import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import (
+    abaqus_assembly,
     abaqus_assembly as abaqus,
     abaqus_model,
     nastran_mesh as nastran,
     nastran_model,
 )
+from antiosc_decks.constraints import one_piece
 from antiosc_decks.sources import Sources
+from paths import DECKS
 from refusals import refused
 
 FACE = "*NSET,NSET=FIX\n1,2,3,4\n"
@@ -129,7 +139,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_sentence_with_the_line_at_fault(tmp_path, name):
     text, line, word = REFUSED[name]
-    with refused(line, word, MeshError):
+    with refused(line, word, ao.MeshError):
         read(tmp_path, name, text)
 
 
@@ -154,3 +164,285 @@ def test_six_equal_bars_have_each_frequency_six_times(tmp_path):
     (tmp_path / "star.bdf").write_text(star.replace("GRID,0,", "GRID,7,").replace("9,0,", "9,7,"))
     every = ao.natural_modes(ao.read_model(tmp_path / "star.bdf"), 12).frequency
     np.testing.assert_allclose(every.reshape(2, 6).std(axis=1), 0.0, atol=1e-6 * every[0])
+
+
+BEAM = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION="
+
+
+MAT = "MAT1,1,1.+9,,.3,1000.\n"
+BRICK = bdf.UNIT_GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\nPSOLID,1,1\n" + MAT
+CBAR = bdf.UNIT_GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n" + MAT
+
+NASTRAN = {
+    "no grids": ("BEGIN BULK\nMAT1,1,1.\nENDDATA\n", None, "nodes"),
+    "no bulk": ("BEGIN BULK\nENDDATA\n", None, "contains"),
+    "no shear": (CBAR.replace(",,.3", ",0.,.3") + "PBARL,1,1,,ROD\n,.1\n", 10, "G above 0"),
+    "a default": ("GRDSET,,YES\n" + BRICK, 1, "not an integer"),
+    "no mass matrix": (BRICK + "CONM1,9,1,,-1.\n", None, "that"),
+    "pins": (CBAR.replace("0.,0.,1.", "0.,0.,1.,,\n,17") + "PBARL,1,1,,ROD\n,.1\n", None, "from 1"),
+    "a copy of nothing": ("BEGIN BULK\n=,*1\n", None, "before"),
+    "mixed moment": (CBAR + "PBAR,1,1,1.,1.,1.,1.,,,\n,,,,,,,,,\n,,,1.5\n", None, "below"),
+    "no width": (CBAR + "PBARL,1,1,,BAR\n,0.,1.\n", None, "dimensions"),
+    "a type": (CBAR + "PBARL,1,1,,X\n,1.,1.,.1,.1\n", None, "type"),
+    "does not fit": (CBAR + "PBARL,1,1,,I\n,1.,1.,1.,1.,.6,.6\n", None, "other"),
+    "off the shear centre": (
+        CBAR.replace("CBAR", "CBEAM") + "PBEAML,1,1,,T\n,1.,1.,.1,.1\n", None, "neutral"),
+    "one constant": (BRICK.replace("1.+9,,.3", ",,.3"), None, "MAT1"),
+    "no orientation": (CBAR.replace(",0.,0.,1.", "") + "PBARL,1,1,,ROD\n,.1\n", None, "missing"),
+    "element's system": (
+        CBAR.replace("2,0.,0.,1.\n", "2,0.,0.,1.,GOO\n,,,0.,0.,.1\n") + "PBARL,1,1,,ROD\n,.1\n",
+        None, "offsets"),
+    "no length": (
+        CBAR.replace("2,0.,0.,1.\n", "2,0.,0.,1.,,\n,,,1.,0.,0.\n") + "PBARL,1,1,,ROD\n,.1\n",
+        None, "length"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", NASTRAN)
+def test_nastran(tmp_path, case):
+    text, line, word = NASTRAN[case]
+    with refused(line, word, ao.MeshError):
+        bdf.read(tmp_path, text)
+
+
+def test_a_piece_of_no_elements(tmp_path):
+    deck = Deck("part.inp", piece=1)
+    with pytest.raises(ao.MeshError, match=r"0 pieces .* no piece 1"):
+        one_piece(deck, np.zeros(0, dtype=bool))
+
+
+TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"
+PLATE = "CQUAD4,1,7,1,2,3,4\n"
+WITH_LINES = {
+    **{f"{card} {prop}": (f"{card}{bdf.MAT1}{prop},7,1\nPARAM,7\nPELAS,7,1.\n", 9, f"as {instead}")
+       for card, prop, instead in (
+           (bdf.HEXA, "PLSOLID", "PSOLID"), ("CROD,1,7,1,2\n", "PTUBE2", "PROD"),
+           (TUBE, "PWELD", "PTUBE"), (PLATE, "PLPLANE", "PSHELL or PCOMP"),
+           ("CBAR,1,7,1,2,0.,1.,0.\n", "PBCOMP", "PBAR"))},
+    "taper": (f"{TUBE}PTUBE,7,1,4.,.5,,3.\n", 10, "tapered"),
+    "material": (f"{bdf.HEXA}PSOLID,7,3\n", 11, "there is no MAT1"),
+    "solid of plies": (f"{bdf.HEXA}PSOLID,7,3\nMAT8,3,9.,8.,.1,3.,,,1.\n", 12, "nine constants"),
+    "shell of a solid": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT9,3,1.\n,,,,,,,,\n,,,,,,,1.\n",
+                         11, "elasticity"),
+    "indefinite": (f"{PLATE}PSHELL,7,3,.1,3,2.,3\nMAT2,3,1.,2.,,1.,,1.,1.\n", 11, "definite"),
+    "spoint": (f"SPOINT,100,THRU,10000102\n{bdf.HEXA}", 9, "SPOINT from 100"),
+    "mass of nothing": (f"{bdf.HEXA}PSOLID,7,1\nCMASS2,9,1.\n", 12, "no node"),
+    "place of a station": (f"{BEAM}PBEAM,7,1,6.,5.,3.,,4.,,\n,NO,1.5,3.,2.\n", 10, "X/XB"),
+    "place of a profile": (f"{BEAM}PBEAML,7,1,,ROD\n,.2,,NO,1.5,.1\n", 10, "X/XB"),
+    "no end": (f"{BEAM}PBEAML,7,1,,ROD\n,.2,,NO,.5,.1\n", 10, "no section at X/XB = 1"),
+    **{f"a bush along {k}": (
+        f"{bdf.HEXA}PSOLID,7,1\nCBUSH,9,9,1,2\nPBUSH,9,K{k * ','}1.\n", 12, "CID")
+       for k in (2, 3, 5, 6)},
+    "contact": (f"{bdf.HEXA}BCONTACT,1\n", 11, "contact"),
+    "element": (f"{bdf.HEXA}CFAST,9,9,1,2\n", 11, "CFAST"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WITH_LINES)
+def test_nastran_by_its_line(tmp_path, case):
+    text, line, word = WITH_LINES[case]
+    with refused(line, word, ao.MeshError):
+        bdf.read(tmp_path, bdf.GRIDS + text + bdf.MAT1)
+
+
+SECTIONED = inp.CUBE + inp.SOLID + inp.STEEL
+CARDS = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1
+READERS = {".inp": abaqus_assembly, ".bdf": nastran}
+#: Decks that others include, with nodes or materials alone.
+INCLUDED = ("include_grids.bdf", "include_material.inp", "include_nodes.inp")
+FILES = sorted(p.name for p in DECKS.iterdir() if p.suffix in READERS and p.name not in INCLUDED)
+
+
+def written(name: str) -> Counter[str]:
+    """The cards of a deck and of what it includes, by the first letters of their lines."""
+    found: Counter[str] = Counter()
+    started = "BEGIN BULK" not in (DECKS / name).read_text().upper()
+    for line in (DECKS / name).read_text().upper().splitlines():
+        include = re.match(r"\*?INCLUDE[ ,]*(?:INPUT=)?'?([^']+)", line)
+        if include:
+            found += written(include[1].strip().lower())
+        elif name.endswith(".inp"):
+            card = re.match(r"\*([^*,][^,]*)", line)
+            found[card[1].replace(" ", "") if card else ""] += 1
+        elif started:
+            card = re.match(r"([A-Z]\w*)", line)
+            found[card[1] if card else ""] += 1
+        started = started or line.startswith("BEGIN BULK")
+    return found - Counter({"": found[""], "ENDDATA": 1})
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("name", FILES)
+def test_as_many_cards_come_out_as_go_in(name):
+    path = DECKS / name
+    account = READERS[path.suffix].read(Sources(path, name)).account
+    assert Counter(card.lstrip("*") for card, _, _ in account.cards) == written(name)
+    counts = Counter(fate.kind for _, _, fate in account.cards)
+    assert set(counts) <= {"read", "harmless", "ignored"}
+    assert counts.total() == written(name).total()
+
+
+@pytest.mark.parametrize(
+    ("deck", "read", "card"), [(SECTIONED, inp.read, "*FOOBAR"), (CARDS, bdf.read, "FOOBAR")]
+)
+def test_unknown_cards_are_told_with_their_lines(tmp_path, deck, read, card):
+    """In one sentence; a mesh tells them, too."""
+    first = deck.count("\n") + 1
+    model, found = read(tmp_path, f"{deck}{card},1,2\n{card},3\n")
+    (told,) = (sentence for sentence in found.told if card in sentence)
+    assert f"2 {card} (lines {first}, {first + 1} of" in told
+    assert not any(card in text for text in model["ignored"])
+
+
+def test_cards_of_steps(tmp_path):
+    """Later steps are ignored; a card of the model has no place in the first."""
+    later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*CONTACT PAIR,INTERACTION=I\nA,B\n*END STEP\n"
+    model, _ = inp.read(tmp_path, SECTIONED + later)
+    assert any("*CONTACTPAIR of later steps" in text for text in model["ignored"])
+    with pytest.raises(ao.MeshError, match="MATERIAL is in a step"):
+        inp.read(tmp_path, SECTIONED + "*STEP\n*MATERIAL,NAME=N\n*END STEP\n")
+
+
+def test_options_are_told_or_refused(tmp_path):
+    _, deck = inp.read(tmp_path, SECTIONED.replace("*SOLID SECTION", "*SOLID SECTION,NOVEL=3"))
+    assert any("SOLIDSECTION, NOVEL=" in text for text in deck.told)
+    sheet = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n1,,M,0\n" + inp.STEEL
+    inp.read(tmp_path, sheet.format(""))
+    for text in (
+        sheet.format(",SYMMETRIC"), SECTIONED + "*EQUATION,REMOVE\n",
+        SECTIONED + "*TIE,CYCLIC SYMMETRY\nA,B\n",
+    ):  # fmt: skip
+        with pytest.raises(ao.MeshError, match="would change the result"):
+            inp.read(tmp_path, text)
+
+
+def test_damping_of_materials_is_told(tmp_path):
+    model, _ = bdf.read(tmp_path, CARDS.replace("8.-9", "8.-9,,,.02") + "PARAM,G,.04\n")
+    assert [text.partition(" (")[0] for text in model["ignored"]] == [
+        "1 GE of MAT1, damping", "1 PARAM,G, damping",
+    ]  # fmt: skip
+
+
+#: Quantity -> powers of length, force and mass, where mass is force / length.
+QUANTITIES = {
+    "length": (1, 0), "area": (2, 0), "second": (4, 0), "stress": (-2, 1), "mass": (-1, 1),
+    "density": (-4, 1), "per_length": (-2, 1), "per_area": (-3, 1), "spring": (-1, 1),
+    "torsion": (1, 1), "inertia": (1, 1), "moment": (0, 1), "force": (0, 1),
+}  # fmt: skip
+EVERY = {name: Path(__file__).with_name(name).read_text() for name in ("every.inp", "every.bdf")}
+PAIRS = {"every.inp": (abaqus_assembly, abaqus_model), "every.bdf": (nastran, nastran_model)}
+
+
+def deck_in(name: str, unit: str) -> tuple[str, UnitSystem]:
+    """The deck with numbers in one system of units."""
+    units = UnitSystem.of(unit)
+
+    def number(match: re.Match[str]) -> str:
+        of_length, of_force = QUANTITIES[match[1]]
+        return repr(float(match[2]) / (units.length**of_length * units.force**of_force))
+
+    return re.sub(r"<(\w+) ([^>]+)>", number, EVERY[name]), units
+
+
+def read_in(path: Path, text: str, units: UnitSystem) -> tuple[dict[str, Any], Deck]:
+    path.write_text(text, encoding="latin-1")
+    reader, model = PAIRS[path.name]
+    found = reader.read(Sources(path, path.name))
+    return model.model_of(found, units, None), found.deck
+
+
+@pytest.mark.parametrize("unit", ["mm", "in"])
+@pytest.mark.parametrize("name", EVERY)
+def test_a_deck_is_the_same_in_other_units(tmp_path, name, unit):
+    models, decks = [], []
+    for one in ("m", unit):
+        text, units = deck_in(name, one)
+        model, deck = read_in(tmp_path / name, text, units)
+        decks.append(deck.points * units.length)
+        model["families"] = [family[1:] for family in model["families"]]
+        models.append(model)
+    check(models, decks)
+
+
+def spoilt(text: str, rng: random.Random) -> str:
+    """A cut deck, one with other or huge words, with lines twice, or without some."""
+    kind = rng.randrange(6)
+    lines = text.splitlines()
+    at = rng.randrange(4, len(lines))
+    if kind == 0:
+        return text[: rng.randrange(len(text))]
+    if kind == 1:
+        del lines[at]
+    elif kind == 2:
+        lines.insert(at, lines[rng.randrange(4, len(lines))])
+    else:
+        words = [m.span() for m in re.finditer(r"[^,\s]+", lines[at])]
+        a, b = rng.choice(words or [(0, len(lines[at]))])
+        nasty = ("", "0", "-1", "1.+308", "1.-308", "99999999999999999999", "THRU", "1.5", "nan",
+                 "inf", "7", "12", "=", "*5", "$", "é", "1_0", "-3.")  # fmt: skip
+        lines[at] = lines[at][:a] + rng.choice(nasty) + lines[at][b:]
+    return "\n".join(lines) + "\n"
+
+
+def sentence_of(path: Path, text: str, units: UnitSystem) -> str:
+    try:
+        read_in(path, text, units)
+    except AntioscError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("seed", "count"), [(0, 20), *(pytest.param(k, 100, marks=pytest.mark.slow) for k in (7, 14))]
+)
+@pytest.mark.parametrize("name", EVERY)
+def test_damaged_decks_are_read_or_refused_in_one_sentence(tmp_path, name, seed, count):
+    rng, (whole, units), told = random.Random(seed), deck_in(name, "m"), 0
+    for _ in range(count):
+        sentence = sentence_of(tmp_path / name, spoilt(whole, rng), units)
+        assert "\n" not in sentence
+        told += bool(sentence)
+    assert told > count / 4
+
+
+def check(models: list, decks: list) -> None:
+    np.testing.assert_allclose(decks[1], decks[0], rtol=1e-9, atol=1e-12)
+    joints = [model["joints"] for model in models]
+    for key, scaled in SCALED.items():
+        found = [[numbers(scaled(one)) for one in some.pop(key)] for some in joints]
+        assert len(found[0]) == len(found[1]) > 0
+        for one, other in zip(*found, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-12)
+    inp.alike(models[1], models[0], rel=1e-7)
+
+
+def sum_of_one(terms: list) -> tuple[list, float]:
+    """A sum of motions whose first large coefficient is 1, and that coefficient."""
+    most = max(abs(c) for _, _, c in terms)
+    largest = next(c for _, _, c in terms if abs(c) > 0.9 * most)
+    return [[node, motion, c / largest] for node, motion, c in terms], largest
+
+
+def spring(one: list) -> tuple:
+    terms, factor = sum_of_one(one[0])
+    return terms, one[1] * factor**2
+
+
+def mass(one: list) -> tuple:
+    rows, factors = zip(*map(sum_of_one, one[0]), strict=True)
+    return rows, (np.array(one[1]) * np.outer(factors, factors)).tolist(), one[2]
+
+
+#: What is joined, so that the units in which the reader keeps it do not count.
+SCALED = {
+    "springs": spring, "dampers": spring, "masses": mass,
+    "equations": lambda terms: sum_of_one(terms)[0],
+}  # fmt: skip
+
+
+def numbers(value) -> list[float]:
+    """All numbers of nested lists, in order."""
+    if isinstance(value, list | tuple):
+        return [number for one in value for number in numbers(one)]
+    return [float(value)]

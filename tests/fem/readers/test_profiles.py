@@ -1,13 +1,15 @@
-"""Cross-sections of both kinds of decks against integrals over their areas."""
+"""Cross-sections against integrals over their areas; ends of beams, released, tapered or bent."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from antiosc.base.errors import MeshError
+import antiosc as ao
+import nastran_decks as bdf
 from antiosc.io.deck import Place
 from antiosc_decks import (
     abaqus_sections as abaqus_profiles,
@@ -15,6 +17,7 @@ from antiosc_decks import (
     properties as profiles,
 )
 from antiosc_decks.abaqus_cards import Card
+from antiosc_decks.nastran_beams import BeamProfiles, arc
 from antiosc_decks.nastran_cards import Entry
 
 PLACE = Place(Path("a deck"), 1)
@@ -183,7 +186,7 @@ def test_constants_of_the_general_sections():
 
 def test_unequal_walls_are_refused():
     for walls in ((0.4, 0.2, 0.3, 0.2), (0.4, 0.2, 0.4, 0.3)):
-        with pytest.raises(MeshError, match="unequal opposite walls"):
+        with pytest.raises(ao.MeshError, match="unequal opposite walls"):
             abaqus("BOX", 3.0, 2.0, *walls)
 
 
@@ -237,3 +240,211 @@ def test_a_tube_with_a_wall_of_its_radius_is_a_bar():
         assert pytest.approx(4 * np.pi, rel=1e-12) == found.A
         assert (found.I, found.I_side) == pytest.approx((4 * np.pi, 4 * np.pi), rel=1e-12)
         assert pytest.approx(found.A) == full.A
+
+
+RNG = np.random.default_rng(43)
+X = np.round(RNG.uniform(-1, 1, (4, 3)), 3)
+W = np.round(0.2 * RNG.uniform(-1, 1, (2, 3)), 3)
+#: The system of node 2: its axes x, y, z are y, z and x of the deck.
+CYCLIC = "CORD2R,5,,0.,0.,0.,1.,0.,0.,\n,0.,1.,0.\n"
+MAT = "MAT1,1,2.+11,,.3,7800.\nPBAR,7,1,1.-4,3.-9,2.-9,2.-9\nPBAR,8,1,1.-4,3.-9,2.-9,2.-9\n"
+V = (0.1, 0.2, 0.9)
+
+
+def read(folder, cards: str):
+    text = CYCLIC + MAT
+    for k, x in enumerate(X, 1):
+        text += f"GRID,{k},,{','.join(map(str, x))}{',5' if k == 2 else ''}\n"
+    text += "CBAR,9,8,2,3,.1,.2,.9\nCBAR,10,8,3,4,.1,.2,.9\n"
+    return bdf.read(folder, text + cards, unit="m")
+
+
+def words(values) -> str:
+    return ",".join(map(str, values))
+
+
+def rows(model, count: int) -> np.ndarray:
+    """Equations (n, nodes, 6); nodes of no element have negative numbers and places."""
+    loose = [int(np.argmin(np.linalg.norm(X - x, axis=1))) for x in model["joints"]["points"]]
+    found = np.zeros((len(model["joints"]["equations"]), count, 6))
+    for row, terms in zip(found, model["joints"]["equations"], strict=True):
+        for node, motion, value in terms:
+            row[node if node >= 0 else loose[-1 - node], motion] += value
+    return found
+
+
+PINS = {"": [], "45": [3, 4], "456": [3, 4, 5], "1": [0], "5": [4]}
+
+
+@pytest.mark.parametrize("first", PINS)
+@pytest.mark.parametrize("second", ["", "5"])
+def test_ends_follow_their_nodes_but_for_what_is_released(tmp_path, first, second):
+    """Offsets along the axes of each node's own motions; pins along the axes of the beam."""
+    card = f"CBAR,1,7,1,2,{words(V)}\n,{first},{second},{words(W[0])},{words(W[1])}\n"
+    model, deck = read(tmp_path, card)
+    ends = np.array([X[0] + W[0], X[1] + W[1] @ np.eye(3)[[1, 2, 0]]])
+    np.testing.assert_allclose(deck.points[4:], ends, atol=1e-12)
+    (beam,) = (block for block in deck.blocks if len(block) == 3)
+    assert beam.corners[2].tolist() == [4, 5]
+    assert model["apart"] == [4, 5]
+    found = rows(model, 6)
+    held = [[c for c in range(6) if c not in PINS[pins]] for pins in (first, second)]
+    assert len(found) == sum(map(len, held))
+    line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    v = np.array(V) - (np.array(V) @ line) * line
+    v /= np.linalg.norm(v)
+    axes = np.stack([line, v, np.cross(line, v)])
+    for k in (0, 1):
+        own = found[np.abs(found[:, 4 + k]).max(axis=1) > 0]
+        # a motion of the end against its node is held if a part of it is along a held axis
+        released = [c for c in range(6) if c not in held[k]]
+        for c in range(6):
+            moved = np.zeros(6)
+            moved[3 * (c // 3) : 3 * (c // 3) + 3] = axes[c % 3]
+            assert (np.abs(own[:, 4 + k] @ moved).max() < 1e-12) == (c in released)
+        U, turn = RNG.normal(size=(2, 3))
+        u = np.zeros((6, 6))
+        u[k], u[4 + k] = (*U, *turn), (*(U + np.cross(turn, ends[k] - X[k])), *turn)
+        assert np.abs(np.einsum("enc,nc->e", own, u)).max() < 1e-12
+    assert np.linalg.matrix_rank(found.reshape(len(found), -1)) == len(found)
+
+
+def test_a_tapered_beam_is_sixteen_pieces_of_the_sections_at_their_middles(tmp_path):
+    pbeam = "PBEAM,6,1,4.-4,8.-9,6.-9,,2.-9,,\n,,,,,,,,,\n,NO,1.,2.-4,4.-9,2.-9,,1.-9,\n"
+    model, deck = read(tmp_path, pbeam + f"CBEAM,1,6,1,3,{words(V)}\n")
+    s = (np.arange(16) + 0.5) / 16
+    families = {tuple(deck.element_sets[name]): one for name, _, one, _ in model["families"]}
+    found = {elements: one for elements, one in families.items() if len(elements) == 1}
+    (block,) = (block for block in deck.blocks if block.type == "CBEAM")
+    start = sum(len(b) for b in deck.blocks[: deck.blocks.index(block)])
+    chain = [0, *range(4, 19), 2]
+    assert block.corners.tolist() == [list(pair) for pair in pairwise(chain)]
+    places = X[0] + (np.arange(1, 16) / 16)[:, None] * (X[2] - X[0])
+    np.testing.assert_allclose(deck.points[4:], places, atol=1e-12)
+    for k in range(16):
+        section = found[start + k,]["section"]
+        assert 1e4 * section["A"] == pytest.approx(4 - 2 * s[k])
+        assert 1e9 * section["I"] == pytest.approx(8 - 4 * s[k])
+        assert 1e9 * section["I_side"] == pytest.approx(6 - 4 * s[k])
+        assert 1e9 * section["J"] == pytest.approx(2 - s[k])
+    assert model["joints"]["equations"] == []
+
+
+def profile(kind: str, *dimensions: float):
+    fields = ["1", "1", "", kind, *[""] * 4, *map(str, dimensions)]
+    return BeamProfiles(Entry("PBARL", Place("a deck", 1), fields)).at(0.0).profile
+
+
+#: Lengths and thicknesses of the walls after the figures of the manuals.
+OPEN = {
+    ("I", 3.0, 2.0, 1.2, 0.2, 0.3, 0.4): [(2.0, 0.3), (1.2, 0.4), (2.3, 0.2)],
+    ("HAT", 2.0, 0.2, 1.6, 0.7): [(1.6, 0.2), (1.6, 0.2), (1.6, 0.2), (0.9, 0.2), (0.9, 0.2)],
+}
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_thin_open_sections_have_the_torsion_of_their_walls(case):
+    """Σ l t³/3; the shear coefficient is that of thin walls."""
+    found = profile(*case)
+    assert pytest.approx(sum(length * t**3 for length, t in OPEN[case]) / 3) == found.J
+    assert pytest.approx(sum(length * t for length, t in OPEN[case])) == found.A
+    assert found.shear == 0.5
+
+
+def test_torsion_of_boxes_and_hexagons():
+    """Bredt's 4 A²/∮ds/t with four walls; Saint-Venant's A⁴/(40 Ip) of a full section."""
+    w, h = 2.0 - (0.1 + 0.3) / 2, 3.0 - (0.4 + 0.2) / 2
+    around = w / 0.4 + w / 0.2 + h / 0.1 + h / 0.3
+    box1 = profile("BOX1", 2.0, 3.0, 0.4, 0.2, 0.1, 0.3)
+    assert pytest.approx(4 * (w * h) ** 2 / around) == box1.J
+    hexa = profile("HEXA", 0.6, 3.0, 1.5)
+    polar = hexa.I + hexa.I_side
+    assert pytest.approx(1.5 * (3.0 - 0.6)) == hexa.A
+    assert pytest.approx(hexa.A**4 / (40 * polar)) == hexa.J
+    assert hexa.shear == 5 / 6
+    for kind, shear in (("ROD", 0.9), ("TUBE", 0.5), ("TUBE2", 0.5), ("BAR", 5 / 6), ("BOX", 0.5)):
+        own = {"ROD": [1.0], "BAR": [1.0, 2.0], "BOX": [3.0, 2.0, 0.2, 0.1]}.get(kind, [1.0, 0.4])
+        assert profile(kind, *own).shear == shear
+    tube, other = profile("TUBE", 1.0, 0.4), profile("TUBE2", 1.0, 0.6)
+    assert (tube.A, tube.I, tube.J) == (other.A, other.I, other.J)
+    assert pytest.approx(np.pi) == profile("TUBE", 1.0, 0.0).A
+
+
+# --- CBEND, and beams whose neutral axis lies beside the shear centre, against closed forms -------
+
+
+R, E = 2.0, 2e11
+#: GEOM -> (vector, PBEND's RB and THETAB) of the quarter of a circle about the origin.
+GEOMETRY = {1: ((-1.0, 0, 0), ""), 2: ((0, 3.0, 0), ""), 3: ((1.0, 1, 0), f"{R}"),
+            4: ((1.0, 1, 0), ",90.")}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", GEOMETRY)
+def test_the_arc_of_a_bend(kind):
+    v, last = GEOMETRY[kind]
+    entry = Entry("CBEND", PLACE, ["1", "1", "1", "2", *map(str, v), str(kind)])
+    bend = Entry("PBEND", PLACE, ["1", "1", "1.", "1.", "1.", "1.", *last.split(",")])
+    ends = np.array([[R, 0, 0], [0, R, 0.0]])
+    points, heights = arc(entry, bend, ends, np.array(v, dtype=float), 4)
+    angle = np.radians(22.5) * np.arange(1, 4)
+    np.testing.assert_allclose(points, R * np.stack([np.cos(angle), np.sin(angle), 0 * angle]).T,
+                               atol=1e-12)  # fmt: skip
+    angle = np.radians(22.5) * (np.arange(4) + 0.5)
+    np.testing.assert_allclose(heights, -np.stack([np.cos(angle), np.sin(angle), 0 * angle]).T,
+                               atol=1e-12)  # fmt: skip
+
+
+@pytest.mark.fem
+def test_a_quarter_ring_bends_as_in_the_textbook(tmp_path):
+    """At its tip: π/4 PR³/EI along the radius, (3π/4 − 2) PR³/EI across it, in its plane."""
+    I = 1e-6  # noqa: E741
+    path = tmp_path / "ring.bdf"
+    path.write_text(f"GRID,1,,{R},0.,0.\nGRID,2,,0.,{R},0.\nCBEND,1,1,1,2,-1.,0.,0.,1\n"
+                    f"PBEND,1,1,1.,{I},2.-6,1.-6\n"
+                    f"MAT1,1,{E},,.3,7800.\nSPC1,1,123456,2\n")  # fmt: skip
+    part = ao.read_model(path)
+    assert part.mass == pytest.approx(7800 * np.pi / 2 * R, rel=2e-3)
+    for direction, factor in (((1.0, 0, 0), np.pi / 4), ((0, 1.0, 0), 3 * np.pi / 4 - 2)):
+        k0 = ao.extract(part, ao.Site((R, 0.0, 0.0), direction), n=2).k0
+        assert k0 == pytest.approx(E * I / (factor * R**3), rel=4e-3)
+
+
+@pytest.mark.fem
+def test_a_beam_bends_at_its_shear_centre(tmp_path):
+    """A mass on the node of a massless channel: no twist, and the moment of the axial force."""
+    L, I, A, N, m = 1.0, 1e-6, 1e-3, 0.1, 5.0  # noqa: E741
+    path = tmp_path / "channel.bdf"
+    path.write_text(
+        f"GRID,1,,0.,0.,0.\nGRID,2,,{L},0.,0.\nCBEAM,1,1,1,2,0.,1.,0.\nCONM2,3,2,,{m}\n"
+        f"PBEAM,1,1,{A},{I},2.-6,,1.-8,,\n,,,,,,,,,\n,0.,0.,,,,,,,\n,,,,,{N}\n"
+        f"MAT1,1,{E},,.3\nSPC1,1,123456,1\n"
+    )
+    with pytest.warns(ao.AntioscWarning, match="couples twist with sway"):
+        part = ao.read_model(path)
+    found = ao.natural_modes(part, 3).frequency
+    flexibility = np.array([[L**3 / 3, N * L**2 / 2], [N * L**2 / 2, I * L / A + N**2 * L]])
+    values = 1 / np.linalg.eigvalsh(m * flexibility / (E * I))
+    wanted = np.sqrt(sorted([*values, 3 * E * 2e-6 / (m * L**3)])) / (2 * np.pi)
+    np.testing.assert_allclose(found, wanted, rtol=1e-4)
+
+
+def test_the_neutral_axis_of_an_angle():
+    """Beside the crossing of the middle lines of its legs; I12 = ∫ y z dA."""
+    fields = ["1", "1", "", "L", *[""] * 4, "10.", "20.", "1.", "3."]
+    one = BeamProfiles(Entry("PBEAML", PLACE, fields))
+    A, legs = 10 + 19 * 3, np.array([[10, 0.5, 5.0], [57, 10.5, 1.5]])
+    centroid = legs[:, 0] @ legs[:, 1:] / A
+    np.testing.assert_allclose(one.neutral[0], centroid - [0.5, 1.5])
+    y, z = (legs[:, 1:] - centroid).T
+    mixed = legs[:, 0] @ (y * z)
+    angle = np.arctan2(2 * mixed, 10 / 12 + 3 * 19**3 / 12 + legs[:, 0] @ (y**2 - z**2)
+                       - 10**3 / 12 - 19 * 27 / 12) / 2  # fmt: skip
+    assert one.at(0.0).angle == pytest.approx(angle)
+
+
+def test_the_product_of_inertia_of_a_z():
+    """-t a (a + w) (h + t)/2, as MYSTRAN has it."""
+    fields = ["1", "1", "", "Z", *[""] * 4, "10.", "1.", "22.", "28."]
+    ((A, _, _, mixed, _, _),) = BeamProfiles(Entry("PBARL", PLACE, fields)).stations.values()
+    assert mixed == pytest.approx(-3 * 10 * 11 * 25 / 2)
+    assert pytest.approx(2 * 33 + 22) == A

@@ -8,15 +8,11 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
 from paths import BENCHMARKS, DECKS
 
 sys.path.insert(0, str(BENCHMARKS / "decks"))
 import census
 import table
-
-pytestmark = pytest.mark.fem
 
 #: Corners and middles of a brick of 20 nodes in Abaqus' order, sides 2.
 BRICK = census._BRICK

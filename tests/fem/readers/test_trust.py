@@ -1,23 +1,26 @@
-"""Scripts of gmsh: what they may do without trust."""
+"""A mesh is data: what a file says or does reaches neither the disk, the shell nor this process."""
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
+import signal
+import subprocess
 import sys
+import time
 
+import gmsh
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-pytest.importorskip("gmsh")
-
-import gmsh
-
 import antiosc as ao
+from antiosc.fem.platform import compat
 from antiosc.io import geo_script, isolation
-from mesh_files import refusal
+from antiosc.io.reading import read
+from mesh_files import grid, refusal
 from paths import MESHES
 
-pytestmark = pytest.mark.fem
 BAR = "Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Line(1) = {1, 2};\n"
 
 
@@ -171,3 +174,177 @@ def test_cad_beside_a_script_is_merged(tmp_path):
     assert "merges bracket.step, but there is no such file" in refusal(tmp_path / "part.geo")
     (tmp_path / "bracket.step").write_bytes((MESHES / "bracket.step").read_bytes())
     assert ao.read_mesh(tmp_path / "part.geo").n_cells > 100
+
+
+@pytest.mark.parametrize("kind", ["folder", "pipe", "device", "empty", "loop", "long"])
+@pytest.mark.parametrize("suffix", ["msh", "step", "vtu"])
+def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
+    path = tmp_path / (f"part.{suffix}" if kind != "long" else "x" * 300 + f".{suffix}")
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    elif kind == "empty":
+        path.touch()
+    elif kind == "loop":
+        path.symlink_to(path)
+    says = {"folder": "is a folder", "pipe": "pipe or device", "device": "pipe or device"}
+    size = 0.1 if suffix == "step" else None
+    assert says.get(kind, {"empty": "is empty"}.get(kind, "cannot be opened")) in refusal(
+        path, size=size
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "answer", "says"),
+    [
+        (-signal.SIGSEGV, b"", "broke off (SIGSEGV; it had"),
+        (-signal.SIGABRT, b"{}", "broke off (SIGABRT"),
+        (-signal.SIGALRM, b"", "needs a longer timeout="),
+        (-signal.SIGPROF, b"", "needs a longer timeout="),
+        (3, b"", "ended with code 3"),
+        (0, b"", "gave no mesh"),
+        (0, b"no JSON", "is damaged"),
+        (0, b'{"arrays": [["float64", [99]]]}\n', "is damaged"),
+        (0, b'{"error": "MemoryError"}\n', "GiB to be read"),
+    ],
+)
+def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says):
+    (tmp_path / "part.msh").write_text("$MeshFormat\n")
+    monkeypatch.setattr(isolation, "ask", lambda request: (code, answer))
+    assert says in refusal(tmp_path / "part.msh")
+
+
+def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
+    path = tmp_path / "part.geo"
+    path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
+    assert "needs a longer timeout=" in refusal(path, timeout=0.5)
+    assert ao.read_mesh(MESHES / "lever.msh").n_cells
+
+
+@pytest.mark.slow
+def test_the_reading_process_may_be_lost(tmp_path):
+    assert ao.read_mesh(MESHES / "lever.msh").n_cells
+    os.kill(isolation._process.pid, signal.SIGKILL)
+    isolation._process.wait()
+    assert ao.read_mesh(MESHES / "lever.msh").n_cells
+
+
+@pytest.mark.slow
+def test_a_reader_ends_with_the_one_that_asked(tmp_path):
+    path = tmp_path / "part.geo"
+    path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
+    script = f"""
+import os, threading, time
+from antiosc.io import isolation
+from antiosc.io.reading import read
+from pathlib import Path
+threading.Thread(target=read, args=(Path({str(path)!r}),), daemon=True).start()
+while isolation._process is None:
+    time.sleep(0.01)
+time.sleep(0.5)
+print(isolation._process.pid, flush=True)
+os._exit(0)
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    group, deadline = int(run.stdout), time.monotonic() + 30
+    with contextlib.suppress(ProcessLookupError):
+        while True:
+            os.killpg(group, 0)
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+
+
+def test_counts_of_a_header_take_no_memory(tmp_path):
+    path = tmp_path / "part.msh"
+    many = 10**12
+    path.write_text(f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 {many} 1 {many}\n")
+    refusal(path, timeout=30)
+
+
+def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
+    good = {"cells": ["line"], "convention": "gmsh", "groups": [["a", "line", 1]]}
+    good |= {"node_sets": [["n", 1]], "aids": True}
+    arrays = [np.array([0]), np.array([1]), np.eye(3), np.array([[0, 1], [1, 2]])]
+
+    def answer(head, arrays):
+        head = {**head, "arrays": [[str(a.dtype), a.shape] for a in arrays]}
+        line = json.dumps(head).encode() + b"\n"
+        return isolation._answer("part.msh", line + b"".join(a.tobytes() for a in arrays), 1)
+
+    assert answer(good, arrays).groups["a"]["line"].tolist() == [0]
+    for k, wrong in (
+        (0, np.array([2])), (1, np.array([3])), (1, np.array([-1])), (2, np.eye(2)),
+        (3, np.array([[0, 3]])), (3, np.array([[0, -1]])), (3, np.array([[0, 1, 2]])),
+        (0, np.array([0.0])),
+    ):  # fmt: skip
+        with pytest.raises(ao.MeshError, match=r"part\.msh is damaged"):
+            answer(good, [*arrays[:k], wrong, *arrays[k + 1 :]])
+    with pytest.raises(ao.MeshError, match="damaged"):
+        answer({**good, "cells": ["wedge"]}, arrays)
+
+
+@pytest.mark.slow
+def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
+    for name in ("SECRET", "OMPI_COMM_WORLD_RANK"):
+        monkeypatch.setenv(name, "told")
+    isolation._end()  # the one that runs began before
+    path = tmp_path / "part.geo"
+    path.write_text(BAR + 'Physical Curve(StrCat("of ", GetEnv("SECRET"))) = {1};')
+    assert set(ao.read_mesh(path).groups) == {"of "}
+
+
+def test_a_file_comes_back_as_gmsh_holds_it(session):
+    """Coordinates, node order and groups of the child's answer, against gmsh in this process."""
+    for name in ("bracket.msh", "frame.msh", "plate.msh"):
+        raw = read(MESHES / name)
+        gmsh.open(str(MESHES / name))
+        tags, x, _ = gmsh.model.mesh.getNodes()
+        at = dict(zip(tags.tolist(), np.reshape(x, (-1, 3)), strict=True))
+        groups = gmsh.model.getPhysicalGroups(raw.kind.dim)
+        members = {int(e) for d, t in groups for e in gmsh.model.getEntitiesForPhysicalGroup(d, t)}
+        rows = []
+        for member in sorted(members):
+            _, _, (nodes,) = gmsh.model.mesh.getElements(raw.kind.dim, member)
+            rows.append(np.reshape(nodes, (-1, raw.kind.nodes)))
+        expected = np.array([[at[t] for t in row] for row in np.vstack(rows).tolist()])
+        np.testing.assert_array_equal(raw.points[raw.cells], expected)
+        names = {gmsh.model.getPhysicalName(d, t) for d, t in gmsh.model.getPhysicalGroups()}
+        assert set(raw.groups) == names
+
+
+def test_many_groups_are_found_by_one_pass_over_the_mesh(tmp_path, monkeypatch):
+    passes = []
+    vertices = compat.entity_vertices
+    monkeypatch.setattr(
+        compat, "entity_vertices", lambda mesh, dim: passes.append(dim) or vertices(mesh, dim)
+    )
+    mesh = ao.read_mesh(grid(tmp_path / "many.msh", 20, 400))
+    assert passes == [2]
+    assert len(mesh.groups) == 400
+    corners = mesh.dolfinx.geometry.x[vertices(mesh.dolfinx, 2)].min(axis=1)
+    for k in (1, 37, 400):
+        cells = mesh.group(str(k))[2]
+        assert len(cells) == 2
+        squares = [(k - 1 + 400 * half) // 2 for half in (0, 1)]
+        expected = [[s % 20 / 20, s // 20 / 20, 0] for s in squares]
+        np.testing.assert_allclose(sorted(corners[cells].tolist()), sorted(expected), atol=1e-15)
+
+
+@pytest.mark.mpi
+def test_groups_are_the_same_on_two_ranks(tmp_path):
+    from mpi import run_ranks
+
+    script = """
+        import sys
+        import numpy as np
+        import antiosc as ao
+        mesh = ao.read_mesh(sys.argv[1])
+        own = mesh.dolfinx.topology.index_map(2).size_local
+        sizes = [mesh.comm.allreduce(int(np.sum(mesh.group(str(k))[2] < own))) for k in range(1, 9)]
+        print(sizes)
+    """
+    path = str(grid(tmp_path / "many.msh", 10, 8))
+    assert run_ranks(2, script, path) == ["[25, 25, 25, 25, 25, 25, 25, 25]\n"] * 2

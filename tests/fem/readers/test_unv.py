@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.errors import MeshError
 from antiosc.io import mesh_files
 from antiosc.io.neutral import CORNERS, EDGES
 from antiosc.io.request import Request
@@ -178,7 +177,7 @@ WRONG = {
 
 @pytest.mark.parametrize("text", WRONG)
 def test_what_is_wrong_is_told_with_its_line(read, text):
-    with refused(*WRONG[text], MeshError):
+    with refused(*WRONG[text], ao.MeshError):
         read(text)
 
 
@@ -186,11 +185,9 @@ def test_what_is_wrong_is_told_with_its_line(read, text):
 @pytest.mark.slow
 def test_a_file_of_gmsh_is_the_mesh_that_it_was(tmp_path):
     """A cylinder with groups, as .unv and .msh, of second order."""
-    pytest.importorskip("dolfinx")
-    gmsh = pytest.importorskip("gmsh")
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    from parts import gmsh_session
+
+    with gmsh_session() as gmsh:
         gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 2, 1)
         gmsh.model.occ.synchronize()
         for dim, tag, name in ((3, 1, "body"), (2, 2, "top")):
@@ -200,8 +197,6 @@ def test_a_file_of_gmsh_is_the_mesh_that_it_was(tmp_path):
         gmsh.model.mesh.generate(3)
         for suffix in ("unv", "msh"):
             gmsh.write(str(tmp_path / f"part.{suffix}"))
-    finally:
-        gmsh.finalize()
     mesh, other = (ao.read_mesh(tmp_path / f"part.{suffix}") for suffix in ("unv", "msh"))
     assert (mesh.cell, mesh.order, mesh.n_cells) == (other.cell, other.order, other.n_cells)
     assert set(mesh.groups) == set(other.groups) == {"body", "top"}

@@ -1,4 +1,4 @@
-"""Envelopes at the nodes: against probes, constant states, several materials, files."""
+"""Envelopes at the nodes against probes; reactions of supports and their balance."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import meshio
 import numpy as np
 import pytest
 
-from antiosc.base.stresses import extreme_principal
-
-pytest.importorskip("dolfinx")
-
 import antiosc as ao
 import parts
+from antiosc.base.stresses import extreme_principal
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
+from antiosc.fem.site import functional
 from antiosc.results import peaks
-from mpi import one_and_several
-
-pytestmark = pytest.mark.fem
+from mpi import START, one_and_several
+from parts import unreduced
+from static_loads import quiet
 
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
@@ -23,8 +23,7 @@ SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 
 @pytest.fixture(scope="module")
 def struck():
-    solid = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), solid, [ao.Support("left")])
+    part = parts.held_sheet()
     return part, ao.simulate(ao.extract(part, SITE, 12), BALL, LAW, 5e-4)
 
 
@@ -136,11 +135,6 @@ def test_at_an_interface_the_larger_of_both_materials_counts():
 
 
 PEAKS = """
-import json
-import numpy as np
-import antiosc as ao
-import parts
-
 part = ao.Structure(parts.box((8, 4, 3), cell="tetrahedron"), ao.Solid(**parts.STEEL),
                     [ao.Support("left")])
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.02)
@@ -157,7 +151,7 @@ print(json.dumps(rows))
 
 @pytest.mark.mpi
 def test_two_ranks_give_the_envelopes_of_one():
-    one, two = one_and_several(PEAKS)
+    one, two = one_and_several(START + PEAKS)
     for a, b in zip(one, two, strict=True):
         np.testing.assert_allclose(b, a, atol=1e-6 * np.max(a))
 
@@ -214,3 +208,138 @@ def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
     assert peak.values[np.argmax(peak.points[:, 0])] == pytest.approx(
         own[np.argmax(peak.points[:, 0])], rel=1e-6
     )
+
+
+PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
+STRUCK_AT = ao.Site((0.08, 0.06), (0.2, -1), radius=0.034)
+DURATION = 6e-4
+SUPPORTS = [ao.Support("left"), ao.Support("right", "y")]
+
+
+def sheet(supports=SUPPORTS, n=(6, 3)):
+    return ao.Structure(parts.plate(n, (0.2, 0.06)), PLANE, supports)
+
+
+@pytest.fixture(scope="module")
+def held():
+    part = sheet()
+    return part, ao.simulate(ao.extract(part, STRUCK_AT, 24), BALL, LAW, DURATION, tol=1e-6)
+
+
+def test_reactions_and_inertia_balance_the_force(held):
+    part, hit = held
+    found = ao.reactions(part, hit, STRUCK_AT)
+    np.testing.assert_allclose(
+        found.total + found.applied, found.inertia, atol=1e-8 * np.abs(found.applied).max()
+    )
+    along = np.array(STRUCK_AT.direction) / np.linalg.norm(STRUCK_AT.direction)
+    np.testing.assert_allclose(found.applied[:, :2], np.outer(hit.force, along), atol=1e-6)
+    assert list(found.force) == ["left", "right"]
+    assert np.abs(found.force["right"][:, [0, 2]]).max() < 1e-8 * hit.peak_force
+    assert np.abs(found.force["right"][:, 1]).max() > 0.05 * hit.peak_force
+    np.testing.assert_allclose(found.centre["left"], [0, 0.03, 0], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_reactions_are_those_of_the_unreduced_model(held):
+    """Rows of the supports, K_sf u + M_sf u'', under an independent integration with contact."""
+    part, hit = held
+    times = np.linspace(0, DURATION, 121)
+    free_part = sheet([])
+    b = functional(free_part, STRUCK_AT).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    K, M = (csr(A).toarray() for A in (free_part.K, free_part.M))
+    u, _, a, F = unreduced(part, STRUCK_AT, times, BALL, LAW)
+    rows = K @ u.T + M @ a.T - np.outer(b, F)
+    assert np.abs(rows[free]).max() < 1e-6 * F.max()
+    found = ao.reactions(part, hit, STRUCK_AT, times)
+    form = part.form
+    for name, value in (("left", 0.0), ("right", 0.2)):
+        for axis, component in enumerate("xy"):
+            dofs, x = compat.dof_coordinates(form.space, form.components[component])
+            there = np.intersect1d(dofs[np.isclose(x[:, 0], value)], part.fixed)
+            exact = rows[there].sum(axis=0) if len(there) else np.zeros(len(times))
+            np.testing.assert_allclose(
+                found.force[name][:, axis], exact, atol=5e-3 * np.abs(rows[part.fixed].sum(0)).max()
+            )
+        moment = np.zeros(len(times))
+        for axis, component in enumerate("xy"):
+            dofs, x = compat.dof_coordinates(form.space, form.components[component])
+            keep = np.isclose(x[:, 0], value) & np.isin(dofs, part.fixed)
+            arm = (x[keep] - found.centre[name])[:, 1 - axis] * (1, -1)[1 - axis]
+            moment += arm @ rows[dofs[keep]]
+        np.testing.assert_allclose(
+            found.moment[name][:, 2], moment, atol=5e-3 * np.abs(moment).max() + 1e-6
+        )
+
+
+def test_what_has_no_reactions_is_refused(held):
+    part, hit = held
+    free = sheet([])
+    run = ao.simulate(ao.extract(free, STRUCK_AT, 4), BALL, LAW, DURATION)
+    for structure, history, site, message in (
+        (free, run, STRUCK_AT, "no supports"),
+        (part, hit, {"a": STRUCK_AT, "b": STRUCK_AT}, "1 directions of contact, the sites given 2"),
+        (part, hit, "tip", "a Site"),
+    ):
+        with pytest.raises(ao.InputError, match=message):
+            ao.reactions(structure, history, site)
+
+
+def test_what_moves_the_whole_part_is_refused(held):
+    """A moving ground, and gravity on a part that may slide; the weight of a held part is none."""
+    part, _ = held
+    ends = {"part": ao.extract(part, STRUCK_AT, 4), "far": ao.Obstacle()}
+    apart = [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)]
+    shaken = ao.Scene(ends, apart, base=ao.Base([0.0, 1.0], [(0.2, -1, 0)] * 2))
+    with pytest.raises(ao.InputError, match="moving"):
+        ao.reactions(part, shaken.run(1e-5), STRUCK_AT, body="part")
+    hanging = ao.Scene(ends, apart, gravity=(0, -9.81, 0), preload=True)
+    found = ao.reactions(part, hanging.run(1e-6), STRUCK_AT, body="part")
+    assert np.abs(found.total).max() < 1e-6 * 9.81 * part.mass
+    with pytest.warns(ao.AntioscWarning, match="free to move"):
+        slides = sheet([ao.Support("left", "y"), ao.Support("right", "y")])
+    ends = {"part": ao.extract(slides, STRUCK_AT, 4), "far": ao.Obstacle()}
+    falling = ao.Scene(ends, apart, gravity=(0, -9.81, 0))
+    with pytest.raises(ao.InputError, match="part"):
+        ao.reactions(slides, falling.run(1e-5), STRUCK_AT, body="part")
+
+
+def test_a_clamped_shell_holds_force_and_moment():
+    """At rest under F at the distance d: R = −F and M = F d about the clamp."""
+    part = ao.Structure(
+        parts.plate((8, 2), (0.3, 0.02), "triangle"),
+        ao.Shell(E=70e9, nu=0.3, rho=2700.0, thickness=4e-3),
+        [ao.Support("left")],
+    )
+    site = ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01)
+    found = ao.reactions(part, quiet(ao.extract(part, site, 6), 5.0), site, body="part")
+    np.testing.assert_allclose(found.force["left"][-1], [0, 0, -5], atol=1e-6)
+    np.testing.assert_allclose(found.moment["left"][-1], [0, 5 * 0.27, 0], atol=1e-5)
+
+
+@pytest.mark.slow
+def test_a_part_that_slides_and_a_scene():
+    """A guide along x: the reactions along y balance, and those along x are zero."""
+    with pytest.warns(ao.AntioscWarning, match="free to move"):
+        part = sheet([ao.Support("left", "y"), ao.Support("right", "y")])
+    hit = ao.simulate(ao.extract(part, STRUCK_AT, 10), BALL, LAW, DURATION)
+    found = ao.reactions(part, hit, STRUCK_AT)
+    scale = np.abs(found.applied).max()
+    np.testing.assert_allclose(
+        (found.total + found.applied)[:, 1], found.inertia[:, 1], atol=1e-8 * scale
+    )
+    np.testing.assert_allclose(found.applied[:, 0], found.inertia[:, 0], atol=1e-8 * scale)
+    assert np.abs(found.total[:, 0]).max() < 1e-8 * scale
+    two = {"one": STRUCK_AT, "other": ao.Site((0.15, 0.0), (0, 1), radius=0.034)}
+    held = sheet()
+    scene = ao.Scene(
+        {"part": ao.extract(held, two, 20), "ball": BALL, "stop": ao.Obstacle()},
+        [ao.Contact("part:one", "ball", LAW), ao.Contact("part:other", "stop", LAW, gap=1e-7)],
+    )
+    run = scene.run(DURATION)
+    both = ao.reactions(held, run, two, body="part")
+    np.testing.assert_allclose(
+        both.total + both.applied, both.inertia, atol=1e-8 * np.abs(both.applied).max()
+    )
+    assert run["part:other", "stop"].peak_force > 0

@@ -7,22 +7,16 @@ import contextlib
 import numpy as np
 import pytest
 
-from sheets import RIB, SHEET, grouped, rectangle
-
-pytest.importorskip("dolfinx")
-
-from scipy.integrate import solve_ivp
-
 import antiosc as ao
 import parts
 from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery import Place
 from antiosc.fem.site import Reach, functional
+from parts import unreduced
+from sheets import RIB, SHEET, grouped, rectangle
+from static_loads import quiet
 
-pytestmark = pytest.mark.fem
-
-PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
 SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 DURATION = 1e-3
@@ -30,40 +24,11 @@ REACH = Reach("the point")
 POINTS = [(0.2, 0.06), (0.07, 0.031), (0.1, 0.0), (0.01, 0.01), (0.15, 0.02), (0.0, 0.05)]
 
 
-def unreduced(part, site, times, decay=0.0):
-    """u, u', u'' (times, dofs) and F of the whole model and the mass, by DOP853."""
-    b = functional(part, site).b
-    free = np.setdiff1d(np.arange(len(b)), part.fixed)
-    K, M = (csr(A)[free][:, free].toarray() for A in (part.K, part.M))
-    inverse, own = np.linalg.inv(M), b[free]
-    A, push = inverse @ K, inverse @ own
-    n = len(free)
-
-    def force(y):
-        return LAW.stiffness * max(y[2 * n] - own @ y[:n], 0.0) ** 1.5
-
-    def slope(t, y):
-        F = force(y)
-        pulled = push * F - A @ y[:n] - 2 * decay * y[n : 2 * n]
-        return np.concatenate([y[n : 2 * n], pulled, [y[2 * n + 1], -F / BALL.mass]])
-
-    start = np.zeros(2 * n + 2)
-    start[-1] = BALL.velocity
-    y = solve_ivp(
-        slope, (0, times[-1]), start, "DOP853", times, rtol=1e-8, atol=1e-12, max_step=1e-5
-    ).y
-    F = np.array([force(row) for row in y.T])
-    u, v, a = (np.zeros((len(times), len(b))) for _ in range(3))
-    u[:, free], v[:, free] = y[:n].T, y[n : 2 * n].T
-    a[:, free] = np.outer(F, push) - u[:, free] @ A.T - 2 * decay * v[:, free]
-    return u, v, a, F
-
-
 @pytest.fixture(scope="module")
 def sheet():
-    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    part = parts.held_sheet()
     times = np.linspace(0, DURATION, 201)
-    return part, times, unreduced(part, SITE, times)
+    return part, times, unreduced(part, SITE, times, BALL, LAW)
 
 
 def references(part, solved, point):
@@ -141,8 +106,8 @@ def test_rates_of_a_damped_body_are_derivatives(sheet, kind):
 
 def test_a_residual_compliance_adds_its_stress():
     """At rest under a force, a superposition of two modes with correction: σ of K⁻¹bF."""
-    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
-    hit = quiet_load(ao.superposition(part, SITE, 2, static_correction=True), 5.0)
+    part = parts.held_sheet()
+    hit = quiet(ao.superposition(part, SITE, 2, static_correction=True), 5.0)
     b = functional(part, SITE).b
     free = np.setdiff1d(np.arange(len(b)), part.fixed)
     u = np.zeros((len(b), 1))
@@ -176,7 +141,7 @@ def test_a_loaded_shell_bends():
         [ao.Support("left")],
     )
     site = ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01)
-    hit = quiet_load(ao.extract(part, site, 6), 5.0)
+    hit = quiet(ao.extract(part, site, 6), 5.0)
     x = 0.1
     M = 5.0 * (0.27 - x) / 0.02
     top, bottom, middle = (
@@ -202,23 +167,12 @@ def test_von_mises_of_a_beam_is_that_of_its_worst_fibre(outline):
     part = ao.Structure(
         parts.line(0.2, 8), ao.Beam(**parts.STEEL, section=section), [ao.Support("left")]
     )
-    hit = quiet_load(ao.extract(part, ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
+    hit = quiet(ao.extract(part, ao.Site((0.2, 0.0), (0, 1)), 6), 5.0)
     told = contextlib.nullcontext() if outline else pytest.warns(ao.AccuracyWarning, match="fibre")
     with told:
         stress = ao.probe(part, hit, (0.1, 0.0), "von_mises")[-1]
     bent = 5.0 * 0.1 * side / 2 / square.I
     assert stress == pytest.approx(bent if outline else 0.0, rel=2e-2, abs=1e-6 * bent)
-
-
-def quiet_load(model, force):
-    """The model in static equilibrium under a force at its site."""
-    scene = ao.Scene(
-        {"part": model, "far": ao.Obstacle()},
-        [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)],
-        loads=[ao.Load("part", [0.0, 1.0], [force, force])],
-        preload=True,
-    )
-    return scene.run(1e-6)
 
 
 @pytest.mark.filterwarnings("ignore:.*patch", "ignore:.*half-space")
@@ -255,7 +209,7 @@ def test_section_forces_of_a_plane_beam():
     """A cantilever under a slow force at its end: V = F, M = F (l − x), to rounding."""
     beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
     part = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
-    hit = quiet_load(ao.extract(part, ao.Site((0.8, 0.0), (0, 1)), 6), 5.0)
+    hit = quiet(ao.extract(part, ao.Site((0.8, 0.0), (0, 1)), 6), 5.0)
     N, V, M = ao.probe(part, hit, (0.3, 0.0), "section_forces")[-1]
     np.testing.assert_allclose([V, M], [5.0, 5.0 * 0.5], rtol=1e-5)
     assert abs(N) < 1e-6
@@ -295,7 +249,7 @@ def test_a_stiffener_takes_its_share_of_the_moment(cell):
     )
     end = length - 0.05
     site = ao.Site((end, width / 2, 0), (0, 0, 1), radius=0.02)
-    hit = quiet_load(ao.extract(part, site, 8), force)
+    hit = quiet(ao.extract(part, site, 8), force)
     rib, E = RIB.section, RIB.E
     areas, centres = np.array([width * 0.004, rib.A]), np.array([0.0, RIB.offset])
     own = np.array([width * 0.004**3 / 12, rib.I])

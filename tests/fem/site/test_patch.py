@@ -7,26 +7,22 @@ toward the site.
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from dataclasses import replace
 from functools import cache
+from math import factorial
 
 import numpy as np
 import pytest
 
-pytest.importorskip("dolfinx")
-
-from collections import Counter
-
 import antiosc as ao
 import parts
-from antiosc.base.errors import AntioscWarning
+from antiosc.fem.mesh import soundness
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
+from antiosc.fem.site import functional, sites
 from antiosc.fem.site.map_sites import surface
 from antiosc.fem.site.sites import patches
-
-pytestmark = pytest.mark.fem
 
 SIZE = np.array([0.04, 0.04, 0.02])
 TOP = (0.02, 0.02, 0.02)
@@ -57,7 +53,7 @@ def compliance(structure: ao.Structure, direction, radius=None) -> tuple[float, 
     """(1/k0, the part of it that is the patch's own)."""
     with warnings.catch_warnings():
         # a point has no limit, and the coarsest meshes do not resolve the patch: that is known here
-        warnings.simplefilter("ignore", AntioscWarning)
+        warnings.simplefilter("ignore", ao.AntioscWarning)
         site = ao.Site(TOP, direction, radius=radius)
         model = ao.extract(structure, site, n=0, method="modes")
     return 1 / model.k0, model.local_compliance
@@ -113,8 +109,7 @@ def test_supports_under_a_patch_are_told():
     site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
     with pytest.warns(ao.AccuracyWarning, match=r"fix 50% of the patch"):
         ao.extract(part, site, n=10)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as said:
         ao.impact_map(part, radius=0.01, modes=30)
     assert any("of the patch at" in str(one.message) for one in said)
 
@@ -258,3 +253,46 @@ def test_a_segment_with_many_elements():
     hats = np.maximum(0.0, 1 - np.abs(0.06 + a * fine - x[:, :1]) / (0.12 / n))
     exact = hats @ pressure * (fine[1] - fine[0])
     assert np.abs(b - exact).max() < 0.05 * exact.max()
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 12])
+def test_rules_of_patches_are_exact(count):
+    """Moments of Hertz's pressure on a disc, and on a segment (Catalan numbers)."""
+    x, w = sites.segment(count)
+    assert (x.shape, w.sum()) == ((count, 1), pytest.approx(1))
+    for k in range(count):
+        exact = factorial(2 * k) / factorial(k) / factorial(k + 1) / 4**k
+        assert w @ x[:, 0] ** (2 * k) == pytest.approx(exact)
+        assert w @ x[:, 0] ** (2 * k + 1) == pytest.approx(0, abs=1e-14)
+    x, w = sites.disc(count)
+    assert (x.shape, w.sum()) == ((2 * count**2, 2), pytest.approx(1))
+    radial = 1.0  # 3 ∫ (1 - s²)^k s² ds
+    for k in range(max(1, count - 1)):
+        r = np.linalg.norm(x, axis=1)
+        assert w @ r ** (2 * k) == pytest.approx(radial)
+        for a in range(k + 1):
+            b = k - a
+            angular = factorial(2 * a) * factorial(2 * b) / (4**k * factorial(a) * factorial(b))
+            angular /= factorial(k)
+            assert w @ (x[:, 0] ** (2 * a) * x[:, 1] ** (2 * b)) == pytest.approx(radial * angular)
+        assert w @ (x[:, 0] ** (2 * k) * x[:, 1]) == pytest.approx(0, abs=1e-14)
+        radial *= (2 * k + 2) / (2 * k + 5)
+
+
+def test_simplices_fill_their_cells():
+    """Corners around the bottom, then around the top: tetrahedra of one orientation."""
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+    cube = np.vstack([np.column_stack([square, np.full(4, z)]) for z in (0.0, 1.0)])
+    rng = np.random.default_rng(2)
+    for shape, x in (("quadrilateral", square), ("hexahedron", cube)):
+        dim = x.shape[1]
+        parts = [x[list(some)] for some in soundness._SIMPLICES[shape]]
+        sizes = [np.linalg.det(p[1:] - p[0]) / factorial(dim) for p in parts]
+        assert min(sizes) > 0
+        assert sum(sizes) == pytest.approx(1)
+        for point in rng.uniform(size=(20, dim)):
+            inside = 0
+            for p in parts:
+                b = np.linalg.solve((p[1:] - p[0]).T, point - p[0])
+                inside += bool(b.min() > 0 and b.sum() < 1)
+            assert inside == 1

@@ -1,30 +1,30 @@
-"""Free bodies struck off-centre: momentum, angular momentum and energy of rigid-body mechanics."""
+"""What supports leave free: told in words, and struck as rigid-body mechanics has it."""
 
 from __future__ import annotations
 
 import warnings
 
+import dolfinx
 import numpy as np
 import pytest
-
-from free_bodies import SIZE, effective_mass, extract
-
-pytest.importorskip("dolfinx")
+from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
 from free_bodies import (
     CASES,
+    SIZE,
     centre_and_inertia,
+    effective_mass,
+    extract,
     rigid_field,
     site_vectors,
 )
 from marks import FREE_ON_PURPOSE, TURNS_FAR
 from scenes import finely
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE, TURNS_FAR]
+pytestmark = FREE_ON_PURPOSE
 
 
 ROUND = ao.Section.circle(0.03)
@@ -73,8 +73,7 @@ def centred(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]:
 
 
 def model_of(kind: str, structure: ao.Structure, site: ao.Site):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AntioscWarning)
+    with warnings.catch_warnings(action="ignore", category=ao.AntioscWarning):
         if kind == "superposition":
             return ao.superposition(structure, site, 6)
         if kind == "corrected":
@@ -84,6 +83,7 @@ def model_of(kind: str, structure: ao.Structure, site: ao.Site):
         return ao.extract(structure, site, n=8, method=kind)
 
 
+@TURNS_FAR
 @pytest.mark.sample
 @pytest.mark.parametrize("kind", ["krylov", "modes", "superposition", "corrected", "full"])
 @pytest.mark.parametrize("name", THROWN)
@@ -147,6 +147,7 @@ def test_a_falling_spinning_struck_body_moves_as_mechanics_says(name, kind):
             assert e[i] @ moved == expected
 
 
+@TURNS_FAR
 def test_a_beam_on_a_pin_turns_about_it():
     """Only the rotation is left: a number defines it at the site, a Motion must leave the pin."""
     mesh = parts.frame([(0.0, 0.0), (0.8, 0.6)], [(0, 1)], 6)
@@ -178,6 +179,7 @@ def test_a_beam_on_a_pin_turns_about_it():
         ao.simulate(model, stop, ao.Hertz(1e9), 1e-3, initial_velocity=ao.Motion(spin=(1, 0, 0)))
 
 
+@TURNS_FAR
 @pytest.mark.sample
 @pytest.mark.parametrize("name", CASES)
 def test_mass_felt_at_the_site(name):
@@ -188,6 +190,7 @@ def test_mass_felt_at_the_site(name):
     assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
 
 
+@TURNS_FAR
 def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
     """Held along the impact, free across it: the site sees no rigid motion, but the body slides."""
     guide = ao.Support(lambda x: np.isclose(x[2], 0.0), fix=("y", "z"))
@@ -205,3 +208,109 @@ def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
     assert hit.momentum[-1, 0] == pytest.approx(mass * (0.7 + 2.0 * 1e-3), rel=1e-6)
     with pytest.raises(ao.InputError, match="asked of a supported body"):
         ao.simulate(model, ao.RigidMass(0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.0)
+
+
+SOLID = ao.Solid(70e9, 0.3, 2700.0)
+LONG = (0.4, 0.1, 0.2)
+
+
+def box() -> ao.Mesh:
+    return ao.read_mesh(dolfinx.mesh.create_box(MPI.COMM_WORLD, [np.zeros(3), LONG], [3, 1, 2]))
+
+
+def at(**where: float):
+    """Points with these coordinates."""
+    return lambda x: np.all([np.isclose(x["xyz".index(k)], v) for k, v in where.items()], axis=0)
+
+
+def told(mesh, material, supports) -> str:
+    with warnings.catch_warnings(record=True, action="always") as said:
+        ao.Structure(mesh, material, supports)
+    found = [str(one.message) for one in said if "as a rigid body" in str(one.message)]
+    assert all(issubclass(one.category, ao.AntioscWarning) for one in said)
+    assert len(found) <= 1
+    return found[0].split(": ")[1].split(";")[0] if found else ""
+
+
+CORNER = at(x=0.0, y=0.0, z=0.0)
+OTHER = at(x=0.4, y=0.1, z=0.2)
+EDGE = at(x=0.0, z=0.0)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize(
+    ("supports", "words"),
+    [
+        ([], ""),
+        ([ao.Support(at(x=0.0))], ""),
+        ([ao.Support(CORNER), ao.Support(OTHER), ao.Support(EDGE)], ""),
+        # a roller under a face: it slides along the face and turns about the normal
+        (
+            [ao.Support(at(x=0.0), "x")],
+            "translation along y, translation along z and rotation about x",
+        ),
+        ([ao.Support(at(x=0.0), ("x", "y"))], "translation along z"),
+        # a hinge along an edge that lies in y
+        ([ao.Support(EDGE)], "rotation about y through (0, 0.05, 0) m"),
+        (
+            [ao.Support(EDGE, ("x", "z"))],
+            "translation along y and rotation about y through (0, 0.05, 0) m",
+        ),
+        # two ball joints: it turns about the line between them
+        (
+            [ao.Support(CORNER), ao.Support(OTHER)],
+            "rotation about (0.873, 0.218, 0.436) through (0.2, 0.05, 0.1) m",
+        ),
+    ],
+)
+def test_a_box(supports, words):
+    assert told(box(), SOLID, supports) == words
+
+
+BODY = ao.Solid(70e9, 0.33, 2700.0)
+
+
+def fixed(**where) -> np.ndarray:
+    return ao.Structure(parts.box(), BODY, [ao.Support(**where)]).fixed
+
+
+@pytest.fixture(scope="module")
+def x() -> np.ndarray:
+    return parts.box().dolfinx.geometry.x
+
+
+def test_what_lies_outside_by_a_millionth_belongs_to_it(x):
+    size = float(np.linalg.norm(np.ptp(x, axis=0)))
+    low = x.min(axis=0)
+    exact = fixed(plane=(low, (1, 0, 0)))
+    for share, same in ((0.9e-6, True), (1.1e-6, False)):
+        off = low - [share * size, 0, 0]
+        for where in (
+            {"plane": (off, (1, 0, 0))},
+            {"box": (off - size, [off[0], size, size])},
+        ):
+            if same:
+                np.testing.assert_array_equal(fixed(**where), exact)
+            else:
+                with pytest.raises(ao.InputError, match="fixes nothing"):
+                    fixed(**where)
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ({}, "near, box or plane be given; got None"),
+        ({"where": "left", "near": ((0, 0, 0), 1)}, "takes one of where, near, box, plane"),
+        ({"near": (0, 0, 0)}, r"near must be a pair \(point, radius\)"),
+        ({"near": ((0, 0, 0), -1)}, "the radius of near must be >= 0"),
+        ({"box": ((0, 0, 1), (1, 1, 0))}, "lower corner .* above the upper corner"),
+        ({"plane": ((0, 0, 0), (0, 0, 0))}, "must not be the zero vector"),
+        ({"plane": ((0, 0, 0), "z")}, "normal"),
+        ({"near": ((9, 9, 9), 1e-3)}, r"within 0.001 m of \(9, 9, 9\) m fixes nothing.*spans \(0"),
+        ({"box": ((5, 5, 5), (6, 6, 6))}, r"in the box from \(5, 5, 5\) m to"),
+        ({"plane": ((0, 0, 7), (0, 0, 1))}, r"on the plane through \(0, 0, 7\) m across"),
+    ],
+)
+def test_bad_regions_are_refused_in_words(where, message):
+    with pytest.raises(ao.InputError, match=message):
+        fixed(**where)

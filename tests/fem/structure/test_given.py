@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
-
-pytest.importorskip("dolfinx")
-
 from petsc4py import PETSc
 
 import antiosc as ao
@@ -16,8 +13,6 @@ import parts
 from antiosc import fem
 from antiosc.fem.site import functional
 from mpi import run_ranks
-
-pytestmark = pytest.mark.fem
 
 N, STIFF = 8, 1e4
 
@@ -51,9 +46,6 @@ def check(model: ao.AntiOscillators, K: np.ndarray, tol: float) -> None:
     k0, omega = exact(K, np.eye(len(K)))
     assert model.k0 == pytest.approx(k0, rel=tol)
     np.testing.assert_allclose(model.omega[:3], omega[:3], rtol=tol)
-
-
-# -- penalties
 
 
 @pytest.mark.sample
@@ -114,9 +106,6 @@ def test_a_coupling_by_penalty_is_right_or_refused(penalty, free):
         assert model.k0 == pytest.approx(exact(k, m)[0], rel=1e-3)
 
 
-# -- what is no stiffness, no mass
-
-
 def test_indefinite_matrices():
     with refused(r"K must be positive semidefinite; its entry \(0, 1\) = 2 exceeds"):
         ao.Structure.from_matrices([[1.0, -2.0], [-2.0, 1.0]], np.eye(2))
@@ -149,9 +138,6 @@ def test_what_is_no_matrix(K, text):
         ao.Structure.from_matrices(K, np.eye(N))
     with refused("M " + text):
         ao.Structure.from_matrices(chain(), K)
-
-
-# -- what is
 
 
 def petsc(A: np.ndarray, kind: str = "aij") -> PETSc.Mat:

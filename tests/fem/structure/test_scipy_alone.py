@@ -13,20 +13,17 @@ import scipy.sparse
 import antiosc as ao
 from antiosc.base import process
 from antiosc.fem import linalg
+from chains import loose_chains, receptance
 
 #: scikit-sparse is optional
 LIBRARIES = ["superlu"] if linalg.sksparse is None else ["superlu", "cholmod"]
 DIRECT = pytest.mark.parametrize("library", LIBRARIES)
 
 
-def chain(n: int, free: bool = False) -> tuple[scipy.sparse.csr_matrix, scipy.sparse.csr_matrix]:
-    """Uneven springs and masses in a row, from the ends to the ground unless it is free."""
-    rng = np.random.default_rng(n)
-    k, m = 1e4 * rng.uniform(0.5, 2.0, n + 1), rng.uniform(0.5, 2.0, n)
-    if free:
-        k[0] = k[-1] = 0.0
-    K = scipy.sparse.diags([-k[1:-1], k[:-1] + k[1:], -k[1:-1]], [-1, 0, 1]).tocsr()
-    return K, scipy.sparse.diags([m], [0]).tocsr()
+def chain(n: int, free: bool = False) -> list[scipy.sparse.csr_matrix]:
+    """K and M of uneven masses in a row, from the ends to the ground unless it is free."""
+    pair = loose_chains((n,), int(not free), np.random.default_rng(n))
+    return [scipy.sparse.csr_matrix(A) for A in pair]
 
 
 def scipy_structure(K, M, **more) -> ao.Structure:
@@ -37,10 +34,6 @@ def scipy_structure(K, M, **more) -> ao.Structure:
 def direct(library, monkeypatch):
     if library == "superlu":
         monkeypatch.setattr(linalg, "sksparse", None)
-
-
-def exact_stiffness(K, M, b, omega):
-    return np.array([1 / (b @ np.linalg.solve(K - w**2 * M, b)) for w in omega])
 
 
 @DIRECT
@@ -55,7 +48,7 @@ def test_all_anti_oscillators_give_the_driving_point(free, method, direct):
     assert structure.rigid_modes.shape[1] == free
     model = ao.extract(structure, ao.Site(dof=7), n=23, method=method, tol=1e-14)
     omega = np.array([11.3, 47.1, 90.7, 133.9])
-    wanted = exact_stiffness(K.toarray(), M.toarray(), b, omega)
+    wanted = 1 / receptance(K.toarray(), M.toarray(), b, omega)
     np.testing.assert_allclose(model.dynamic_stiffness(omega), wanted, rtol=1e-8)
     whole = ao.full(structure, ao.Site(dof=7))
     np.testing.assert_allclose(
@@ -83,12 +76,6 @@ def test_sparse_modes_are_those_of_lapack(free, direct):
         assert np.abs(free_x / omega - 1).min() < 1e-8
     pair = ao.extract(structure, [ao.Site(dof=at), ao.Site(dof=3)], n=8)
     assert pair[0].k0 == pytest.approx(model.k0, rel=1e-10)
-
-
-# -- what is no stiffness
-
-
-# -- without the packages, and on other systems
 
 
 ALONE = """
@@ -134,9 +121,6 @@ def test_extraction_without_the_packages():
     assert done.returncode == 0, done.stderr
     K = 1e4 * (2 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1))
     assert float(done.stdout) == pytest.approx(1 / np.linalg.inv(K)[20, 20], rel=1e-12)
-
-
-# -- the same results as with PETSc
 
 
 @pytest.mark.sample

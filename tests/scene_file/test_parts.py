@@ -1,0 +1,463 @@
+"""Scenes of parts: assemblies, blows to be found, falls, strengths, and the example scenes."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.app import cli
+from antiosc.app.scene_file.document import read
+from antiosc.app.scene_file.scene import compiled
+from antiosc.app.scene_file.schema import schema
+from antiosc.base.texts import engineering
+from paths import MESHES, ROOT
+from scene_files import (
+    ASKED,
+    BEAM,
+    BLOW,
+    BODIES,
+    BRACKET,
+    FALL,
+    FRAME,
+    HIT,
+    MATRICES,
+    SCENES,
+    SWEEP,
+    antiosc,
+    numbers,
+    written,
+)
+
+pytestmark = pytest.mark.fem
+
+
+#: What a report shows of a map.
+MAPPED = ("peak force", "contact time", "k0")
+
+
+PART = f"""\
+[parts.NAME.geometry]
+source = "{MESHES}/beam.msh"
+[parts.NAME.material]
+kind = "Beam"
+E = 210e9
+nu = 0.3
+rho = 7850
+section = {{ kind = "Section.rectangle", width = 0.02, height = 0.01 }}
+orientation = [0, 0, 1]
+"""
+#: Two bars of 1 m, welded end to end; the first is clamped.
+BARS = f"""\
+{PART.replace("NAME", "first")}
+[[parts.first.supports]]
+near = [[0, 0, 0], 1e-6]
+{PART.replace("NAME", "second")}
+[at.second]
+shift = [1.0, 0, 0]
+[[joints]]
+kind = "Weld"
+a = ["first", [1.0, 0, 0]]
+b = ["second", [1.0, 0, 0]]
+[sites.tip]
+point = [2.0, 0, 0]
+direction = [0, 0, -1]
+[extract]
+n = 6
+[impactor]
+kind = "RigidMass"
+mass = 0.1
+velocity = 1
+[contact]
+kind = "Linear"
+stiffness = 1e5
+[simulate]
+duration = 5e-3
+[probes.middle]
+point = [1.0, 0, 0]
+part = "first"
+quantity = "rotation"
+"""
+
+
+def test_an_assembly_runs(tmp_path, capsys):
+    assert antiosc("run", written(tmp_path, BARS), "--out", tmp_path) == 0
+    # a cantilever of 2 m, 3EI/L³
+    stiffness = 3 * 210e9 * 0.02 * 0.01**3 / 12 / 2.0**3
+    assert numbers(tmp_path)["model"]["k0"] == pytest.approx(stiffness, rel=2e-3)
+    assert (tmp_path / "probes.csv").read_text().startswith("time (s),middle x (rad),")
+    assert re.search(
+        r"probe middle +rotation magnitude: largest [\d.e-]+ rad", capsys.readouterr().out
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "held"),
+    [
+        ('a = ["first"', 'a = ["frist"', "'first'"),
+        ("[at.second]", "[at.secnd]", "'second'"),
+        ('"Section.rectangle"', '"Section.rectangel"', "'Section.rectangle'"),
+        ("[at.second]", "[material]\n[at.second]", "parts.NAME"),
+        ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
+        ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
+        ("point = [1.0, 0, 0]\npart", 'point = "second:rihgt"\npart', "'right'"),
+        ("[parts.first.material]", "[parts.first.material.bar]", "the group"),
+    ],
+)
+def test_mistakes_in_an_assembly(tmp_path, capsys, old, new, held):
+    path = written(tmp_path, BARS.replace(old, new, 1))
+    assert antiosc("check", path) == 1
+    told = capsys.readouterr().err.splitlines()
+    line = BARS[: BARS.index(old)].count("\n") + 1
+    assert any(text.startswith(f"{path}:{line}: ") and held in text for text in told), told
+
+
+def violations(value, rule, place="scene") -> list[str]:
+    """What of a value breaks a schema; the words of JSON Schema that ours has."""
+    unknown = set(rule) - {
+        *("type", "properties", "required", "additionalProperties", "items", "prefixItems"),
+        *("anyOf", "enum", "const", "pattern", "minItems", "description", "default", "title"),
+        "$schema",
+    }
+    assert not unknown
+    found = []
+    if "anyOf" in rule and all(violations(value, one) for one in rule["anyOf"]):
+        found.append(f"{place} fits nothing")
+    kinds = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int}
+    kinds["boolean"] = bool
+    named = rule.get("type", [])
+    named = [named] if isinstance(named, str) else named
+    if named and not any(isinstance(value, kinds[name]) for name in named):
+        return [f"{place} is no {named}"]
+    if value not in rule.get("enum", [value]) or value != rule.get("const", value):
+        found.append(f"{place} is {value!r}")
+    if "pattern" in rule and not re.search(rule["pattern"], value):
+        found.append(f"{place} is {value!r}")
+    if isinstance(value, dict):
+        known = rule.get("properties", {})
+        found += [f"{place} lacks {name}" for name in rule.get("required", ()) if name not in value]
+        for key, each in value.items():
+            more = rule.get("additionalProperties", True)
+            if key in known:
+                found += violations(each, known[key], f"{place}.{key}")
+            elif more is False:
+                found.append(f"{place} has {key}")
+            elif isinstance(more, dict):
+                found += violations(each, more, f"{place}.{key}")
+    if isinstance(value, list):
+        first = rule.get("prefixItems", [])
+        if len(value) < rule.get("minItems", 0):
+            found.append(f"{place} is short")
+        for i, each in enumerate(value):
+            one = first[i] if i < len(first) else rule.get("items", {})
+            found += violations(each, one, f"{place}[{i}]")
+    return found
+
+
+@pytest.mark.slow
+def test_sound_scenes_keep_the_schema_and_wrong_ones_break_it():
+    rule = schema()
+    texts = [BEAM + SWEEP, FRAME, BARS]
+    texts += [path.read_text() for path in sorted(SCENES.glob("*.toml"))]
+    for text in texts:
+        assert violations(tomllib.loads(text), rule) == []
+    for old, new in {
+        "stiffness = 5e8": 'stiffness = "5e8"',
+        "[extract]": "[extrakt]",
+        "mass = 0.05": "radius = 0.05",
+        'kind = "Hertz"': 'kind = "Herz"',
+        "duration = 2e-3": "",
+        "n = 6": "n = 6.5",
+    }.items():
+        assert old in BEAM
+        assert violations(tomllib.loads(BEAM.replace(old, new)), rule)
+
+
+@pytest.mark.slow
+def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
+    """`antiosc map` tells the hardest blow on each part; `run` the motion of "second:right"."""
+    several = '[map]\nwhere = ["first", "second"]\ndirection = [0, 0, -1]\nn = 3\nmodes = 8\n'
+    end = '[probes.end]\npoint = "second:right"\n[probes.middle]'
+    path = written(tmp_path, BARS.replace("[probes.middle]", several + end))
+    assert antiosc("map", path, "--out", tmp_path, "--report", tmp_path / "map.html") == 0
+    told = capsys.readouterr().out
+    table = (tmp_path / "map.csv").read_text().splitlines()
+    names = [row.split(",")[0] for row in table[1:]]
+    assert table[0].startswith("surface,x (m),")
+    force = table[0].split(",").index("peak_force (N)")
+    for name in ("first", "second"):
+        forces = [float(row.split(",")[force]) for row in table[1:] if row.startswith(name)]
+        hardest = engineering(max(forces), "N", 4)
+        assert f"{names.count(name)} sites, at most {hardest} at (" in told
+    page = (tmp_path / "map.html").read_text()
+    assert "at most" in page
+    assert re.findall("<h3>(.*?)</h3>", page) == [f"Map: {name}" for name in MAPPED]
+    assert numbers(tmp_path)["map"]["surface"] == names
+    assert antiosc("run", path, "--out", tmp_path) == 0
+    end = np.loadtxt(tmp_path / "probes.csv", delimiter=",", skiprows=1)[:, :4]
+    struck = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    own = struck[next(name for name in struck.dtype.names if name.startswith("displacement"))]
+    assert np.diff(end[:, 0]).max() <= 1.001e-3 * end[-1, 0]  # flights too
+    end = end[np.isin(end[:, 0], struck["time_s"])]
+    np.testing.assert_allclose(-end[:, 3], own, atol=1e-6 * np.abs(own).max())
+
+
+SKIN = """\
+SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.4, 0.3};
+Physical Surface("skin") = {1}; Physical Curve("rim") = {1, 2, 3, 4};
+"""
+
+
+@pytest.fixture
+def plate_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plate.geo").write_text(SKIN)
+    values = np.random.default_rng(0).standard_normal((64, 2))
+    table = np.column_stack([np.arange(64) / 16e3, values])
+    np.savetxt(tmp_path / "signals.csv", table, header="time, left, right", delimiter=",")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_the_blow_is_that_of_find_impact(
+    plate_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (plate_folder / "find.toml").write_text(BLOW)
+    assert cli.main(["check", "find.toml"]) == 0
+    shell = ao.Shell(210e9, 0.3, 7850.0, 4e-3)
+    mesh = ao.read_mesh("plate.geo", size=0.15, gdim=3)
+    sensors = [
+        ao.Sensor((0.07, 0.06, 0.0), (0, 0, 1)),
+        ao.Sensor((0.33, 0.08, 0.0), (0, 0, 1), "velocity"),
+    ]
+    part = ao.Structure(mesh, shell, [ao.Support("rim")])
+    with pytest.warns(ao.AccuracyWarning):  # noise has no blow
+        found = ao.find_impact(
+            part, sensors,
+            np.loadtxt("signals.csv", delimiter=",")[:, 1:], 16e3,
+            [(0.1, 0.1, 0.0), (0.3, 0.2, 0.0)], ["place"], direction=(0, 0, -1), modes=5,
+            impactor=ao.RigidMass(0.3, 2.0), contact=ao.Hertz(4e7),
+        )  # fmt: skip
+    assert cli.main(["run", "find.toml", "--out", "out", "--report", "page.html"]) == 0
+    assert f"{found.peak_force:.5g} N" in capsys.readouterr().out
+    told = json.loads((plate_folder / "out/result.json").read_text())["found"]
+    assert told["place"] == pytest.approx(found.place.tolist())
+    assert told["impulse"] == pytest.approx(found.impulse, rel=1e-9)
+    force = np.loadtxt("out/force.csv", delimiter=",", skiprows=1)
+    assert force[:, 1] == pytest.approx(found.force)
+    assert "<img" in (plate_folder / "page.html").read_text()
+
+
+def test_groups_and_sensors_must_exist(
+    plate_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = BLOW.replace("[[0.1, 0.1, 0.0], [0.3, 0.2, 0.0]]", '["skin", "top"]')
+    (plate_folder / "wrong.toml").write_text(wrong.replace("0.33", "33"))
+    assert cli.main(["check", "wrong.toml"]) == 1
+    told = capsys.readouterr().err
+    assert "wrong.toml:29:" in told
+    assert "wrong.toml:17:" in told
+
+
+BOX = """\
+SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.12, 0.06, 0.03};
+Physical Volume("part") = {1};
+"""
+
+
+@pytest.fixture
+def box_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "box.geo").write_text(BOX)
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (box_folder / "drop.toml").write_text(FALL + ASKED)
+    assert cli.main(["check", "drop.toml"]) == 0
+    assert cli.main(["run", "drop.toml", "--dry-run"]) == 0
+    assert "1.981 m/s" in capsys.readouterr().out
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
+    printed, page = capsys.readouterr().out, (box_folder / "page.html").read_text()
+    found = json.loads((box_folder / "out/result.json").read_text())
+    part = ao.Structure(ao.read_mesh("box.geo", size=0.06), ao.Solid(70e9, 0.33, 2700.0))
+    floor = ao.Floor(ao.Solid(30e9, 0.2, 2400.0), friction=0.3)
+    fall = ao.drop(part, 0.2, (10, 5, 0), floor, until=1, modes=3, corner_radius=1e-3)
+    peak = fall.peak("acceleration", (0.06, 0.03, 0.03), "CFC1000")
+    assert found["fall"]["peak force (N)"] == pytest.approx([fall.peak_force])
+    assert found["accelerometers"]["middle"]["g"] == pytest.approx(peak.g)
+    assert found["worst"]["von_mises"] == pytest.approx(fall.worst().values.max())
+    assert found["fall"]["status"] == "1 impacts"
+    row = next(csv.DictReader((box_folder / "out/fall.csv").read_text().splitlines()))
+    assert float(row["place x (m)"]) == pytest.approx(0.12)
+    for text in (printed, page):
+        assert f"{peak.g:.5g} g" in text
+    assert page.count("<img") >= 2
+
+
+def test_soil_as_a_floor_under_a_part_and_as_a_body(box_folder: Path) -> None:
+    soil = "radius = 0.4, G = 60e6, nu = 0.3, rho = 1800"
+    floor = f'floor = {{model = {{kind = "soil_cone", {soil}}}}}'
+    footing = '[[attached]]\nkind = "Footing"\nwhere = [0.06, 0.03, 0.0]\n'
+    footing += soil.replace(", ", "\n") + "\n"
+    (box_folder / "drop.toml").write_text(FALL[: FALL.index("floor")] + floor + "\n" + footing)
+    found = compiled(read("drop.toml"))
+    cone = ao.soil_cone(0.4, 60e6, 0.3, 1800.0)
+    assert found.fall is not None
+    assert found.structure is not None
+    assert found.fall.arguments["floor"].made.model == cone
+    (carried,) = found.structure.arguments["attached"]
+    assert carried.made == ao.Footing((0.06, 0.03, 0.0), 0.4, 60e6, 0.3, 1800.0)
+    body = '[bodies.b]\nkind = "soil_cone"\n' + soil.replace(", ", "\n") + "\n"
+    ground = BODIES.replace('[bodies.b]\nkind = "Obstacle"\n', body)
+    (box_folder / "ground.toml").write_text(f'{MATRICES}dof = "z"\n{ground}')
+    scene = compiled(read("ground.toml")).scene
+    assert scene is not None
+    assert scene.arguments["bodies"]["b"].made == cone
+
+
+def test_a_yield_strength_has_its_verdict(
+    box_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strong = FALL.replace("rho = 2700\n", "rho = 2700\nyield_strength = 275e6\n")
+    (box_folder / "drop.toml").write_text(strong + ASKED[: ASKED.index("filter")] + "[output]\n")
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
+    printed, page = capsys.readouterr().out, (box_folder / "page.html").read_text()
+    for text in (printed, page):
+        assert "yield is not reached" in text
+        assert "margin of safety" in text
+        assert "Floor(law=Thornton.from_material(2.236e+10, 0.001, 4.4e+08))" in text
+        assert "g (unfiltered), in impact 1" in text
+    margin = json.loads((box_folder / "out/result.json").read_text())["worst"]["margin"]
+    assert "the contact itself" in margin["sentence"]
+    assert margin["margin"] == pytest.approx(1 / margin["exposure"] - 1)
+
+
+@pytest.mark.parametrize("part", ["box.geo", "deck.inp"])
+def test_a_new_fall_has_no_mistakes(
+    box_folder: Path, part: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (box_folder / "deck.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    assert cli.main(["new", "new.toml", part, "--drop"]) == 0
+    told = capsys.readouterr().out
+    assert not {"struck", "held"} & set(told.split())
+    assert ("dropped without supports" in told) == (part == "box.geo")
+    found = compiled(read("new.toml"))
+    assert found.does() == ["antiosc run"]
+    assert found.fall is not None
+    assert not {"supports", "sites", "simulate"} & set(found.document.data)
+
+
+PAGE = (ROOT / "docs/scene_files.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def page(tmp_path):
+    """The scene of the page, beside the meshes of the repository."""
+    pytest.importorskip("dolfinx")
+    (tmp_path / "meshes").symlink_to(MESHES)
+    (scene,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    return written(tmp_path, scene)
+
+
+@pytest.mark.slow
+def test_the_scene_of_the_page_runs(page, tmp_path, capsys):
+    for command in ("run", "sweep", "map"):
+        assert antiosc(command, page, "--out", tmp_path / command) == 0
+    peak = numbers(tmp_path / "run")["result"]["peak_force"]
+    swept = numbers(tmp_path / "sweep")["sweep"]
+    assert swept["impactor.velocity"][-1] == 2.0
+    assert swept["peak force (N)"][-1] == pytest.approx(peak, rel=2e-3)
+    assert len(numbers(tmp_path / "map")["map"]["peak_force"]) == 2
+    told = capsys.readouterr().out
+    assert "bracket.msh: 8268 tetrahedron cells" in told
+    mesh = ao.read_mesh(MESHES / "bracket.msh")
+    part = ao.Structure(mesh, ao.Solid(70e9, 0.33, 2700.0), [ao.Support("clamp")])
+    site = ao.Site((0.020, 0.040, 0.075), (-0.2, -0.6, -0.8), radius=4e-3, snap=True)
+    ball = ao.Sphere(0.010, 210e9, 0.3, 7850.0, velocity=2.0)
+    law = ball.hertz(70e9, 0.33, radii=(0.018, float("inf")))
+    hit = ao.simulate(ao.extract(part, site, n=20), ball, law, duration=1e-3)
+    assert hit.peak_force == pytest.approx(peak, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", ["matrices", *(pytest.param(n, marks=pytest.mark.slow) for n in ("deck", "step"))]
+)
+def test_the_example_scenes_run(name, tmp_path, capsys):
+    assert antiosc("check", SCENES / f"{name}.toml") == 0
+    assert antiosc("run", SCENES / f"{name}.toml", "--out", tmp_path) == 0
+    result = numbers(tmp_path)
+    assert result["result"]["status"] == 0
+    assert result["warnings"] == []
+    assert result["result"]["peak_force"] > 100
+    assert result["result"]["energy_drift"] < 1e-3
+    # closed forms: 48 EI/L³ of a simply supported beam, 3 EI/L³ of a cantilever
+    stiffness = {"matrices": 48 * 210e9 * 2.5e-9 / 0.512, "deck": 3 * 210e9 * 8.5333e-10 / 0.027}
+    if name in stiffness:
+        assert result["model"]["k0"] == pytest.approx(stiffness[name], rel=2e-3)
+
+
+def test_the_matrices_are_those_of_their_script(tmp_path):
+    spec = importlib.util.spec_from_file_location("make_matrices", SCENES / "make_matrices.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.main(tmp_path)
+    K, M, rows = module.matrices()
+    for name in ("beam_K.mtx", "beam_M.mtx", "beam_nodes.txt"):
+        assert (tmp_path / name).read_text() == (SCENES / name).read_text()
+    # first bending frequency of a simply supported beam, (π/L)² √(EI/ρA)
+    omega = np.sqrt(np.min(np.linalg.eigvals(np.linalg.solve(M, K)).real))
+    exact = (np.pi / 0.8) ** 2 * np.sqrt(210e9 * 0.01**2 / 12 / 7850)
+    assert omega == pytest.approx(exact, rel=1e-5)
+    assert len(rows) == 32
+
+
+HELD = """
+[geometry]
+source = "plate.msh"
+[[supports]]
+where = "left"
+"""
+SOLID = 'kind = "Solid"\nE = 70e9\nnu = 0.3\nrho = 2700.0\n'
+LAYER = "E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600.0, thickness=1e-3"
+STRENGTH = "X_t=1.5e9, X_c=1.2e9, Y_t=4e7, Y_c=2e8, S=7e7"
+
+
+def material(folder, text: str):
+    path = folder / "scene.toml"
+    path.write_text(f"{HELD}[material]\n{text}")
+    (folder / "plate.msh").touch()
+    return compiled(read(path)).structure.arguments["material"].made
+
+
+def test_materials_of_scene_files_have_strengths(tmp_path):
+    assert material(tmp_path, SOLID + "yield_strength = 240e6").yield_strength == 240e6
+    text = f'kind = "Laminate"\nlayers = [{{{LAYER}, strength = {{{STRENGTH}}}}}]'
+    assert material(tmp_path, text).layers[0].strength == ao.Strengths(1.5e9, 1.2e9, 4e7, 2e8, 7e7)
+
+
+@pytest.mark.slow
+def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, capsys):
+    path = tmp_path / "scene.toml"
+    probe = '[probes.top]\npoint = [0.0, 0.030, 0.086]\nquantity = "acceleration"\n'
+    strong = BRACKET.replace("rho = 2700", "rho = 2700\nyield_strength = 240e6")
+    path.write_text(strong + HIT.replace("2e-3", "3e-4") + probe)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    assert re.search(r"probe top +acceleration magnitude: largest \S+ m/s² \(\S+ g\)", told)
+    assert "margin of safety" in told
+    found = numbers(tmp_path / "out")
+    margin = found["stress"]["von_mises"]["margin"]
+    assert margin["exposure"] == pytest.approx(found["stress"]["von_mises"]["value"] / 240e6)
+    assert margin["reached"] == (margin["exposure"] >= 1) == (margin["margin"] <= 0)
+    path.write_text(BRACKET + HIT.replace("2e-3", "3e-4") + '[stress]\nquantity = "stress"\n')
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    assert list(numbers(tmp_path / "out")["stress"]) == ["stress"]
