@@ -72,7 +72,7 @@ def test_an_interrupted_write_changes_nothing(tmp_path, stop):
     expected = ao.InputError if isinstance(stop, OSError) else type(stop)
 
     def write():
-        with files.complete(path) as part:
+        with files.atomic_file(path) as part:
             part.write_text("half")
             raise stop
 

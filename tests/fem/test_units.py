@@ -42,7 +42,7 @@ def test_materials_that_cannot_be_are_refused(material, held):
 )
 def test_materials_that_may_be_are_told_of(material, held):
     with pytest.warns(AntioscWarning, match=rf"√\(E/ρ\) = .*{held}"):
-        plausible.tell([plausible.of_material(material)])
+        plausible.warn_each([plausible.of_material(material)])
 
 
 def test_a_structure_in_other_units_is_told_of():
@@ -117,9 +117,9 @@ def test_stress_against_the_modulus():
 
 def test_strengths_thicknesses_and_spheres_in_other_units_are_told_of():
     with pytest.warns(AntioscWarning, match="275e|2.75e"):
-        plausible.tell([plausible.of_material(ao.Solid(**parts.STEEL, yield_strength=275.0))])
+        plausible.warn_each([plausible.of_material(ao.Solid(**parts.STEEL, yield_strength=275.0))])
     with pytest.warns(AntioscWarning, match="larger than the part.*0.004"):
-        plausible.tell([plausible.of_thickness(4.0, 0.2)])
+        plausible.warn_each([plausible.of_thickness(4.0, 0.2)])
     with pytest.warns(AntioscWarning, match="g/cm³"):
         ao.Sphere(0.01, 210e9, 0.3, rho=7.85)
     with pytest.warns(AntioscWarning, match="10 mm"):

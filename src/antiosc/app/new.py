@@ -25,7 +25,7 @@ from antiosc.app.report import rendered
 from antiosc.app.scene_file.outline import GEOMETRIES, LARGEST
 from antiosc.base import checks, files, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import in_words
+from antiosc.base.checks import point_text
 from antiosc.base.errors import (
     AntioscError,
     InputError,
@@ -144,7 +144,7 @@ class Look:
             held = f"held at the nodes on the plane through {_rounded(self.plane[0])} m"
         groups = ", ".join(self.groups) or "none"
         told.append(
-            f"it reaches from {in_words(self.low)} to {in_words(self.high)}; groups: {groups}."
+            f"it reaches from {point_text(self.low)} to {point_text(self.high)}; groups: {groups}."
         )
         if drop:
             point = _rounded(self.point)

@@ -243,7 +243,7 @@ def _fastest(velocity: object) -> float:
     return float(finite.max(initial=0.0))
 
 
-def tell(sentences: Iterable[str]) -> tuple[str, ...]:
+def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
     """Warn of each sentence that is not empty, once; return them."""
     told = tuple(dict.fromkeys(filter(None, sentences)))
     for sentence in told:
@@ -251,6 +251,6 @@ def tell(sentences: Iterable[str]) -> tuple[str, ...]:
     return told
 
 
-def first(doubts: Iterable[str], sentence: str) -> str:
+def with_doubts(doubts: Iterable[str], sentence: str) -> str:
     """An error's sentence behind what was implausible from the start."""
     return " ".join([*doubts, sentence])

@@ -25,7 +25,7 @@ CLEAR = "\r\x1b[2K"
 #: Seconds between two changes of a count.
 REFRESH = 0.1
 #: Seconds of work from which a notebook keeps the line that tells them.
-TOLD = 1.0
+KEPT_FROM = 1.0
 #: Columns of tqdm's bar, where tqdm is installed.
 BAR = 50
 
@@ -78,12 +78,12 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
             now = time.monotonic()
             if now - shown >= REFRESH or count >= total:
                 shown = now
-                further(share(count, total, now - started))
+                further(progress_text(count, total, now - started))
 
         yield done
 
 
-def share(count: int, total: int, elapsed: float) -> str:
+def progress_text(count: int, total: int, elapsed: float) -> str:
     """How many of `total` are done after `elapsed` seconds, and how long the others will take."""
     tqdm = _tqdm()
     if tqdm is not None:
@@ -152,7 +152,7 @@ def _write_in_notebook() -> None:
         if _lines.texts
         else f"antiosc: {_lines.work}: {elapsed:.1f} s"
     )
-    line = {"text/plain": text if _lines.texts or elapsed >= TOLD else ""}
+    line = {"text/plain": text if _lines.texts or elapsed >= KEPT_FROM else ""}
     if _lines.shown is None:
         display = importlib.import_module("IPython.display").display
         _lines.shown = display(line, raw=True, display_id=True)

@@ -485,12 +485,12 @@ class Tabulated(Hysteretic):
         if unloading is not None:
             self._check_loss(x)
 
-    def _told(self) -> list[tuple[str, str]]:
+    def _changed_fields(self) -> list[tuple[str, str]]:
         told = [("points", str(self._points)), ("up to", self._reach)]
         return told if self.elastic else [*told, ("unloading", "given")]
 
     def __repr__(self) -> str:
-        return f"Tabulated({', '.join(' '.join(fact) for fact in self._told())})"
+        return f"Tabulated({', '.join(' '.join(fact) for fact in self._changed_fields())})"
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
         return (

@@ -91,7 +91,7 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
     return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
 
 
-def with_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
+def with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
     """Z (..., p, p) at x = omega^2 with the rigid-body motions a = `slide` (p, h) beside.
 
     That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).

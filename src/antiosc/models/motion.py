@@ -31,7 +31,7 @@ import numpy as np
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
-from antiosc.base.texts import Given, ReprMixin
+from antiosc.base.texts import FieldsRepr, ReprMixin
 
 #: Share of a body's inertia below which it has none about an axis.
 INERTIALESS = 1e-9
@@ -57,7 +57,7 @@ class Inertia(ReprMixin):
     def __post_init__(self) -> None:
         for name, shape in (("point", (3,)), ("matrix", (6, 6)), ("momentum", (None, 6))):
             value = checks.array(f"inertia.{name}", getattr(self, name), shape)
-            checks.store(self, **{name: checks.kept(value)})
+            checks.store(self, **{name: checks.read_only(value)})
         S = self.matrix
         if S.diagonal().min() < 0 or np.any(np.abs(S - S.T) > 1e-9 * np.abs(S).max()):
             raise InputError("inertia.matrix must be symmetric with a diagonal >= 0.")
@@ -80,7 +80,7 @@ class Inertia(ReprMixin):
             moments = np.array([S[5, 1], -S[5, 0], 0.0])
         return np.asarray(self.point + moments / self.mass)
 
-    def along(self, momentum: Array) -> Inertia:
+    def with_momentum(self, momentum: Array) -> Inertia:
         """The same body with other coordinates, whose momenta are `momentum` (C, 6)."""
         return Inertia(self.point, self.matrix, momentum)
 
@@ -107,7 +107,7 @@ class Inertia(ReprMixin):
 
 
 @dataclass(frozen=True)
-class Motion(Given):
+class Motion(FieldsRepr):
     """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
 
     Parameters
@@ -149,7 +149,7 @@ class Motion(Given):
 
 
 @dataclass(frozen=True, eq=False)
-class ModalState(Given):
+class ModalState(FieldsRepr):
     """The state in which a body of a scene starts, in its mass-normalised modes.
 
     Parameters
@@ -170,7 +170,7 @@ class ModalState(Given):
     def __post_init__(self) -> None:
         q = checks.array("displacements", self.displacements, (None,))
         v = checks.array("velocities", self.velocities, (q.size,))
-        checks.store(self, displacements=checks.kept(q), velocities=checks.kept(v))
+        checks.store(self, displacements=checks.read_only(q), velocities=checks.read_only(v))
         if self.first_order is not None:
             checks.store(self, first_order=checks.array("first_order", self.first_order, (2, None)))
 
@@ -181,7 +181,7 @@ def unit_vector(name: str, value: object) -> Array:
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise InputError(f"{name} must not be the zero vector.")
-    return checks.kept(vector / length)
+    return checks.read_only(vector / length)
 
 
 def unit_vectors(name: str, vectors: Array) -> Array:
@@ -232,13 +232,13 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
 
 #: Share of the rigid-body motions in the compliance b'(K + sM)^-1 b, s about a tenth of the first
 #: elastic omega^2, below which the elastic motions are modelled alone and the rigid one is added.
-SMALL_SHARE = 1e-4
+SMALL_RIGID_SHARE = 1e-4
 #: Below this share it cannot be told from the rounding of the compliance: the site is one that no
 #: rigid-body motion moves. The share in |H| at a lower omega^2 = x is this times s/x.
-HIDDEN = 2.0**-52
+HIDDEN_RIGID_SHARE = 2.0**-52
 
 
-def with_rigid(
+def with_rigid_mode(
     k0: float, m0: float, m: Array, omega: Array, a: float
 ) -> tuple[float, Array, Array, Array, Array]:
     """The elastic anti-oscillators and a rigid-body mode with the displacement a at the site.

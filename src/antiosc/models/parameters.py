@@ -29,7 +29,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
 from antiosc.models.body import Body, ModelInfo
-from antiosc.models.damping import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 
@@ -44,7 +44,7 @@ ASYMMETRY = 1e-9
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
 ENERGY_ROUNDING = 1e-8
 #: Share of k0 in k0 + s (m0 + P P'), s the lowest omega_i^2, below which a motion is rigid.
-UNRESISTED = 1e-11
+RIGID_SHARE = 1e-11
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,7 +79,7 @@ class Parameters(Body):
         return int(self.omega.size)
 
     @property
-    def lead(self) -> int:
+    def n_sites(self) -> int:
         """Number of shapes in front of those of the anti-oscillators: of unit displacements."""
         return len(self.k0) if self.sites else 1
 
@@ -162,31 +162,33 @@ def checked_at_one_site(model: Parameters) -> Stored:
     found: Stored = {
         "m0": m0,
         "k0": k0,
-        "m": checks.kept(m[order]),
-        "omega": checks.kept(omega[order]),
+        "m": checks.read_only(m[order]),
+        "omega": checks.read_only(omega[order]),
         "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
     }
     if model.radius is not None:
         found["radius"] = checks.positive("radius", model.radius, "m")
     if model.strain_error is not None:
         own = checked_error("strain_error", model.strain_error, columns.size)
-        found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
+        found["strain_error"] = checks.read_only(own[np.ix_(columns, columns)])
     if model.strain_misfit is not None:
         if model.strain_error is None:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
         work = checked_symmetric("strain_misfit", model.strain_misfit, columns.size)
-        found["strain_misfit"] = checks.kept(work[np.ix_(columns, columns)])
-    return found | _directed(model, columns, (), ()) | in_space(model, columns)
+        found["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
+    return (
+        found | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
+    )
 
 
 def checked_error(name: str, given: Array, size: int) -> Array:
     """`given` (size, size), symmetric and positive semidefinite; InputError otherwise."""
     E = checks.array(name, given, (size, size))
-    unit, uneven = checks.in_units(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
+    unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
     least = np.linalg.eigvalsh(unit).min(initial=0.0)
     if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
         raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
-    return checks.kept((E + E.T) / 2)
+    return checks.read_only((E + E.T) / 2)
 
 
 def checked_symmetric(name: str, given: Array, size: int) -> Array:
@@ -194,7 +196,7 @@ def checked_symmetric(name: str, given: Array, size: int) -> Array:
     E = checks.array(name, given, (size, size))
     if np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
         raise InputError(f"{name} must be symmetric.")
-    return checks.kept((E + E.T) / 2)
+    return checks.read_only((E + E.T) / 2)
 
 
 def checked_at_sites(model: Parameters) -> Stored:
@@ -239,19 +241,19 @@ def checked_at_sites(model: Parameters) -> Stored:
     slide = np.zeros((p, hidden)) if model.slide is None else model.slide
     slide = checks.array("slide", slide, (p, None if model.inertia is None else hidden))
     return {
-        "k0": checks.kept(k0),
-        "m0": checks.kept(m0),
-        "m": checks.kept(P.T[:, :, None] * P.T[:, None, :]),
-        "omega": checks.kept(omega),
-        "P": checks.kept(P),
+        "k0": checks.read_only(k0),
+        "m0": checks.read_only(m0),
+        "m": checks.read_only(P.T[:, :, None] * P.T[:, None, :]),
+        "omega": checks.read_only(omega),
+        "P": checks.read_only(P),
         "sites": tuple(columns),
         "columns": columns,
-        "dependence": checks.kept(dependence),
-        "rigid": checks.kept(rigid),
-        "slide": checks.kept(slide),
-        **_of_sites(model, len(columns)),
-        **_directed(model, rows, (len(dependence),), (3,)),
-        **in_space(model, rows, slide.shape[1]),
+        "dependence": checks.read_only(dependence),
+        "rigid": checks.read_only(rigid),
+        "slide": checks.read_only(slide),
+        **_patch_parameters(model, len(columns)),
+        **_direction_parameters(model, rows, (len(dependence),), (3,)),
+        **spatial_parameters(model, rows, slide.shape[1]),
     }
 
 
@@ -260,14 +262,14 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
 
     Rounding is judged against the square roots `size` (p,) of its usual diagonal.
     """
-    unit, uneven = checks.in_units(matrix, size)
+    unit, uneven = checks.scaled_symmetric(matrix, size)
     if uneven > ASYMMETRY or np.linalg.eigvalsh(unit).min(initial=0.0) < -ASYMMETRY:
         raise InputError(f"{name} must be symmetric and positive semidefinite.")
     free = matrix.diagonal() <= 0  # but for rounding
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
 
 
-def _of_sites(model: Parameters, count: int) -> Stored:
+def _patch_parameters(model: Parameters, count: int) -> Stored:
     """What each site has of its own: the compliance and the radius of its patch."""
     local = checks.array("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
@@ -277,10 +279,10 @@ def _of_sites(model: Parameters, count: int) -> Stored:
     if len(radii) != count:
         raise InputError(f"radius needs one entry for each of {count} sites; got {len(radii)}.")
     radius = tuple(None if r is None else checks.positive("radius", r, "m") for r in radii)
-    return {"local_compliance": checks.kept(local), "radius": radius}
+    return {"local_compliance": checks.read_only(local), "radius": radius}
 
 
-def _directed(
+def _direction_parameters(
     model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
 ) -> Stored:
     """The directions (*columns, 3), and the weights (., *axes) of the shapes, sorted by `rows`."""
@@ -288,10 +290,10 @@ def _directed(
     if model.direction is not None:
         directions = checks.array("direction", model.direction, (*columns, 3))
         unit = unit_vectors if columns else unit_vector
-        found["direction"] = checks.kept(unit("direction", directions))
+        found["direction"] = checks.read_only(unit("direction", directions))
     if model.participation is not None:
         weight = checks.array("participation", model.participation, (rows.size, *axes))
-        found["participation"] = checks.kept(weight[rows])
+        found["participation"] = checks.read_only(weight[rows])
     return found
 
 
@@ -300,7 +302,7 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
     scale = stiffness_scale(k0, m_st, omega)
     stiff = k0 * scale[:, None] * scale
     values, vectors = np.linalg.eigh((stiff + stiff.T) / 2)
-    free = scale[:, None] * vectors[:, np.abs(values) < UNRESISTED]
+    free = scale[:, None] * vectors[:, np.abs(values) < RIGID_SHARE]
     mass = free.T @ m_st @ free
     root = np.linalg.cholesky(mass) if mass.size else mass
     return np.asarray(np.linalg.solve(root, free.T).T)
@@ -315,7 +317,7 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def in_space(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
+def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
     """Shapes, momenta and hidden motions as they are stored; InputError where they do not fit.
 
     `rows` sorts the shapes; the momenta of the hidden motions follow theirs. `slides` is the number
@@ -334,7 +336,9 @@ def in_space(model: Parameters, rows: Index, slides: int | None = None) -> Store
                 f"{rows.size} shapes, and one for each hidden motion; got {len(momentum)}."
             )
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
-        found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
+        found["inertia"] = (
+            model.inertia if in_order else model.inertia.with_momentum(momentum[all_rows])
+        )
     if model.hidden is not None:
         if model.inertia is not None:
             slides = len(model.inertia.momentum) - rows.size
@@ -347,12 +351,12 @@ def in_space(model: Parameters, rows: Index, slides: int | None = None) -> Store
 
 def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:
     """The damping of a model sorted as its frequencies, which were given in another order."""
-    lead, hidden = model.lead, model.hidden_count
-    size = lead + model.n + hidden
+    n_sites, hidden = model.n_sites, model.hidden_count
+    size = n_sites + model.n + hidden
     if damping.n != size:
         raise InputError(
-            f"the damping of this model needs a matrix of its {size} coordinates ({lead} of sites, "
-            f"{model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
+            f"the damping of this model needs a matrix of its {size} coordinates ({n_sites} of "
+            f"sites, {model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
         )
     if not model.sites and not model.m_st > 0:
         raise InputError(
@@ -362,11 +366,17 @@ def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) ->
     order = np.argsort(np.asarray(given, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):
         return damping
-    rows = np.concatenate((np.arange(lead), lead + order, np.arange(lead + order.size, size)))
-    return along(damping, np.eye(size)[:, rows])
+    rows = np.concatenate(
+        (
+            np.arange(n_sites),
+            n_sites + order,
+            np.arange(n_sites + order.size, size),
+        )
+    )
+    return in_coordinates(damping, np.eye(size)[:, rows])
 
 
-M = TypeVar("M", bound=Parameters)
+ModelType = TypeVar("ModelType", bound=Parameters)
 
 #: Least change of the flexibility of any combination of loads, a share of it.
 LEAST_CHANGE = -0.5
@@ -378,7 +388,7 @@ NO_ESTIMATE = (
 )
 
 
-def corrected(model: M) -> M:
+def corrected(model: ModelType) -> ModelType:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
@@ -400,7 +410,7 @@ def corrected(model: M) -> M:
         p[0] -= p[1:].sum()
     if inertia is not None:
         own, hidden = np.split(inertia.momentum, [model.n + 1])
-        inertia = inertia.along(np.vstack((turn.T @ own, hidden)))
+        inertia = inertia.with_momentum(np.vstack((turn.T @ own, hidden)))
     return replace(
         model,
         m0=model.m0 + float(np.sum(c[~kept] ** 2)),

@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.charts import finished
+from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import InputError
 from antiosc.base.surfaces import (
     Deformed,
+    axes_in_space,
     colour_scale,
     draw_deformed,
     draw_faces,
-    frame,
-    space,
+    fit_limits,
 )
 from antiosc.base.texts import ReprMixin
 from antiosc.models import model_file
@@ -282,10 +282,10 @@ def plot_map(
     value = np.where(grey, np.nan, known[quantity])
     label = QUANTITY_LABELS.get(quantity, quantity)
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
-    figure, axes, scale, unit = space(found.points, shown=path is None)
+    figure, axes, scale, unit = axes_in_space(found.points, shown=path is None)
     x = scale * found.points
     if triangles:
-        seen = _towards_viewer(found, axes)
+        seen = _front_faces(found, axes)
         faces = found.elements[seen]
         values = value[faces].mean(axis=1)
         alone = found.alone
@@ -297,9 +297,9 @@ def plot_map(
         scale = colour_scale(value)
         axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
-    frame(axes, x)
+    fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
-    return finished(figure, path)
+    return figure_or_path(figure, path)
 
 
 def plot_deformed(
@@ -388,7 +388,7 @@ def _motion(history: History, body: str) -> Array:
     return np.abs(history.impactor_displacement if impactor else history.displacement)
 
 
-def _towards_viewer(found: SurfaceMap, axes: Axes3D) -> BoolArray:
+def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:
     """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
 
     matplotlib sorts faces by their centres; back faces would show through openings.

@@ -21,25 +21,25 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.models.body import is_thin
-from antiosc.simulation.bodies import SceneBody, first_order_of, may_turn, place
+from antiosc.simulation.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
 from antiosc.simulation.march.laws import packed, raise_error
 from antiosc.simulation.march.system import System
 from antiosc.simulation.scene_parts import (
     SceneParts,
-    acting,
-    along,
-    axes_of,
-    find,
-    give_axes,
-    row_of,
-    tangents_of,
+    body_axes,
+    contact_row,
+    find_site,
+    load_series,
+    set_axes,
+    site_row,
+    tangential_rows,
 )
 from antiosc.simulation.states import modal_loads
 
-CLOSE = 0.1  # relative error of a depth
+DEPTH_TOL = 0.1  # relative error of a depth
 
 
-def expected_impact(
+def expected_contact(
     law: ContactLaw,
     mass: float,
     beta: Array,
@@ -69,8 +69,8 @@ def expected_impact(
     return depth, speed, time
 
 
-def deepest(
-    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = CLOSE
+def largest_indentation(
+    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = DEPTH_TOL
 ) -> float:
     """Indentation [m], at most `high`, that absorbs an energy and the work of a force.
 
@@ -92,10 +92,12 @@ def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
 DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
-STIFFEST = 0.1  # share of a tangential compliance that is left to the slider's spring, at least
+LEAST_COMPLIANCE = (
+    0.1  # share of a tangential compliance that is left to the slider's spring, at least
+)
 
 
-def scales(
+def contact_scales(
     scene: SceneParts,
     laws: list[ContactLaw],
     mass: Array,
@@ -108,45 +110,49 @@ def scales(
 ) -> tuple[Array, Array, Array, float]:
     """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
     p = len(laws)
-    push, speed = np.zeros(p), _felt(beta[:p], v[None])
+    push, speed = np.zeros(p), _largest_component(beta[:p], v[None])
     if loads.any():
         # what is at rest is set in motion by the others, at their speed, or by the loads
-        push = _felt(beta[:p], loads)
+        push = _largest_component(beta[:p], loads)
         falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
         speed = np.maximum(speed, np.minimum(falling, push * duration))
     most = float(speed.max())
     if most == 0.0:
         return np.full(p, 1e-300), np.full(p, 1e-300), np.zeros((p, 2)), duration / 16
     speed = np.where(speed > 1e-6 * most, speed, most)
-    depth, slip, lasting = np.zeros(p), np.zeros((p, 2)), duration / 2
+    depth, slip, contact_time_estimate = np.zeros(p), np.zeros((p, 2)), duration / 2
     for c, law in enumerate(laws):
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
         far = float(speed[c] * duration + push[c] * duration**2)
-        depth[c] = deepest(law, float(speed[c]), float(energy), float(push[c] * mass[c]), far)
+        depth[c] = largest_indentation(
+            law, float(speed[c]), float(energy), float(push[c] * mass[c]), far
+        )
         pace = speed[c] + sqrt(2 * push[c] * depth[c])
-        lasting = min(lasting, 3 * depth[c] / pace)
+        contact_time_estimate = min(contact_time_estimate, 3 * depth[c] / pace)
         contact = scene.contacts[c]
         if contact.friction > 0:
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
                 whole, pull = contact.law, float(push[c] * mass[c])
-                most = deepest(whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR)
+                most = largest_indentation(
+                    whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR
+                )
                 stiffness = MINDLIN * _mean_stiffness(whole, most, state)
                 if law is whole:  # the patches give way besides, normally and so sideways
                     patches = 0.0
-            slip[c] = contact.friction, _beside_patches(stiffness, patches)
-    return depth, speed, slip, lasting
+            slip[c] = contact.friction, _without_patches(stiffness, patches)
+    return depth, speed, slip, contact_time_estimate
 
 
-def _beside_patches(stiffness: float, local: float) -> float:
+def _without_patches(stiffness: float, local: float) -> float:
     """What is left of a contact's tangential stiffness beside the patches of the bodies.
 
     By Cerruti's solution a patch whose pressure has the symmetry of a circle gives way sideways
     1/MINDLIN times as much as normally, whatever the pressure.
     """
     patches = stiffness * local / MINDLIN  # their share of the contact's compliance
-    return stiffness / max(1.0 - patches, STIFFEST)
+    return stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
 
 
 def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
@@ -155,7 +161,7 @@ def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
     return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
 
 
-def mass_behind(beta: Array, omega: Array) -> float:
+def effective_mass(beta: Array, omega: Array) -> float:
     """Inertia [kg] that the slowest motions put behind a contact, roughly."""
     rigid = omega == 0
     b = beta[rigid]
@@ -168,7 +174,7 @@ def mass_behind(beta: Array, omega: Array) -> float:
     return 1 / mobility if mobility > 0 else 1.0
 
 
-def _felt(beta: Array, modal: Array) -> Array:
+def _largest_component(beta: Array, modal: Array) -> Array:
     """Largest |beta modal| (p,) over the rows of `modal` (K, J); what is rounding, by its parts.
 
     A force or motion far from a contact reaches it later.
@@ -181,7 +187,7 @@ def _felt(beta: Array, modal: Array) -> Array:
     return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
 
 
-def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
+def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
     """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
     if local == 0.0:
         return law, []
@@ -201,7 +207,7 @@ def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, li
 Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
-def known(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
+def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
     """What gives a scene and its bodies that are made already, and can be pickled."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
@@ -228,8 +234,8 @@ class Assembly:
     laws: list[ContactLaw]
     notes: list[str]
     system: System
-    lasting: float
-    turns: bool
+    contact_time_estimate: float
+    may_rotate: bool
     thin: bool
 
     @cached_property
@@ -238,7 +244,7 @@ class Assembly:
 
     @cached_property
     def _sides(self) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
-        return side_by_side(self.bodies)
+        return stacked_bodies(self.bodies)
 
     @property
     def scene(self) -> SceneParts:
@@ -278,48 +284,52 @@ class Assembly:
         """External forces (n, P) on all columns at times (n,)."""
         total = np.zeros((t.size, self.B.shape[1]))
         for load in self.scene.loads:
-            body, site = find(load.end, self.bodies)
-            row = along(body, site, body.pushes.get(site), load.end)
+            body, site = find_site(load.end, self.bodies)
+            row = site_row(body, site, body.pushes.get(site), load.end)
             value = np.interp(t, load.times, load.forces)
             total[:, self.columns[body.name]] += value[:, None] * row
         return total
 
 
-def assemble(scene: SceneParts, duration: float) -> Assembly:
+def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     """The scene ready to integrate; InputError for what does not fit together."""
-    bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
-    spans, columns, B, r = side_by_side(bodies)
+    bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
+    spans, columns, B, r = stacked_bodies(bodies)
     k = len(r)
     normal: list[Array] = []
     rubbing: list[Array] = []
     tangents: list[tuple[int, int]] = []
     lines: list[Array | None] = []
-    ends = [(find(c.a, bodies), find(c.b, bodies)) for c in scene.contacts]
-    give_axes(scene, ends, bodies)
+    ends = [(find_site(c.a, bodies), find_site(c.b, bodies)) for c in scene.contacts]
+    set_axes(scene, ends, bodies)
     for contact, pair in zip(scene.contacts, ends, strict=True):
-        row, direction = row_of(contact, pair, columns, k)
+        row, direction = contact_row(contact, pair, columns, k)
         normal.append(row)
         lines.append(direction)
     for contact, line in zip(scene.contacts, lines, strict=True):
-        sides = tangents_of(contact, line, bodies, columns, k) if contact.friction > 0 else []
+        sides = tangential_rows(contact, line, bodies, columns, k) if contact.friction > 0 else []
         tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
         rubbing += sides
     G = np.array(normal + rubbing)
-    axes = axes_of(bodies)
+    axes = body_axes(bodies)
     gaps = np.zeros(len(G))
     for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
         gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap
-    breaks, loads, offsets = acting(scene, bodies, spans, columns, axes, B, r, G, gaps, duration)
+    breaks, loads, offsets = load_series(
+        scene, bodies, spans, columns, axes, B, r, G, gaps, duration
+    )
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
     laws, notes = _laws(scene, local)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
         raise InputError("nothing in the scene can move: every body is an obstacle.")
     beta = np.ascontiguousarray(G @ B.T)
-    mass = np.array([mass_behind(beta[c], omega) for c in range(len(laws))])
+    mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
     v = np.concatenate([b.start for b in bodies.values()])
     gaps = offsets[0, : len(laws)]
-    depth, speed, slip, lasting = scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
+    depth, speed, slip, contact_time_estimate = contact_scales(
+        scene, laws, mass, beta, v, loads, gaps, local, duration
+    )
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
@@ -333,7 +343,9 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         tangents=np.array(tangents, dtype=np.int64),
         q=np.concatenate(
             [
-                np.zeros(b.omega.size) if b.displaced is None else b.displaced
+                np.zeros(b.omega.size)
+                if b.initial_displacements is None
+                else b.initial_displacements
                 for b in bodies.values()
             ]
         ),
@@ -342,13 +354,15 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         depth=depth,
         speed=speed,
         pressed=np.zeros(len(laws)),
-        first=first_order_of(bodies.values()),
+        first=stacked_first_order(bodies.values()),
     )
-    turns, thin = any(map(may_turn, bodies.values())), any(map(is_thin, scene.bodies.values()))
-    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns, thin)
+    turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
+    return Assembly(
+        given_parts(scene, bodies), G, laws, notes, system, contact_time_estimate, turns, thin
+    )
 
 
-def side_by_side(
+def stacked_bodies(
     bodies: Mapping[str, SceneBody],
 ) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
     """Modes and columns of each body among those of all, and the matrices B and r of all."""
@@ -368,13 +382,13 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
     laws, notes = [], []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
         given = contact.tangential_stiffness
-        if contact.friction and given and given * local > (1 - STIFFEST) * MINDLIN:
+        if contact.friction and given and given * local > (1 - LEAST_COMPLIANCE) * MINDLIN:
             notes.append(
                 f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
                 f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
                 f" tangential_stiffness = {given:g} N/m: a tenth is taken."
             )
-        law, told = freed(contact.law, local, contact.a, contact.b)
+        law, told = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)
         notes += told
     return laws, notes

@@ -27,15 +27,15 @@ from antiosc.simulation.histories.results import (
     COMPLETED,
     STOPPED,
     CheckResult,
-    Ended,
-    tell_all,
-    tell_rotation,
-    verdict_of,
+    RunEnd,
+    check_result,
+    warn_batch,
+    warn_large_rotation,
 )
 from antiosc.simulation.reference import MAX_CONTACTS, MAX_STEPS, Settings
-from antiosc.simulation.scene import DEFAULT_TOL, beyond_law, check_range, impact
-from antiosc.simulation.truncation import too_few
-from antiosc.simulation.two_bodies import Impact, Pair, Rows, pose
+from antiosc.simulation.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
+from antiosc.simulation.truncation import truncation_warning
+from antiosc.simulation.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 
 T = TypeVar("T")
 #: Positional arguments and keywords of a call.
@@ -78,9 +78,9 @@ def sweep(
     """
     checks.function("make", make, "a constructor, such as RigidMass")
     check_executor(executor)
-    lengths = {k: len(v) for k, v in values.items() if is_many(v)}
+    lengths = {k: len(v) for k, v in values.items() if is_sequence(v)}
     size = common_length(lengths)
-    each = [{k: v[i] if is_many(v) else v for k, v in values.items()} for i in range(size)]
+    each = [{k: v[i] if is_sequence(v) else v for k, v in values.items()} for i in range(size)]
     results = cast("list[T]", [AntioscError("not called yet")] * size)
     if earlier is not None:
         results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
@@ -91,7 +91,7 @@ def sweep(
             results[i] = make(**each[i])
         return results
     calls: list[Call] = [((), each[i]) for i in todo]
-    for i, result in zip(todo, returned(executor, make, calls), strict=True):
+    for i, result in zip(todo, call_results(executor, make, calls), strict=True):
         results[i] = cast("T", result)
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if failed:
@@ -108,14 +108,14 @@ def check_executor(executor: object) -> None:
         raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
 
 
-def returned(
+def call_results(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[T | AntioscError]:
     """What each call returns, in order; its error if it failed."""
     return map(_result, _submitted(executor, function, calls))
 
 
-def as_they_come(
+def completed_calls(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[tuple[int, T | AntioscError]]:
     """The same with the numbers of the calls, those first that are finished first."""
@@ -139,7 +139,7 @@ def _submitted(
         try:
             futures.append(executor.submit(function, *given, **keywords))
         except Exception as error:  # executors of any package
-            futures.append(_lost(error))
+            futures.append(_executor_error(error))
     return futures
 
 
@@ -149,10 +149,10 @@ def _result(future: Future[T] | AntioscError) -> T | AntioscError:
     except AntioscError as error:
         return error
     except Exception as error:
-        return _lost(error)
+        return _executor_error(error)
 
 
-def _lost(error: Exception) -> AntioscError:
+def _executor_error(error: Exception) -> AntioscError:
     """The error for a call that the executor did not finish."""
     said = " ".join(f"{type(error).__name__}: {error}".split())
     found = AntioscError(
@@ -168,7 +168,7 @@ def check_earlier(length: int, size: int) -> None:
         raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
 
 
-def is_many(value: object) -> TypeGuard[Sequence[Any]]:
+def is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
     if isinstance(value, np.ndarray):
         return value.ndim == 1
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
@@ -188,8 +188,8 @@ def common_length(lengths: dict[str, int]) -> int:
 
 
 CHUNKS = 64  # that the scenes are divided into for an executor
-TOGETHER = 4096  # scenes that are solved at once without one
-LOOKED_AT = 3  # models of which the shortest impact is asked whether they suffice for it
+CHUNK_SIZE = 4096  # scenes that are solved at once without one
+CHECKED_MODELS = 3  # models of which the shortest impact is asked whether they suffice for it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -282,16 +282,16 @@ def simulate_many(
         "gap": gap,
     }
     check_executor(executor)
-    size = common_length({k: len(v) for k, v in given.items() if is_many(v)})
-    columns = {k: list(v) if is_many(v) else [v] * size for k, v in given.items()}
+    size = common_length({k: len(v) for k, v in given.items() if is_sequence(v)})
+    columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in given.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers, speeds = columns["impactors"], columns["initial_velocity"]
-    plausible.tell([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
+    plausible.warn_each([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
     steps = cast("list[float | None]", columns.pop("step"))
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
     rows = _rows_of(earlier, size)
-    todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
-    chunk = TOGETHER if executor is None else -(-size // CHUNKS)
+    todo = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
+    chunk = CHUNK_SIZE if executor is None else -(-size // CHUNKS)
     parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
 
     def given_of(part: list[int]) -> _Chunk:
@@ -300,11 +300,11 @@ def simulate_many(
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
             found: Iterable[list[_Row] | AntioscError] = (
-                _solved(*given_of(part), partial(_further, ready, k * chunk))
+                _solve_chunk(*given_of(part), partial(_report_progress, ready, k * chunk))
                 for k, part in enumerate(parts)
             )
         else:
-            found = returned(executor, _solved, [(given_of(part), {}) for part in parts])
+            found = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
         for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
             if isinstance(result, AntioscError):
                 result = [_failed(result)] * len(part)
@@ -312,22 +312,22 @@ def simulate_many(
                 rows[i] = row
             ready(min(count * chunk, len(todo)))
     _raise(rows)
-    tell_all([r.verdict for r in rows])
+    warn_batch([r.result for r in rows])
     if n != "auto":
-        _tell_too_few(scenes, steps, rows, n, settings)
-    scene = max(range(len(rows)), key=lambda i: rows[i].turned[1])
-    tell_rotation(f"{rows[scene].turned[0]} of scene {scene}", rows[scene].turned[1])
-    return _gathered(rows)
+        _warn_truncation(scenes, steps, rows, n, settings)
+    scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
+    warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
+    return _batch_of(rows)
 
 
-def _tell_too_few(
+def _warn_truncation(
     scenes: Sequence[Impact],
     steps: Sequence[float | None],
     rows: Sequence[_Row],
     n: int | str | None,
     settings: Settings,
 ) -> None:
-    """Warn of anti-oscillators that are too few for the shortest impacts, of `LOOKED_AT` models."""
+    """Warn if the anti-oscillators of a model are too few for its shortest impact."""
     sharp = [
         (row.peak_force / row.impulse, i)
         for i, row in enumerate(rows)
@@ -335,12 +335,12 @@ def _tell_too_few(
     ]
     seen: set[int] = set()
     for _, i in sorted(sharp, reverse=True):
-        if len(seen) == LOOKED_AT:
+        if len(seen) == CHECKED_MODELS:
             return
         if id(scenes[i].model) not in seen:
             seen.add(id(scenes[i].model))
             hit, _ = _impact(scenes[i], steps[i], n, settings)
-            if sentence := too_few(hit.model, hit.assembly):
+            if sentence := truncation_warning(hit.model, hit.assembly):
                 warn(f"scene {i}: {sentence}", AccuracyWarning)
                 return
 
@@ -354,7 +354,7 @@ _Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
 class _Row:
     """What a batch keeps of one scene; `error` that of a scene which failed."""
 
-    verdict: CheckResult
+    result: CheckResult
     peak_force: float = np.nan
     impulse: float = np.nan
     contact_time: float = np.nan
@@ -364,10 +364,10 @@ class _Row:
     accuracy: float = np.nan
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
     error: AntioscError | None = None
-    turned: tuple[str, float] = ("", 0.0)
+    rotation: tuple[str, float] = ("", 0.0)
 
 
-def _solved(
+def _solve_chunk(
     scenes: Sequence[Impact],
     steps: Sequence[float | None],
     n: int | str | None,
@@ -385,27 +385,27 @@ def _solved(
             groups.setdefault(key, []).append(i)
     for group in groups.values():
         here = [scenes[i] for i in group]
-        found = _together(here, settings, partial(_further, done, len(rows)))
+        found = _solve_group(here, settings, partial(_report_progress, done, len(rows)))
         rows |= {i: row for i, row in zip(group, found, strict=True) if row is not None}
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
-            rows[i] = _alone(scene, step, n, settings)
+            rows[i] = _solve_single(scene, step, n, settings)
             done(len(rows))
     return [rows[i] for i in range(len(scenes))]
 
 
-def _further(done: Callable[[int], None], before: int, count: int) -> None:
+def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
     """Tell how many are done, of which some were before."""
     done(before + count)
 
 
-def _together(
+def _solve_group(
     scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
 ) -> list[_Row | None]:
     """The rows of a group of impacts; None for one that must be integrated by itself."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
-            group = Rows(scenes, settings.tol, *settings.limits)
+            group = ImpactRows(scenes, settings.tol, *settings.limits)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
     outcomes, pulses = group.solved(done)
@@ -423,27 +423,27 @@ def _row_of(
 ) -> _Row | None:
     """The row of what the march returned; None where that is not enough."""
     answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
-    time, lasting, gained, highest, turned = rest
+    time, contact_time_estimate, gained, highest, turned = rest
     if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
-    ended = Ended(answer, time, touches, [0] * goes_on, force, peak, certain)
+    ended = RunEnd(answer, time, touches, [0] * goes_on, force, peak, certain)
     verdict = CheckResult(COMPLETED, "Completed.")
     if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
-        verdict = verdict_of(pose(*scene), ended, settings.tol, settings.limits)
+        verdict = check_result(assemble_pair(*scene), ended, settings.tol, settings.limits)
     most, impulse, contact_time, restitution, closed, steps = numbers
     if most > law.valid_force:
-        return _failed(beyond_law(law, most, made.asked[0].patch_radius, _doubts(scene)))
+        return _failed(range_error(law, most, made.checked[0].patch_radius, _doubts(scene)))
     return _Row(
-        verdict=verdict,
+        result=verdict,
         peak_force=most,
         impulse=impulse,
         contact_time=contact_time,
         restitution=restitution,
         contacts=contacts,
-        step=closed / steps if steps else lasting,
+        step=closed / steps if steps else contact_time_estimate,
         accuracy=force,
         force=pulses,
-        turned=(("structure", "impactor")[body], turned) if turned else ("", 0.0),
+        rotation=(("structure", "impactor")[body], turned) if turned else ("", 0.0),
     )
 
 
@@ -453,7 +453,9 @@ def _doubts(scene: Impact) -> list[str]:
     return [*plausible.of_model(scene.model), *filter(None, [blow])]
 
 
-def _alone(scene: Impact, step: float | None, n: int | str | None, settings: Settings) -> _Row:
+def _solve_single(
+    scene: Impact, step: float | None, n: int | str | None, settings: Settings
+) -> _Row:
     try:
         return _row(*_impact(scene, step, n, settings))
     except AntioscError as error:
@@ -470,7 +472,7 @@ def _impact(
 ) -> tuple[History, CheckResult]:
     """One scene; AccuracyError if its force leaves the range of its law."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
-    history, verdict = impact(scene, replace(settings, step=step), n)
+    history, verdict = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
     return history, verdict
 
@@ -478,7 +480,7 @@ def _impact(
 def _row(hit: History, verdict: CheckResult) -> _Row:
     e = hit.restitution
     return _Row(
-        verdict=verdict,
+        result=verdict,
         peak_force=hit.peak_force,
         impulse=hit.impulse,
         contact_time=hit.contact_time,
@@ -487,7 +489,7 @@ def _row(hit: History, verdict: CheckResult) -> _Row:
         step=hit.step,
         accuracy=hit.error.get("force", np.nan),
         force=hit.contact_histories[0].pulses(),
-        turned=hit.largest_rotation(),
+        rotation=hit.largest_rotation(),
     )
 
 
@@ -502,7 +504,7 @@ def _raise(rows: list[_Row]) -> None:
         raise type(error)(f"scene 0: {error}") from error
 
 
-def _gathered(rows: list[_Row]) -> Batch:
+def _batch_of(rows: list[_Row]) -> Batch:
     def column(name: str) -> Array:
         return np.array([getattr(row, name) for row in rows], dtype=float)
 
@@ -514,9 +516,9 @@ def _gathered(rows: list[_Row]) -> Batch:
         contacts=np.array([row.contacts for row in rows], dtype=np.intp),
         step=column("step"),
         error=column("accuracy"),
-        status=np.array([row.verdict.status for row in rows], dtype=np.intp),
+        status=np.array([row.result.status for row in rows], dtype=np.intp),
         force=[row.force for row in rows],
-        message=[row.verdict.message for row in rows],
+        message=[row.result.message for row in rows],
     )
 
 

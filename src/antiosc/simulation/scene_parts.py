@@ -25,7 +25,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
@@ -82,7 +82,7 @@ class Contact(Checked):
 
 
 @dataclass(frozen=True, eq=False)
-class Load(Given):
+class Load(FieldsRepr):
     """A force in time at a site, along the direction of the site (the body's one coordinate).
 
     Parameters
@@ -104,7 +104,7 @@ class Load(Given):
 
 
 @dataclass(frozen=True, eq=False)
-class Base(Given):
+class Base(FieldsRepr):
     """Acceleration of the ground, with all supports and obstacles on it.
 
     Parameters
@@ -132,14 +132,14 @@ class Base(Given):
 
 
 def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    t = checks.filled(f"times of {name}", times)
+    t = checks.nonempty(f"times of {name}", times)
     if np.any(np.diff(t) < checks.SMALLEST):
         raise InputError(f"the times of {name} must ascend.")
     return t, checks.array(f"values of {name}", values, None)
 
 
 @dataclass(frozen=True, eq=False)
-class SceneParts(Given):
+class SceneParts(FieldsRepr):
     """What a `Scene` consists of, checked."""
 
     bodies: Mapping[str, object]
@@ -211,7 +211,7 @@ class SceneParts(Given):
         return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
 
 
-def of_two(
+def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
     """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
@@ -225,7 +225,7 @@ def of_two(
 End = tuple[SceneBody, str]  # a body and the name of its site
 
 
-def find(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
+def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     """The body of an end and the name of its site."""
     name, _, site = end.partition(":")
     if name not in bodies:
@@ -243,7 +243,7 @@ def find(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
 
 
-def give_axes(
+def set_axes(
     scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
 ) -> None:
     """Give the sites without a direction (`SceneBody.axes`) that of their contacts.
@@ -257,7 +257,7 @@ def give_axes(
     ]
     links = [pair for pair in open_ends if len(pair) == 2]
     for pair, reached in zip(ends, open_ends, strict=True):
-        direction = direction_of(pair)
+        direction = contact_direction(pair)
         while direction is not None and reached:
             name, at = reached.pop()
             if at not in bodies[name].axes:
@@ -265,7 +265,7 @@ def give_axes(
                 reached += [other for link in links if (name, at) in link for other in link]
 
 
-def along(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
+def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
     """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
     row = np.zeros(body.B.shape[1])
     columns = list(body.columns_of(site))
@@ -291,31 +291,31 @@ def along(body: SceneBody, site: str, direction: Array | None, end: str) -> Arra
     return row
 
 
-def direction_of(ends: tuple[End, End]) -> Array | None:
+def contact_direction(ends: tuple[End, End]) -> Array | None:
     """Direction (3,) of a contact in space, where one of its ends knows it."""
     (a, at), (b, bt) = ends
     return a.pushes.get(at, b.pushes.get(bt))
 
 
-def row_of(
+def contact_row(
     contact: Contact, ends: tuple[End, End], columns: dict[str, slice], size: int
 ) -> tuple[Array, Array | None]:
     """Row (P,) of the indentation, and the contact's direction in space, where known."""
     (a, at), (b, bt) = ends
     if isinstance(a.body, Obstacle) and isinstance(b.body, Obstacle):
         raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
-    direction = direction_of(ends)
+    direction = contact_direction(ends)
     row = np.zeros(size)
-    row[columns[b.name]] += along(b, bt, direction, contact.b)
-    row[columns[a.name]] -= along(a, at, direction, contact.a)
+    row[columns[b.name]] += site_row(b, bt, direction, contact.b)
+    row[columns[a.name]] -= site_row(a, at, direction, contact.a)
     return row, direction
 
 
-def order_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
+def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
     """Notes on contacts, which did not touch, that push the second end against its site."""
     notes = []
     for contact in contacts:
-        (a, at), (b, bt) = (find(end, bodies) for end in (contact.a, contact.b))
+        (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
         push, other = a.pushes.get(at), b.pushes.get(bt)
         if other is not None and (push is None or push @ other > 0):
             notes.append(
@@ -326,7 +326,7 @@ def order_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> li
     return notes
 
 
-def tangents_of(
+def tangential_rows(
     contact: Contact,
     direction: Array | None,
     bodies: dict[str, SceneBody],
@@ -334,7 +334,7 @@ def tangents_of(
     size: int,
 ) -> list[Array]:
     """Rows of the tangential displacement of b against a, one or two."""
-    ends = [find(contact.a, bodies), find(contact.b, bodies)]
+    ends = [find_site(contact.a, bodies), find_site(contact.b, bodies)]
     moving = [(body, site) for body, site in ends if body.columns_of(site)]
     if direction is None or any(body.directions is None for body, _ in moving):
         raise InputError(
@@ -355,7 +355,7 @@ def tangents_of(
     for side in across[:2]:
         row = np.zeros(size)
         for (body, site), sign, end in zip(ends, (-1, 1), (contact.a, contact.b), strict=True):
-            row[columns[body.name]] += sign * along(body, site, side, end)
+            row[columns[body.name]] += sign * site_row(body, site, side, end)
         rows.append(row)
     if not rows:
         raise InputError(
@@ -365,7 +365,7 @@ def tangents_of(
     return rows
 
 
-def axes_of(bodies: dict[str, SceneBody]) -> dict[str, Array | None]:
+def body_axes(bodies: dict[str, SceneBody]) -> dict[str, Array | None]:
     """Direction in space of the one coordinate of each body that moves along one."""
     axes: dict[str, Array | None] = {}
     for name, body in bodies.items():
@@ -376,7 +376,7 @@ def axes_of(bodies: dict[str, SceneBody]) -> dict[str, Array | None]:
     return axes
 
 
-def acting(
+def load_series(
     scene: SceneParts,
     bodies: dict[str, SceneBody],
     spans: dict[str, slice],
@@ -400,10 +400,10 @@ def acting(
         breaks = np.append(breaks, duration)
     loads, forces = np.zeros((breaks.size, B.shape[0])), np.zeros((breaks.size, B.shape[1]))
     for load in scene.loads:
-        body, site = find(load.end, bodies)
+        body, site = find_site(load.end, bodies)
         if isinstance(body.body, Obstacle):
             raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
-        row = along(body, site, body.pushes.get(site), load.end)
+        row = site_row(body, site, body.pushes.get(site), load.end)
         forces[:, columns[body.name]] += np.interp(breaks, load.times, load.forces)[:, None] * row
     loads += forces @ B.T
     gravity = np.asarray(scene.gravity)
@@ -413,9 +413,9 @@ def acting(
             if not np.any(body.omega == 0):
                 continue
             if gravity.ndim == 1:
-                pull = _weights(body, axes[name], True) @ gravity
+                pull = _unit_loads(body, axes[name], True) @ gravity
             else:
-                pull = _weights(body, axes[name], False)[:, 0] * float(gravity)
+                pull = _unit_loads(body, axes[name], False)[:, 0] * float(gravity)
             if body.supported:
                 pull = np.where(body.omega == 0, pull, 0.0)
             loads[:, spans[name]] += pull
@@ -431,14 +431,14 @@ def acting(
             [np.interp(breaks, scene.base.times, given[:, i]) for i in range(given.shape[1])], 1
         )
         for name, body in bodies.items():
-            weights = _weights(body, axes[name], vector and given.shape[1] == 3)
+            weights = _unit_loads(body, axes[name], vector and given.shape[1] == 3)
             if weights.size:
-                _tell_if_oblique(body, axes[name], moved)
+                _check_ground_direction(body, axes[name], moved)
                 loads[:, spans[name]] -= moved @ weights.T
     return breaks, loads, gaps - forces @ r @ G.T
 
 
-def _tell_if_oblique(body: SceneBody, axis: Array | None, moved: Array) -> None:
+def _check_ground_direction(body: SceneBody, axis: Array | None, moved: Array) -> None:
     """InputError where the ground (K, 3) moves across the one direction that a body knows."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
@@ -454,7 +454,7 @@ def _tell_if_oblique(body: SceneBody, axis: Array | None, moved: Array) -> None:
         )
 
 
-def _weights(body: SceneBody, axis: Array | None, vector: bool) -> Array:
+def _unit_loads(body: SceneBody, axis: Array | None, vector: bool) -> Array:
     """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
     if isinstance(body.body, Obstacle):
         return np.zeros((0, 3 if vector else 1))

@@ -23,18 +23,18 @@ from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import Body, LinearBody, checked_body, is_thin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, Parts, expected_impact, freed
+from antiosc.simulation.assembly import Assembly, Parts, expected_contact, without_patch
 from antiosc.simulation.bodies import (
     Obstacle,
     RigidMass,
     SceneBody,
     Sphere,
-    first_order_of,
-    may_turn,
-    of_one_site,
+    may_rotate,
+    single_site_body,
+    stacked_first_order,
 )
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene_parts import LAW, of_two
+from antiosc.simulation.scene_parts import LAW, two_body_parts
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
@@ -57,7 +57,7 @@ class Pair:
     """
 
     given: tuple[LinearBody, LinearBody]
-    asked: tuple[Body, Body]
+    checked: tuple[Body, Body]
     modes: tuple[ModalBody, ModalBody]
     block: Array
     omega: Array
@@ -73,10 +73,10 @@ class Pair:
     def bodies(self) -> tuple[SceneBody, SceneBody]:
         """The structure and the impactor as a scene has them, with their motion at the start."""
         count = self.modes[0].omega.size
-        structure, striker = zip(self.given, self.asked, self.modes, strict=True)
+        structure, striker = zip(self.given, self.checked, self.modes, strict=True)
         return (
-            of_one_site("structure", *structure, self.v[:count]),
-            of_one_site("impactor", *striker, self.v[count:]),
+            single_site_body("structure", *structure, self.v[:count]),
+            single_site_body("impactor", *striker, self.v[count:]),
         )
 
     @property
@@ -102,7 +102,7 @@ class Pair:
             )
 
 
-def pair(
+def modal_pair(
     model: LinearBody,
     impactor: LinearBody,
     initial_velocity: float | Motion = 0.0,
@@ -135,7 +135,7 @@ def pair(
     block[3 * size] = r
     return Pair(
         given=(model, impactor),
-        asked=(one, other),
+        checked=(one, other),
         modes=(structure, striker),
         block=block,
         omega=omega,
@@ -149,7 +149,7 @@ def pair(
     )
 
 
-def pose(
+def assemble_pair(
     model: LinearBody,
     impactor: LinearBody,
     contact: ContactLaw,
@@ -159,13 +159,15 @@ def pose(
     gap: float | None = None,
 ) -> Assembly:
     """The bodies "structure" and "impactor", ready to integrate over `duration` [s]."""
-    made = pair(model, impactor, initial_velocity, gravity)
+    made = modal_pair(model, impactor, initial_velocity, gravity)
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
-    law, notes = freed(contact, made.local, "structure", "impactor")
-    gap = made.asked[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    law, notes = without_patch(contact, made.local, "structure", "impactor")
+    gap = made.checked[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
     mass = made.mass
-    depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
+    depth, speed, contact_time_estimate = expected_contact(
+        law, mass, made.beta, made.v, made.load, gap, duration
+    )
     parts = partial(_parts, contact, gap, gravity, made)
     one, other = made.modes
     coupled = one.damping is not None or other.damping is not None
@@ -189,17 +191,17 @@ def pose(
         depth=scales[1:2],
         speed=scales[2:3],
         pressed=scales[3:],
-        first=first_order_of(made.bodies) if coupled else None,
+        first=stacked_first_order(made.bodies) if coupled else None,
     )
     system.block = block
-    turns, thin = may_turn(one) or may_turn(other), is_thin(model) or is_thin(impactor)
-    return Assembly(parts, _ROW, [law], notes, system, lasting, turns, thin)
+    turns, thin = may_rotate(one) or may_rotate(other), is_thin(model) or is_thin(impactor)
+    return Assembly(parts, _ROW, [law], notes, system, contact_time_estimate, turns, thin)
 
 
 def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
     """The bodies "structure" and "impactor" as a scene has them."""
     bodies = {body.name: body for body in made.bodies}
-    return of_two(*made.given, contact, gap, gravity), bodies
+    return two_body_parts(*made.given, contact, gap, gravity), bodies
 
 
 def _loads(
@@ -209,7 +211,9 @@ def _loads(
     listed = isinstance(gravity, list | tuple)
     if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
         along = checks.number("gravity", gravity, "m/s^2")
-        return _pull("structure", structure, along), _pull("impactor", striker, -along)
+        return _gravity_load("structure", structure, along), _gravity_load(
+            "impactor", striker, -along
+        )
     vector = checks.array("gravity", gravity, (3,))
     if structure.direction is None:
         raise InputError(
@@ -220,13 +224,13 @@ def _loads(
     loads: list[Array | None] = []
     for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
         if body.inertia is None:
-            loads.append(_pull(name, body, sign * along))
+            loads.append(_gravity_load(name, body, sign * along))
         else:
-            loads.append(_falling(body, body.inertia.momentum[:, :3] @ vector))
+            loads.append(_free_body_load(body, body.inertia.momentum[:, :3] @ vector))
     return loads[0], loads[1]
 
 
-def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
+def _gravity_load(name: str, body: ModalBody, gravity: float) -> Array | None:
     """Modal forces of gravity along the push of the contact."""
     if gravity == 0.0 or not np.any(body.omega == 0):
         return None
@@ -235,10 +239,10 @@ def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
             f"gravity on the {name} with a rigid-body mode needs the model's participation;"
             f" extract the model anew, give participation=, or set gravity=0."
         )
-    return _falling(body, gravity * body.weight)
+    return _free_body_load(body, gravity * body.weight)
 
 
-def _falling(body: ModalBody, load: Array) -> Array:
+def _free_body_load(body: ModalBody, load: Array) -> Array:
     """`load` on free bodies; none on a body with a supported site, measured from its
     equilibrium."""
     rigid = body.omega == 0
@@ -264,20 +268,24 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
             "give the band as a number."
         )
     endless = 1e6  # s
-    return BAND_OVER_PULSE * np.pi / pose(Obstacle(), impactor, contact, endless).lasting
+    return (
+        BAND_OVER_PULSE
+        * np.pi
+        / assemble_pair(Obstacle(), impactor, contact, endless).contact_time_estimate
+    )
 
 
 IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))
 OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))
 
 #: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
-_AT_ONCE = 4_000_000
+_WORK_PER_CALL = 4_000_000
 #: Least nodes that a call may write.
 _NODES = 200_000
 
 
 class Impact(NamedTuple):
-    """An impact as `simulate` and `pose` take it."""
+    """An impact as `simulate` and `assemble_pair` take it."""
 
     model: LinearBody
     impactor: LinearBody
@@ -289,7 +297,11 @@ class Impact(NamedTuple):
 
     def group(self) -> tuple[object, ...] | None:
         """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
-        if not is_compiled(self.contact) or _coupled(self.model) or _coupled(self.impactor):
+        if (
+            not is_compiled(self.contact)
+            or _has_coupled_damping(self.model)
+            or _has_coupled_damping(self.impactor)
+        ):
             return None
         still = isinstance(self.gravity, int | float) and self.gravity == 0
         rigid = still and type(self.impactor) in (RigidMass, Sphere)
@@ -298,8 +310,8 @@ class Impact(NamedTuple):
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
 
 
-def _coupled(body: LinearBody) -> bool:
-    """Whether damping couples the modes of a body; False for what is none, which `pair` tells."""
+def _has_coupled_damping(body: LinearBody) -> bool:
+    """Whether damping couples the modes of a body; False for what is none."""
     if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
         return False
     try:
@@ -308,7 +320,7 @@ def _coupled(body: LinearBody) -> bool:
         return False
 
 
-class Rows:
+class ImpactRows:
     """Impacts of one group: the two bodies of the first, and what the march takes.
 
     Attributes
@@ -322,7 +334,7 @@ class Rows:
         self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
     ) -> None:
         model, first, _, _, velocity, gravity, _ = impacts[0]
-        self.pair = made = pair(model, first, velocity, gravity)
+        self.pair = made = modal_pair(model, first, velocity, gravity)
         count, size = len(impacts), made.omega.size
         beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
         mobility = np.full(count, sum(made.mobilities))
@@ -332,9 +344,11 @@ class Rows:
             beta[:, -1] = -b
             v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
             mobility = made.mobilities[0] + b * b
-        self.laws = cast("list[Compiled]", _freed([each.contact for each in impacts], made.local))
+        self.laws = cast(
+            "list[Compiled]", _laws_without_patch([each.contact for each in impacts], made.local)
+        )
         self.given = given = np.zeros(count, IMPACT)
-        self._held = [made.omega, made.decay, beta, v, made.load, *_turning(made)]
+        self._held = [made.omega, made.decay, beta, v, made.load, *_rotation_rows(made)]
         omega, decay, rows, speeds, load, *turning = map(march.address, self._held)
         each = 8 * size * np.arange(count, dtype=np.uintp)
         given["n_modes"], given["omega"], given["decay"] = size, omega, decay
@@ -346,7 +360,7 @@ class Rows:
             given["law"][name] = [getattr(kernel, name) for kernel in kernels]
         given["residual"] = made.r
         given["mass"] = np.where(mobility > 0, 1 / np.where(mobility > 0, mobility, 1.0), 1.0)
-        own = made.asked[1].gap
+        own = made.checked[1].gap
         given["gap"] = [
             own if each.gap is None else checks.nonnegative("gap", each.gap, "m")
             for each in impacts
@@ -363,41 +377,41 @@ class Rows:
         `done` is told how many are solved, now and then.
         """
         given, size = self.given, self.pair.omega.size
-        space = _space(size)
+        space = _workspace(size)
         outcomes, count = np.zeros(len(given), OUTCOME), c_int64()
         pulses: list[tuple[Array, Array]] = []
         arguments = (
             space.batch, len(given), march.address(given), march.address(outcomes),
-            byref(space.nodes), max(_AT_ONCE // (size + 20), 16), byref(count),
+            byref(space.nodes), max(_WORK_PER_CALL // (size + 20), 16), byref(count),
         )  # fmt: skip
         answer = march.PAUSED
         while answer in (march.PAUSED, march.FULL):
             answer = march.library.aom_batch_solve(*arguments)
-            pulses += space.taken(outcomes["n_nodes"][len(pulses) : count.value])
+            pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             done(count.value)
-        _spaces.append(space)
+        _idle_workspaces.append(space)
         return outcomes, pulses
 
 
-def _freed(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
+def _laws_without_patch(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
     """The laws as the march takes them."""
     found: dict[int, ContactLaw] = {}
     laws = []
     for contact in contacts:
         if id(contact) not in found:
             checks.instance("contact", contact, ContactLaw, LAW)
-            found[id(contact)] = freed(contact, local, "structure", "impactor")[0]
+            found[id(contact)] = without_patch(contact, local, "structure", "impactor")[0]
         laws.append(found[id(contact)])
     return laws
 
 
-def _turning(made: Pair) -> list[Array]:
+def _rotation_rows(made: Pair) -> list[Array]:
     """Rotation vectors (n, 3, J) by the modes of the bodies that may turn, [] without one."""
     found, begin = [], 0
     for body in made.bodies:
         span = slice(begin, begin + body.omega.size)
         begin = span.stop
-        if may_turn(body):
+        if may_rotate(body):
             turning = np.zeros((3, made.omega.size))
             turning[:, span] = body.rotation(np.eye(body.omega.size)).T
             found.append(turning)
@@ -416,7 +430,7 @@ class _Workspace:
         self.nodes = march.PulseNodes(room, 0, *map(march.address, (self.time, self.force)))
         self.batch, self.size = c_void_p(), -1
 
-    def renew(self, size: int) -> bool:
+    def reset(self, size: int) -> bool:
         """Be for other impacts; False if there is too little memory.
 
         With as many modes as before the march goes on with the responses that it has.
@@ -429,7 +443,7 @@ class _Workspace:
             self.size = size if made else -1
         return size == self.size
 
-    def taken(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
+    def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
         """The nodes of all impacts, without the unused ends of their buffers."""
         time, force = (each[: self.nodes.n_nodes].copy() for each in (self.time, self.force))
         self.nodes.n_nodes = 0
@@ -438,18 +452,18 @@ class _Workspace:
         return [(time[a:b], force[a:b]) for a, b in zip(begins, ends, strict=True)]
 
 
-_spaces: list[_Workspace] = []
+_idle_workspaces: list[_Workspace] = []
 
 
-def _space(size: int) -> _Workspace:
+def _workspace(size: int) -> _Workspace:
     """Memory of an earlier call, if it is enough; taken out, so that no other thread has it."""
-    while _spaces:
+    while _idle_workspaces:
         try:
-            found = _spaces.pop()
+            found = _idle_workspaces.pop()
         except IndexError:  # another thread took it
             break
-        if found.renew(size):
+        if found.reset(size):
             return found
     found = _Workspace(size)
-    found.renew(size)
+    found.reset(size)
     return found

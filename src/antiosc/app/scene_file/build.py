@@ -338,7 +338,7 @@ class Builder:
                 with warnings_to(told.append) if whole else without_warnings():
                     made = call.make(**arguments)
                     if whole and isinstance(made, plausible.Material):
-                        plausible.tell([plausible.of_material(made)])
+                        plausible.warn_each([plausible.of_material(made)])
                 self.told += [one for one in told if one not in self.told]
                 return replace(call, made=made) if whole else None
             except Exception as error:

@@ -19,7 +19,7 @@ import scipy.sparse.csgraph
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import in_words, several
+from antiosc.base.checks import list_of, point_text
 from antiosc.base.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
@@ -403,7 +403,7 @@ def assemble(
     """
     return put_together(
         parts,
-        several("joints", joints, Joint, "joints such as Tie and Hinge"),
+        list_of("joints", joints, Joint, "joints such as Tie and Hinge"),
         at,
         points=points,
         supports=supports,
@@ -489,7 +489,7 @@ def _joined(
         joint.prepare(layout, label)
     fixed = _fixed(layout)
     scale = _scale(layout)
-    held = several("supports", supports, Support, "Support(where, fix)")
+    held = list_of("supports", supports, Support, "Support(where, fix)")
     rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
@@ -585,7 +585,7 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         if one.name in layout.points:
             raise InputError(f"the reference point {one.name!r} is joined to nothing.")
         pieces = sum(other.name == one.name for other in loose)
-        which = f"a piece at {in_words(one.centre)} of the part" if pieces > 1 else "the part"
+        which = f"a piece at {point_text(one.centre)} of the part" if pieces > 1 else "the part"
         raise InputError(
             f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
         )

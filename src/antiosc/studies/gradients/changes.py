@@ -23,19 +23,19 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.bodies import Impactor, RigidMass, Sphere
 from antiosc.simulation.error_budget import SAFETY
 from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.scene import start
+from antiosc.simulation.scene import set_initial_forces
 from antiosc.simulation.scene_parts import Contact, SceneParts
-from antiosc.simulation.states import marched_states
-from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
-from antiosc.simulation.two_bodies import Impact, pose
+from antiosc.simulation.states import integrated_states
+from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest_model
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 from antiosc.studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]
@@ -310,7 +310,7 @@ def _leading(law: ContactLaw) -> Array:
 
 def impact_of(hit: History) -> Impact | None:
     """The arguments of `simulate` of a run; None of a scene."""
-    again = hit.budget.keywords["again"] if isinstance(hit.budget, partial) else None
+    again = hit.budget.keywords["rerun"] if isinstance(hit.budget, partial) else None
     return None if again is None else again.args[0]
 
 
@@ -318,9 +318,11 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
     """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
     impact = impact_of(hit)
     if impact is not None:
-        return pose(*impact._replace(model=model))
+        return assemble_pair(*impact._replace(model=model))
     scene = hit.assembly.scene
-    return assemble(replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1]))
+    return assemble_scene(
+        replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1])
+    )
 
 
 def changed_model(
@@ -344,7 +346,7 @@ def by_springs(
 
     def slope(size: float, other: Callable[[float], SceneParts]) -> float:
         step = STEPS[0] * size
-        below, above = (assemble(other(size + e), end).system.slip for e in (-step, step))
+        below, above = (assemble_scene(other(size + e), end).system.slip for e in (-step, step))
         return float(by.friction[:, 1] @ (above - below)[:, 1]) / (2 * step)
 
     for contact in scene.contacts:
@@ -401,9 +403,9 @@ def compared_runs(
             "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
             " error= out."
         )
-    again, known = budget.keywords["again"], max(hit.error.values(), default=1e-3)
+    again, known = budget.keywords["rerun"], max(hit.error.values(), default=1e-3)
     tol = max(FINER * known, LEAST)
-    turns: list[Callable[[AntiOscillators], AntiOscillators]] = [as_it_is, fewer, softest]
+    turns: list[Callable[[AntiOscillators], AntiOscillators]] = [as_it_is, fewer, softest_model]
     if model.strain_error is not None:
         turns.append(AntiOscillators.corrected)
     return [(again(turned(model), tol), turned) for turned in turns]
@@ -436,7 +438,9 @@ def first_order_weights(found: Recorded, weights: Array) -> Array:
     first, J = found.system.first, found.system.omega.size
     if first is None:
         return weights
-    return np.hstack([first.seen(weights[:, :J], weights[:, J : 2 * J]), weights[:, 2 * J :]])
+    return np.hstack(
+        [first.state_gradient(weights[:, :J], weights[:, J : 2 * J]), weights[:, 2 * J :]]
+    )
 
 
 def by_coupled(
@@ -496,7 +500,7 @@ def _changed(model: AntiOscillators, name: str, place: int | None, by: float) ->
     given: Any = getattr(model, name)
     if isinstance(given, DampingMatrix):
         root = np.sqrt(1 + by)
-        scaled = of_factors(root * given.factor, [(root * L, tau) for L, tau in given.factors])
+        scaled = from_factors(root * given.factor, [(root * L, tau) for L, tau in given.factors])
         return replace(model, damping=scaled)
     share = 1.0 if place is None else np.eye(model.n)[place]
     changes: dict[str, Any] = {name: given * (1 + by * share)}
@@ -508,7 +512,7 @@ def changed_coupled(
 ) -> float:
     """Change of the goal by the modes of one set of bodies to another, to first order."""
     for bodies in (before, after):
-        start(bodies)
+        set_initial_forces(bodies)
     here = _of_march(found)
     one, other = (_as_here(here, _of_march(bodies)) for bodies in (before, after))
     change = {n: other[n] - one[n] for n in one}
@@ -521,7 +525,7 @@ def changed_coupled(
     for (step, u, _), _, own in wanted.readings:
         since = u * float(found.edges[step + 1] - found.edges[step])
         at = np.array([step]), np.array([since])
-        state = np.hstack(marched_states(found.run, found.system, *at))[0]
+        state = np.hstack(integrated_states(found.run, found.system, *at))[0]
         moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
         total += float(np.sum(own * moved))
     return total
@@ -536,8 +540,8 @@ def _of_march(bodies: Assembly | Recorded) -> dict[str, Array]:
     return {
         "omega": s.omega[None], "decay": s.decay[None], "beta": np.hstack([s.beta, s.gamma]),
         "loads": s.loads, "state": np.append(s.q, s.v)[None],
-        "B": first.seen(bodies.B.T, zero), "V": first.seen(zero, bodies.B.T),
-        "rigid": first.seen(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
+        "B": first.state_gradient(bodies.B.T, zero), "V": first.state_gradient(zero, bodies.B.T),
+        "rigid": first.state_gradient(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
     }  # fmt: skip
 
 
