@@ -53,7 +53,7 @@ class TestItSeesFaults:
         def broken(self, *args, **kwargs):
             raise ZeroDivisionError("division by zero")
 
-        monkeypatch.setattr(ao.Hertz, "implicit", broken)
+        monkeypatch.setattr(ao.ContactLaw, "implicit", broken)
         result = fuzz.main(scenes=40)
         assert any("division by zero" in failure for failure in result["failures"])
 

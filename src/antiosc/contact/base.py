@@ -156,10 +156,12 @@ class Compiled(Checked, ContactLaw):
     kind: ClassVar[int]
     #: numbers of the state
     size: ClassVar[int] = 0
+    #: parameters as the library takes them, where they are not the fields
+    _parameters: list[float] | None = None
 
     def parameters(self) -> list[float]:
-        """Parameters as the library takes them: the fields of a dataclass."""
-        return [getattr(self, one.name) for one in fields(self)]
+        """Parameters as the library takes them."""
+        return self._parameters or [getattr(self, one.name) for one in fields(self)]
 
     @cached_property
     def kernel(self) -> tuple[march.Law, Array]:

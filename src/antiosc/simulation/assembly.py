@@ -224,7 +224,7 @@ class Assembly:
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
     laws : of the contacts, freed from the compliance of patches; `notes` say so.
     system : what the march takes.
-    lasting : expected time of a contact [s], the shortest.
+    contact_time_estimate : expected time of a contact [s], the shortest.
     turns : whether the rotation of a body is known, and not 0.
     thin : whether a body is of sheets that are held.
     """

@@ -41,7 +41,7 @@ def converge(
 ) -> Converged:
     """Finer runs until the forces of two agree to the tolerance: `aom_solve` of the march.
 
-    `lasting`: expected time of a contact [s], the shortest.
+    `contact_time_estimate`: expected time of a contact [s], the shortest.
     """
     fine = contact_time_estimate / FINE
     options = march.Options(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)

@@ -157,7 +157,7 @@ class Blow:
     mass, velocity, stiffness : [kg], [m/s], [of the law].
     start : time of the first touch after the first sample [s].
     E : factor of the stiffness of the whole structure.
-    lasting : expected contact time [s].
+    contact_time_estimate : expected contact time [s].
     frequency : (J,) relative changes of the natural frequencies.
     share : (m, J) relative changes of the modes' shares in the signals.
     """
