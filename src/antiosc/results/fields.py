@@ -41,16 +41,8 @@ from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.modal import superposed
 from antiosc.results.pictures import SavedFields
-from antiosc.simulation.histories import (
-    AnyHistory,
-    History,
-    SceneHistory,
-    amplitudes,
-    forces_of,
-    modes_of,
-    times_of,
-    unit_energy_factors,
-)
+from antiosc.simulation import histories
+from antiosc.simulation.histories import AnyHistory, History
 from antiosc.simulation.histories.parts import BodyHistory
 
 #: Share of the mass shaken by the ground below which a model's fields are not those of the part.
@@ -65,7 +57,7 @@ def history_key(history: AnyHistory) -> tuple[object, ...]:
     """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"
-    of = list(history.assembly.bodies) if isinstance(history, SceneHistory) else history.model
+    of = list(history.assembly.bodies) if history.named else history.model
     return of, history.status, f"{history.time[-1]:.6g}"
 
 
@@ -110,10 +102,10 @@ def write_series(
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = nonempty("times", times)
     if one_folder:
-        write_vtx(target, structure, own, at, amplitudes(history, at, body))
+        write_vtx(target, structure, own, at, histories.amplitudes(history, at, body))
         return target
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = amplitudes(history, at, body)
+    factors = histories.amplitudes(history, at, body)
 
     def write() -> None:
         frames = Frames(points, cells)
@@ -157,7 +149,7 @@ def save_fields(
     own = shapes_of(structure, history, body)
     at = np.unique(history.time) if times is None else nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = amplitudes(history, at, body)
+    factors = histories.amplitudes(history, at, body)
     on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
     return target
 
@@ -183,7 +175,7 @@ def skin(
     """
     own = shapes_of(structure, history, body)
     points, faces, shapes = source(structure).surface(structure, own)
-    moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    moved = shapes @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
     outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
     return outer
 
@@ -197,7 +189,7 @@ def nodal_motion(
     own = shapes_of(structure, history, body)
     _, cells, shapes = source(structure).at_nodes(structure, own)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    moved = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    moved = shapes[used] @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
     found: Array = structure.comm.bcast(moved, root=0)
     return found
 
@@ -212,7 +204,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
     """A warning where the ground shakes mass that the shapes of the model do not carry."""
-    weight, base = modes_of(history, body).weight, history.assembly.scene.base
+    weight, base = histories.modes_of(history, body).weight, history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
     if weight is None or weight.ndim == 1:  # one direction, along which the ground moves
@@ -245,7 +237,7 @@ def checked_shapes(
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    own = modes_of(history, body)
+    own = histories.modes_of(history, body)
     assert own.basis is not None
     rows = structure.rows
     fits = all(len(block) == rows for block in own.basis)
@@ -254,7 +246,7 @@ def checked_shapes(
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    factors, count = unit_energy_factors(own)
+    factors, count = histories.unit_energy_factors(own)
     of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
     for x, (matrix, what, limit) in zip(superposed(own.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
@@ -337,7 +329,7 @@ def reactions(
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
-    at = times_of(history, times)
+    at = histories.times_of(history, times)
     sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
     from antiosc.fem.site.at_points import Released  # needs dolfinx
@@ -348,14 +340,14 @@ def reactions(
     rigid = released.rigid()
     moved, carried = released.inertia(following, rigid)
     work, applied = released.applied(sites, rigid)
-    forces = forces_of(history, at, body)
+    forces = histories.forces_of(history, at, body)
     if len(work) != forces.shape[1]:
         raise InputError(
             f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
             "give the sites with which it was extracted, in their order."
         )
     comm = structure.comm
-    accelerations = amplitudes(history, at, body, 2)
+    accelerations = histories.amplitudes(history, at, body, 2)
     found = accelerations @ dot(comm, shapes, moved) - forces @ work
     names = list(released.centres)
     return Reactions(

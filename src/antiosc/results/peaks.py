@@ -35,21 +35,9 @@ from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform import collective, warn
 from antiosc.fem.recovery import Place, place
 from antiosc.fem.structure.structure import Structure
+from antiosc.results import margin
 from antiosc.results.fields import history_key, shapes_of
-from antiosc.results.margin import (
-    CRITERIA,
-    STRENGTH_OF,
-    Margin,
-    Maxima,
-    Search,
-    contact_yield,
-    doubt_at,
-    doubt_of_sheets,
-    mesh_error,
-    plies,
-    stresses,
-    with_strength,
-)
+from antiosc.results.margin import Margin, Maxima, Search, mesh_error
 from antiosc.results.pictures import outer_faces
 from antiosc.simulation.histories import History, amplitudes, modal_amplitudes, times_of
 from antiosc.simulation.histories.parts import BodyHistory
@@ -232,7 +220,7 @@ PEAK_QUANTITIES = {
     "von_mises": ("stress", 0, "Pa"),
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
-    **{name: ("stress", 0, "") for name in CRITERIA},
+    **{name: ("stress", 0, "") for name in margin.CRITERIA},
 }
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
@@ -461,17 +449,17 @@ def peak_field(
         best = Maxima(*search(moved, _length))
     else:
         parts: list[Maxima] = []
-        for ply in plies(structure, quantity, part):
+        for ply in margin.plies(structure, quantity, part):
             points, cells, found = source(structure).tensors_at_nodes(
                 structure, shapes, recovered, places, part, ply
             )
-            if quantity in CRITERIA:
-                found = with_strength(quantity, found)
+            if quantity in margin.CRITERIA:
+                found = margin.with_strength(quantity, found)
             if found.origins:
-                parts.append(stresses(quantity, points, found, search))
+                parts.append(margin.stresses(quantity, points, found, search))
         if not parts:
             raise InputError(
-                f"the criterion {quantity!r} needs materials with {STRENGTH_OF[quantity]}."
+                f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
             )
         best = functools.reduce(Maxima.or_larger, parts)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
@@ -483,12 +471,12 @@ def peak_field(
         if result.mesh_error is not None and result.values.any():
             k = int(np.argmax(result.values))
             share = float(result.mesh_error[k] / result.values[k])
-            told = doubt_at(structure, shapes, part, result.points[k], share)
+            told = margin.doubt_at(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=told)
         elif result.values.any():
-            result = replace(result, doubt=doubt_of_sheets(structure, shapes, part))
+            result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
-        told = contact_yield(structure, shapes, history)
+        told = margin.contact_yield(structure, shapes, history)
         result = replace(result, _margin=replace(result._margin, contact=told))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:

@@ -12,18 +12,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks
+from antiosc.base import checks, surfaces
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import InputError
-from antiosc.base.surfaces import (
-    Deformed,
-    axes_in_space,
-    colour_scale,
-    draw_deformed,
-    draw_faces,
-    fit_limits,
-)
+from antiosc.base.surfaces import Deformed
 from antiosc.base.texts import ReprMixin
 from antiosc.models import model_file
 from antiosc.simulation.histories import History, SceneHistory
@@ -168,7 +161,7 @@ class SavedFields(ReprMixin):
         """
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        return draw_deformed(found, path, view=seen_from, whole_scale=True)
+        return surfaces.draw_deformed(found, path, view=seen_from, whole_scale=True)
 
     def _facts(self) -> list[tuple[str, str]]:
         kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)
@@ -282,22 +275,22 @@ def plot_map(
     value = np.where(grey, np.nan, known[quantity])
     label = QUANTITY_LABELS.get(quantity, quantity)
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
-    figure, axes, scale, unit = axes_in_space(found.points, shown=path is None)
+    figure, axes, scale, unit = surfaces.axes_in_space(found.points, shown=path is None)
     x = scale * found.points
     if triangles:
         seen = _front_faces(found, axes)
         faces = found.elements[seen]
         values = value[faces].mean(axis=1)
         alone = found.alone
-        scale = colour_scale(np.concatenate([values, value[alone]]))
-        draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
+        scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
+        surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
         if len(alone):
             axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
     else:
-        scale = colour_scale(value)
+        scale = surfaces.colour_scale(value)
         axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
-    fit_limits(axes, x)
+    surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
 
@@ -341,7 +334,7 @@ def plot_deformed(
     arrow = _arrow(point, direction)
     found = deformed(structure, history, time, body, field)
     mark = None if field is None else int(np.argmax(found.values))
-    return draw_deformed(found, path, arrow=arrow, view=seen_from, mark=mark)
+    return surfaces.draw_deformed(found, path, arrow=arrow, view=seen_from, mark=mark)
 
 
 def deformed(

@@ -21,19 +21,11 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.models.body import is_thin
+from antiosc.simulation import scene_parts
 from antiosc.simulation.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
 from antiosc.simulation.march.laws import packed, raise_error
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene_parts import (
-    SceneParts,
-    body_axes,
-    contact_row,
-    find_site,
-    load_series,
-    set_axes,
-    site_row,
-    tangential_rows,
-)
+from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.states import modal_loads
 
 DEPTH_TOL = 0.1  # relative error of a depth
@@ -284,8 +276,8 @@ class Assembly:
         """External forces (n, P) on all columns at times (n,)."""
         total = np.zeros((t.size, self.B.shape[1]))
         for load in self.scene.loads:
-            body, site = find_site(load.end, self.bodies)
-            row = site_row(body, site, body.pushes.get(site), load.end)
+            body, site = scene_parts.find_site(load.end, self.bodies)
+            row = scene_parts.site_row(body, site, body.pushes.get(site), load.end)
             value = np.interp(t, load.times, load.forces)
             total[:, self.columns[body.name]] += value[:, None] * row
         return total
@@ -300,22 +292,29 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     rubbing: list[Array] = []
     tangents: list[tuple[int, int]] = []
     lines: list[Array | None] = []
-    ends = [(find_site(c.a, bodies), find_site(c.b, bodies)) for c in scene.contacts]
-    set_axes(scene, ends, bodies)
+    ends = [
+        (scene_parts.find_site(c.a, bodies), scene_parts.find_site(c.b, bodies))
+        for c in scene.contacts
+    ]
+    scene_parts.set_axes(scene, ends, bodies)
     for contact, pair in zip(scene.contacts, ends, strict=True):
-        row, direction = contact_row(contact, pair, columns, k)
+        row, direction = scene_parts.contact_row(contact, pair, columns, k)
         normal.append(row)
         lines.append(direction)
     for contact, line in zip(scene.contacts, lines, strict=True):
-        sides = tangential_rows(contact, line, bodies, columns, k) if contact.friction > 0 else []
+        sides = (
+            scene_parts.tangential_rows(contact, line, bodies, columns, k)
+            if contact.friction > 0
+            else []
+        )
         tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
         rubbing += sides
     G = np.array(normal + rubbing)
-    axes = body_axes(bodies)
+    axes = scene_parts.body_axes(bodies)
     gaps = np.zeros(len(G))
     for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
         gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap
-    breaks, loads, offsets = load_series(
+    breaks, loads, offsets = scene_parts.load_series(
         scene, bodies, spans, columns, axes, B, r, G, gaps, duration
     )
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])

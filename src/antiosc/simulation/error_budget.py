@@ -44,15 +44,8 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import NO_ESTIMATE, energy_error
-from antiosc.simulation.histories import History
-from antiosc.simulation.histories.parts import (
-    NO_ERROR,
-    QUANTITIES,
-    ErrorBar,
-    ErrorBudget,
-    differences,
-    with_floor,
-)
+from antiosc.simulation.histories import History, parts
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.simulation.truncation import WARN_SHARE, truncation_error, truncation_share
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
@@ -81,7 +74,7 @@ class RepeatedImpact:
 
     def change(self, body: LinearBody) -> Shares:
         """By how much the three quantities differ there, relatively."""
-        return differences(self.raw, self.simulate_on(body))
+        return parts.differences(self.raw, self.simulate_on(body))
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
@@ -91,11 +84,13 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """
     facts = impact.model.info.model
     if isinstance(facts, str):
-        return NO_ERROR, [facts]
+        return parts.NO_ERROR, [facts]
     if facts is None:
-        return NO_ERROR, []
+        return parts.NO_ERROR, []
     softer, stiffer = map(impact.change, _softer_and_stiffer(impact.model, facts))
-    return with_floor({name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}), []
+    return parts.with_floor(
+        {name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}
+    ), []
 
 
 def _softer_and_stiffer(
@@ -130,7 +125,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
     """The shares of noise and band of peak force, impulse and contact time."""
     facts = impact.model.info.measured
     if facts is None:
-        return NO_ERROR, NO_ERROR
+        return parts.NO_ERROR, parts.NO_ERROR
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     off = [
         impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
@@ -144,7 +139,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
         }
         for part in (drawn, others)
     )
-    return with_floor(noise), with_floor(band)
+    return parts.with_floor(noise), parts.with_floor(band)
 
 
 def low_band_message(hit: History) -> str:
@@ -239,15 +234,15 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
     safety, and what is to be said; of a model without a mesh nothing."""
     model, raw = impact.model, impact.raw
     if model.strain_error is None:
-        return NO_ERROR, NO_ERROR, 0.0, SAFETY, []
+        return parts.NO_ERROR, parts.NO_ERROR, 0.0, SAFETY, []
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
-    off = differences(raw, softer)
+    off = parts.differences(raw, softer)
     if model.strain_misfit is not None:
         without = impact.change(replace(model, strain_misfit=None).corrected())
         off = {name: max(one, off[name]) for name, one in without.items()}
-    mesh = with_floor({name: safety * one for name, one in off.items()})
+    mesh = parts.with_floor({name: safety * one for name, one in off.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
 
@@ -326,7 +321,7 @@ def _time(hit: History, finer: History, tol: float) -> dict[str, float]:
     """The share of the time steps: the estimate of the run, or more if a finer run says so."""
     known = max(_time_errors(hit), default=0.0)
     own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    changed = differences(hit, finer)
+    changed = parts.differences(hit, finer)
     return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
 
 
@@ -339,16 +334,16 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     model = impact.model
     other = model.info.patch
     if model.radius is None:
-        return NO_ERROR, []
+        return parts.NO_ERROR, []
     if other is None or "compliance" not in other:
-        return NO_ERROR, [NO_PATCH]
+        return parts.NO_ERROR, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
     changed = impact.change(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(changed.values()):  # the law does not contain the half-space
-        return NO_ERROR, [NO_PATCH]
+        return parts.NO_ERROR, [NO_PATCH]
     return changed, []
 
 
@@ -361,7 +356,7 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
     model = impact.model
     facts = model.info.geometry
     if facts is None:
-        return NO_ERROR, []
+        return parts.NO_ERROR, []
     own = np.diag(weights)
     energy = own @ np.append(model.k0, model.k)
     layers = own @ np.asarray(facts["stiffness"])[: len(own)]
@@ -379,4 +374,4 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
         participation=None if p is None else p * heavier,
     )
     changed = impact.change(curved)
-    return with_floor({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]
+    return parts.with_floor({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

@@ -310,36 +310,18 @@ class ConservingScene(SceneStep):
 
     def _means(self, before: Array, free: Array, A: Array, guess: Array, h: float) -> Array:
         """Mean forces (m,) over the step, by sweeps over the contacts."""
-        contacts = self.contacts
-        F = np.zeros_like(guess)
-        active = contacts.active
-        quotients = {}
-        for c in active:
-            state = contacts.states[c]
-            assert state is not None
+        contacts, R = self.contacts, self.system.R.diagonal().tolist()
+        F, quotients = np.zeros_like(guess), {}
+        for c in contacts.active:
             F[c] = max(guess[c], 0.0)
-            quotients[c] = Quotient(
-                self.laws[c], float(self.system.R[c, c]), state, float(before[c]), h
-            )
+            quotients[c] = Quotient(self.laws[c], R[c], contacts.state(c), float(before[c]), h)
 
         def sweep(c: int) -> None:
             rest = float(free[c] - A[c] @ F + A[c, c] * F[c])
             F[c] = quotients[c].solve(rest, float(A[c, c]))
-            self._friction(c, before, free, A, F)
+            contacts.friction(c, (before + free) / 2, A / 2, F)  # the spring at mid-step
 
         return contacts.settled(sweep, F, QUOTIENT)
-
-    def _friction(self, c: int, before: Array, free: Array, A: Array, F: Array) -> None:
-        """Mean friction of a contact: the spring at the middle of the step, within the cone."""
-        rows = self.contacts.tangents(c)
-        if rows.start == rows.stop:
-            return
-        stiffness = self.system.slip[c, 1]
-        for i in range(rows.start, rows.stop):
-            middle = (before[i] + free[i] - A[i] @ F + A[i, i] * F[i]) / 2
-            held = A[i, i] / 2
-            F[i] = stiffness * (middle - self.contacts.anchor[i]) / (1.0 + stiffness * held)
-        F[rows] = self.contacts.within_cone(c, F[rows], F[c])
 
     def move_anchors(self, start: Step, end: Step) -> None:
         self.contacts.move_anchors((start.delta + end.delta) / 2, end.mean)
@@ -348,9 +330,7 @@ class ConservingScene(SceneStep):
         """Forces (m,) at the end of the step, by the laws."""
         force = np.zeros_like(mean)
         for c in self.contacts.active:
-            state = self.contacts.states[c]
-            assert state is not None
-            r = float(self.system.R[c, c])
+            r, state = float(self.system.R[c, c]), self.contacts.state(c)
             force[c] = self.laws[c].implicit(float(after[c]), r, float(rate[c]), 0.0, state)
             rows = self.contacts.tangents(c)
             force[rows] = self.contacts.within_cone(c, mean[rows], force[c])

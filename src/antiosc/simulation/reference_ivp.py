@@ -68,6 +68,12 @@ class JointContacts:
         """The tangential rows of a contact."""
         return self._tangents[c]
 
+    def state(self, c: int) -> State:
+        """State of the law of a contact that has touched."""
+        found = self.states[c]
+        assert found is not None
+        return found
+
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
         state = self.states[c]
@@ -88,9 +94,8 @@ class JointContacts:
     def advance(self, delta: Array, rate: Array) -> None:
         """Remember the end of a step: indentations and their rates (m,)."""
         for c, law in enumerate(self.laws):
-            state = self.states[c]
-            if self.closed[c] and state is not None:
-                self.states[c] = law.advance(float(delta[c]), float(rate[c]), state)
+            if self.closed[c]:
+                self.states[c] = law.advance(float(delta[c]), float(rate[c]), self.state(c))
 
     def move_anchors(self, way: Array, force: Array) -> None:
         """Set the anchors of friction so that `force` (m,) acts at the displacements `way`."""
@@ -102,7 +107,8 @@ class JointContacts:
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array, guess: Array) -> Array:
         """F (m,) with F = law(free - A F, rate - A_rate F) of all closed contacts, 0 else.
 
-        A and A_rate (m, m): decrease of indentations [m/N] and their rates [m/(N s)] per force.
+        A and A_rate (m, m): decrease of indentations [m/N] and their rates [m/(N s)] per force. Of
+        arrays (p,) and (p, p) the normal forces alone are found.
         """
         F = guess.copy()
         for c, closed in enumerate(self.closed):
@@ -112,17 +118,7 @@ class JointContacts:
 
         def sweep(c: int) -> None:
             F[c] = self._normal(c, free, A, rate, A_rate, F)
-            self._friction(c, free, A, F)
-
-        return self.settled(sweep, F)
-
-    def normal_forces(self, free: Array, A: Array, rate: Array, guess: Array) -> Array:
-        """The same for the normal forces (p,) alone, at the rates that are there already."""
-        F = np.where(self.closed, guess, 0.0)
-        none = 0.0 * A
-
-        def sweep(c: int) -> None:
-            F[c] = self._normal(c, free, A, rate, none, F)
+            self.friction(c, free, A, F)
 
         return self.settled(sweep, F)
 
@@ -146,8 +142,7 @@ class JointContacts:
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
         """The normal force of one contact, with the other forces as they are."""
-        law, state = self.laws[c], self.states[c]
-        assert state is not None
+        law, state = self.laws[c], self.state(c)
         free_rate, slowed = 0.0, 0.0
         if law.rate_dependent:
             slowed = float(A_rate[c, c])
@@ -156,10 +151,10 @@ class JointContacts:
         way = float(free[c] - A[c] @ F) + held * float(F[c])
         return law.implicit(way, held, free_rate, slowed, state, float(F[c]))
 
-    def _friction(self, c: int, free: Array, A: Array, F: Array) -> None:
-        """Friction of one contact: its spring, within the cone."""
+    def friction(self, c: int, free: Array, A: Array, F: Array) -> None:
+        """Set the friction of one contact in F: its spring, within the cone."""
         rows = self.tangents(c)
-        if rows.start == rows.stop:
+        if rows.start == rows.stop or rows.stop > len(F):
             return
         stiffness = self.system.slip[c, 1]
         for i in range(rows.start, rows.stop):
@@ -434,7 +429,8 @@ class SceneIVP(SceneMethod):
         force = np.zeros(len(free))
         if not self.contacts.active:
             return free, rate, force
-        force[:p] = self.contacts.normal_forces(free[:p], s.R[:p, :p], rate[:p], force[:p])
+        R = s.R[:p, :p]
+        force[:p] = self.contacts.forces(free[:p], R, rate[:p], 0.0 * R, force[:p])
         for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size and self.sliding[c]:
@@ -486,9 +482,8 @@ class SceneIVP(SceneMethod):
         depth = free[:p] - R @ force[:p]
         stiff = np.zeros(p)
         for other in self.contacts.active:
-            state = self.contacts.states[other]
-            assert state is not None
-            stiff[other] = self.laws[other].tangent(float(depth[other]), 0.0, state)[0]
+            law, state = self.laws[other], self.contacts.state(other)
+            stiff[other] = law.tangent(float(depth[other]), 0.0, state)[0]
         # F' = k (delta' - R F') of all contacts
         rising = np.linalg.solve(np.eye(p) + stiff[:, None] * R, stiff * rate[:p])
         mu, stiffness = self.system.slip[c]

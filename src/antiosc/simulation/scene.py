@@ -32,17 +32,10 @@ from antiosc.models.body import LinearBody, info_of
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, assemble_scene, stiffness_at
 from antiosc.simulation.error_budget import error_budget, warn_low_band
-from antiosc.simulation.histories import History, SceneHistory
+from antiosc.simulation.histories import History, SceneHistory, results
 from antiosc.simulation.histories.energy import energy_gain
 from antiosc.simulation.histories.parts import ErrorBudget
-from antiosc.simulation.histories.results import (
-    CheckResult,
-    RunEnd,
-    check_result,
-    large_deflection_message,
-    open_contacts,
-    warn_large_rotation,
-)
+from antiosc.simulation.histories.results import CheckResult
 from antiosc.simulation.march.convergence import Converged, converge
 from antiosc.simulation.march.equilibrium import closed, settle
 from antiosc.simulation.march.stability import checked_step, stepped
@@ -141,7 +134,7 @@ class Scene(SceneParts):
         assembly = assemble_scene(self, duration)
         set_initial_forces(assembly)
         history, verdict = integrate(SceneHistory, assembly, duration, settings)
-        warn_large_rotation(*history.largest_rotation())
+        results.warn_large_rotation(*history.largest_rotation())
         verdict.tell()
         history = with_deflection_warning(history)
         _warn_truncation(self, history)
@@ -160,10 +153,10 @@ def integrate(
     else:
         found, failure = integrate_reference(assembly, duration, settings), ""
     run = found.run
-    still_open = open_contacts(run, assembly.system)
+    still_open = results.open_contacts(run, assembly.system)
     errors = found.force, found.peak, found.certain
-    ended = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    verdict = check_result(
+    ended = results.RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
+    verdict = results.check_result(
         assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run)
     )
     known = step is None and settings.method not in IVP_METHODS
@@ -180,7 +173,7 @@ def integrate(
 
 def with_deflection_warning(history: H) -> H:
     """The history whose message tells what is outside the theory; a warning tells it too."""
-    if not (sentence := large_deflection_message(history)):
+    if not (sentence := results.large_deflection_message(history)):
         return history
     warn(sentence, AccuracyWarning)
     return replace(history, message=f"{history.message} {sentence}")
@@ -383,7 +376,7 @@ def simulate(
             warn(sentence, AccuracyWarning)  # with one, the error budget tells it
         if sentence:
             history = replace(history, message=f"{history.message} {sentence}")
-    warn_large_rotation(*history.largest_rotation())
+    results.warn_large_rotation(*history.largest_rotation())
     history = with_deflection_warning(history)
     check_range(history, [*plausible.of_model(model), *doubts])
     if info_of(model).measured is not None:

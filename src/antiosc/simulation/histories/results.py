@@ -13,15 +13,9 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
 import numpy as np
 
 from antiosc import __version__
-from antiosc.base import checks, files, march
+from antiosc.base import checks, errors, files, march
 from antiosc.base._types import Array
-from antiosc.base.errors import (
-    AccuracyWarning,
-    AntioscWarning,
-    InputError,
-    MissingDependencyError,
-    warn,
-)
+from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin, engineering, percent, point_text as placed
 from antiosc.models import model_file
 from antiosc.models.body import info_of, site_points
@@ -65,9 +59,9 @@ class CheckResult:
     def tell(self) -> None:
         """Warn at the caller's line unless the run completed as requested."""
         if self.status:
-            warn(self.message, AccuracyWarning)
+            errors.warn(self.message, errors.AccuracyWarning)
         elif self.unusual:
-            warn(self.message)
+            errors.warn(self.message)
 
 
 class RunEnd(NamedTuple):
@@ -198,10 +192,10 @@ def _without_rounding(beta: Array, modal: Array) -> Array:
 def warn_large_rotation(name: str, angle: float) -> None:
     """Warn of a body that turned so far that its rotation is not small."""
     if angle > SMALL_ROTATION:
-        warn(
+        errors.warn(
             f"{name!r} turned by {angle:.2g} rad; rotations are taken as small, below"
             f" {SMALL_ROTATION:g} rad.",
-            AccuracyWarning,
+            errors.AccuracyWarning,
         )
 
 
@@ -213,10 +207,10 @@ def warn_batch(verdicts: Sequence[CheckResult]) -> None:
             kinds.setdefault((one.status, one.unusual), []).append(i)
     for (status, _), scenes in kinds.items():
         named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
-        warn(
+        errors.warn(
             f"{len(scenes)} of {len(verdicts)} scenes ({named}), as scene {scenes[0]}:"
             f" {verdicts[scenes[0]].message}",
-            AccuracyWarning if status else AntioscWarning,
+            errors.AccuracyWarning if status else errors.AntioscWarning,
         )
 
 
@@ -324,7 +318,7 @@ class Results(ReprMixin):
         try:
             import pandas as pd
         except ImportError:
-            raise MissingDependencyError(
+            raise errors.MissingDependencyError(
                 "to_dataframe needs pandas: install python3-pandas (or pip install pandas), or use "
                 "columns(), to_csv or to_json."
             ) from None
