@@ -98,7 +98,7 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
 
 
 def _let_notebook_draw() -> None:
-    """A notebook learns how to draw figures after the first cell with pyplot: not in that cell."""
+    """Let a notebook draw figures in the first cell with pyplot, too."""
     with contextlib.suppress(ImportError, AttributeError):  # no notebook, or a strange one
         shell = importlib.import_module("IPython").get_ipython()
         if _matplotlib("figure").Figure not in shell.display_formatter.formatters["image/png"]:

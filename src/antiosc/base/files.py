@@ -32,19 +32,8 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
     """Context manager: a temporary file with the suffix of `path`, renamed to `path` at the end.
 
     An existing file keeps its permissions and its owner. If `path` is a symbolic link, its target
-    is written. If the block raises, nothing changes.
-
-    Parameters
-    ----------
-    path : str or Path
-        In a folder that exists.
-    what : str
-        What is written, for messages.
-
-    Raises
-    ------
-    InputError
-        `path` cannot be a file, or the system refuses to write there (also in the block).
+    is written. If the block raises, nothing changes. `what` names the content for messages.
+    InputError if `path` cannot be a file, or the system refuses to write there (also in the block).
     """
     try:
         target = Path(os.path.realpath(checks.path("path", path)))

@@ -195,11 +195,8 @@ def of_model(*models: object) -> list[str]:
 def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str:
     """What is implausible of a blow on a model; "" for nothing. InputError for the impossible.
 
-    Parameters
-    ----------
-    model : what is struck; its `info` tells √(E/ρ) of its material where it was extracted.
-    movers : bodies with a velocity.
-    velocities : further ones [m/s]: numbers, arrays or a `Motion`.
+    `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
+    velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
     """
     given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
     speed = max(map(_fastest, given), default=0.0)

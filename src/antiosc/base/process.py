@@ -408,14 +408,10 @@ def _process_limit() -> float:
 
 
 def require(need: float, what: str, remedy: str, free: float | None = None) -> None:
-    """OutOfMemoryError unless `need` bytes fit in the free memory.
+    """OutOfMemoryError unless `need` bytes fit in the free memory; less than `NEGLIGIBLE` passes.
 
-    Parameters
-    ----------
-    what, remedy : parts of the sentence "`what` needs 3 GB and 2 GB are free: `remedy`."
-    free : bytes, where they are known from before.
-
-    Less than `NEGLIGIBLE` passes.
+    The sentence is "`what` needs 3 GB and 2 GB are free: `remedy`."; `free` [bytes] is looked up
+    unless it is given.
     """
     if free is None and need < NEGLIGIBLE:
         return

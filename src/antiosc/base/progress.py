@@ -68,8 +68,7 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show how many of `total` are done and what remains; call the function it gives with the
-    number that is done."""
+    """Show how many of `total` are done and what remains; the function takes the number done."""
     started = shown = time.monotonic()
     with doing(text, rank) as further:
 

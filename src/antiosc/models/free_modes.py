@@ -268,13 +268,10 @@ MASSLESS = 1e-12
 def parameters(
     omega: Array, b: Array, r: Array, s: Array, n: int, shift: float, method: str
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(k0, m0, m_st, omega, m) of S sites: (S,) each, and (S, n).
+    """Parameters of S sites: (k0, m0, m_st) (S,) each, omega and m (S, n).
 
-    Parameters
-    ----------
-    omega, b : free frequencies (J,), and the displacements (S, J) of the sites in the free modes.
-    r, s : (S,) residual compliances and inertias of the modes left out.
-    n, shift, method : as of `antiosc.models.free_modes.from_free_modes`.
+    omega, b : free frequencies (J,), and displacements (S, J) of the sites in the free modes. r, s
+    : (S,) residual compliances and inertias of the modes left out. Others as of `from_free_modes`.
     """
     heavy = s > 0
     above = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
@@ -328,8 +325,8 @@ def _lanczos(
 ) -> tuple[Array, Array, Array]:
     """The n Ritz values of T from the start T phi in the inner product of A; as `_eigenpairs`.
 
-    As `antiosc.fem.extraction.krylov`; a massless residual compliance r takes up b'v, which adds
-    (b'v)^2/r to v'Av, and without one b'v = 0.
+    As `antiosc.fem.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av, and
+    without one b'v = 0.
     """
     y = b / A
     soft = massless > 0

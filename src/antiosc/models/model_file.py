@@ -329,8 +329,8 @@ def reduced_matrices(
 ) -> ReducedMatrices:
     """The matrices of k0, m_st (p, p), P (p, N) and omega (N,).
 
-    `slide` (p, s) are rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
-    `nodes`, `dofs`, `first`: see `AntiOscillators.to_matrices`.
+    slide : (p, s) rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
+    Others as of `AntiOscillators.to_matrices`.
     """
     count = len(stiffness)
     K = block_diag(stiffness, np.diag(omega**2))

@@ -448,10 +448,9 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the errors of strains in the strain energy, of amplitudes with these weights.
+    """Share of the errors E (N + 1, N + 1) of strains in the strain energy.
 
-    E (N + 1, N + 1): the errors of the model; `weights` (N + 1, N + 1): sum of a aᵀ of the
-    amplitudes a of psi_0 ... psi_N.
+    weights : (N + 1, N + 1), sum of a aᵀ of the amplitudes a of psi_0 ... psi_N.
     """
     energy = float(np.diag(weights) @ np.append(model.k0, model.k))
     return float(np.sum(weights * E)) / energy if energy > 0 else 0.0

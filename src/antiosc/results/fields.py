@@ -159,19 +159,11 @@ def save_fields(
 def skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
-    """The surface of a part and its motion at one time, the same on all ranks.
+    """Surface of a part and its motion at one time, the same on all ranks.
 
-    Returns
-    -------
-    points : (P, 3) [m], nodes of the mesh.
-    faces : (F, 3 or 4) indices of their corners, in order around the face: the outer faces of a
-        solid, the cells of a sheet or of a plane part.
-    moved : (P, 3) [m], displacements of the points at `time` [s].
-
-    Raises
-    ------
-    InputError
-        A model without shapes, or extracted from another structure; a mesh of lines.
+    Points (P, 3) [m]; indices of the corners of faces (F, 3 or 4), in order around the face: outer
+    faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at `time` [s].
+    InputError for a model without shapes or of another structure, and for a mesh of lines.
     """
     own = shapes_of(structure, history, body)
     points, faces, shapes = source(structure).surface(structure, own)

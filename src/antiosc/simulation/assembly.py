@@ -42,11 +42,8 @@ def expected_contact(
 ) -> tuple[float, float, float]:
     """Depth [m], speed [m/s] and contact time [s] that are expected of one contact.
 
-    Parameters
-    ----------
-    mass : inertia [kg] behind the contact, of the slowest motion of each body.
-    beta, v, load : (J,) displacement of the contact in the modes, their velocities and forces at
-        the start.
+    mass : inertia [kg] behind the contact, of the slowest motion of each body. beta, v, load : (J,)
+    displacement of the contact in the modes, their velocities and forces at the start.
     """
     kernel, own = packed(law)
     at = map(march.address, (beta, v, load))
@@ -138,9 +135,9 @@ def contact_scales(
 
 
 def _without_patches(stiffness: float, local: float) -> float:
-    """What is left of a contact's tangential stiffness beside the patches of the bodies.
+    """Tangential stiffness of a contact [N/m] without the compliance of the bodies' patches.
 
-    By Cerruti's solution a patch whose pressure has the symmetry of a circle gives way sideways
+    By Cerruti's solution a patch whose pressure has the symmetry of a circle deforms tangentially
     1/MINDLIN times as much as normally, whatever the pressure.
     """
     patches = stiffness * local / MINDLIN  # their share of the contact's compliance

@@ -326,10 +326,10 @@ def _time(hit: History, finer: History, tol: float) -> dict[str, float]:
 
 
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
-    """The share of the patch's radius, and what is to be said of it.
+    """The share of the patch's radius, and a note on it.
 
-    A second radius changed the compliance of the part by a little beyond that of the half-space:
-    the run with that change in the contact tells its effect.
+    A second radius changed the compliance of the part by a little beyond that of the half-space;
+    the impact with this change in the contact gives the share.
     """
     model = impact.model
     other = model.info.patch

@@ -185,10 +185,7 @@ def set_initial_forces(
     """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
 
     Without preload only a load on a site without mass closes a contact at once, or a run before.
-
-    Parameters
-    ----------
-    cut : the contacts that go on from a run before (`Run.kept`), and their forces (p,) [N].
+    cut : states of contacts that go on from that run (`Run.kept`), and their forces (p,) [N].
     """
     system, laws = assembly.system, assembly.laws
     system.kept = None if cut is None else cut[0]

@@ -248,8 +248,7 @@ def set_axes(
 ) -> None:
     """Give the sites without a direction (`SceneBody.axes`) that of their contacts.
 
-    Sites without directions that touch each other move along one axis, in the same sense; it is
-    the direction of the first contact of any of them that has one.
+    Such sites that touch each other share one axis and sense, that of the first contact with one.
     """
     open_ends = [
         [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]

@@ -52,11 +52,11 @@ WARN_SHARE = 0.3
 def truncation_share(
     model: AntiOscillators, assembly: Assembly, contact: int = 0, begin: int = 0
 ) -> float:
-    """Share of the force of an impact on a model in which both extremes differ, 0 … about 1.
+    """Share of the force of an impact in which both extremes differ, 0 … about 1.
 
-    `begin` : the first mode of the model among those of all bodies.
-    0 for models whose anti-oscillators have all converged, such as those of method="modes": what
-    they leave out is not bounded as closely.
+    begin : the first mode of the model among those of all bodies. 0 for models whose anti-
+    oscillators have all converged, such as those of method="modes", whose error is not bounded as
+    closely.
     """
     info = model.info
     if info.method != "krylov" or info.converged is None or info.converged >= model.n:
@@ -103,10 +103,9 @@ _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDiction
 
 
 def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
-    """The warning of too few anti-oscillators for a contact; "" where they suffice.
+    """Warning of too few anti-oscillators of a Krylov model for a contact; "" where they suffice.
 
-    `begin` : the first mode of the model among those of all bodies.
-    Of models that `extract` made by the Krylov method; other truncations are their maker's choice.
+    begin : the first mode of the model among those of all bodies.
     """
     if not isinstance(model, AntiOscillators) or model.sites:
         return ""
@@ -230,12 +229,10 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
 
 
 def softest_model(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
-    """The model whose residual mass hangs on the softest springs that it may have.
+    """The model whose residual mass is attached by the softest springs that it may have.
 
-    Where anti-oscillators of the Krylov method have not converged, the masses of m0 and of these
-    over 1/omega^2 are a Gauss–Radau rule; the Gauss rule of the same moments is the other extreme
-    (`antiosc.simulation.truncation`). Otherwise m0 hangs on one spring with the first
-    truncated frequency.
+    If Krylov anti-oscillators have not converged, it is the Gauss rule of the same moments
+    (module); otherwise one spring with the first truncated frequency carries m0.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
@@ -291,8 +288,8 @@ def _unconverged(model: AntiOscillators) -> bool:
 def _gauss(m: Array, omega: Array) -> tuple[Array, Array, Array]:
     """Masses and frequencies (n,) of the Gauss rule with the moments of m (n + 1,) over 1/omega^2.
 
-    m[0] lies at zero. Also the share (n, n + 1) of each shape psi_i in the new ones. The rule is
-    that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
+    m[0] lies at zero. Third result: the share (n, n + 1) of each psi_i in the new shapes. The rule
+    is that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
     """
     lam = np.append(0.0, (omega[0] / omega) ** 2)
     apart = lam[:, None] - lam

@@ -456,8 +456,8 @@ def modal_amplitudes(
 ) -> tuple[Array, Array, Array]:
     """Frequencies (J,) of a body's modes, their factors (J, B), and their largest amplitudes (J,).
 
-    The amplitudes are those of the oscillations at `times`, or of their derivatives, without what
-    follows the forces slowly; those of rigid-body modes are zero.
+    Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
+    forces slowly; 0 of rigid-body modes.
     """
     own = modes_of(history, body)
     (v, forces), (a, _) = (_modal(history, times, body, k) for k in (1, 2))
@@ -561,22 +561,11 @@ Force = tuple[Array, Array]
 def peak_deflections(
     bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float
 ) -> Array:
-    """Largest displacement u [m] of each body's site along the impact, up to `duration` [s].
+    """Largest displacement u (S,) [m] of each body's site along the impact, up to `duration` [s].
 
-    Parameters
-    ----------
-    bodies : sequence of LinearBody
-        At rest at the start.
-    forces : sequence of (time, force)
-        The force [N] on each, linear between its times [s] and zero outside them.
-    duration : float
-        [s].
-
-    Returns
-    -------
-    ndarray, shape (S,)
-        Exact at the times of the force, and at 200 times over the duration or more: 40 a period of
-        the first mode.
+    The bodies are at rest at the start. forces : times [s] and the force [N] on each body, linear
+    between the times and zero outside. The result is exact at the times of the force, and at 200
+    times over the duration or more: 40 a period of the first mode.
     """
     duration = checks.positive("duration", duration, "s")
     peaks = [
@@ -605,10 +594,10 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Motions of bodies that were at rest: (time (S,), modal displacements (S, J), force (S,)).
+    """Motions of bodies from rest, step by step: times (S,), modal displacements (S, J), forces (S,).
 
     At the times of each force [s] and at `samples` over the duration; the last one is repeated
-    where a body has fewer than another. `omega`, `b`, `decay`: (S, J) of the modes.
+    where a body has fewer than another. omega, b, decay : (S, J) of the modes.
     """
     even = np.linspace(0, duration, samples)
     times = [np.union1d(even, time) for time, _ in forces]

@@ -62,18 +62,10 @@ def replay(
     speeds: Iterable[float],
     kept: Kept | None = None,
 ) -> tuple[Array, Array, Array]:
-    """What one contact can give back and has lost by plasticity [J], and its damping force [N].
+    """Energy that a contact can give back, its plastic loss up to each node [J], its damping force.
 
-    Parameters
-    ----------
-    law : the contact's.
-    force, depth : (n,) at the nodes.
-    spans, speeds : first and last node of each contact, and its closing speed [m/s].
-    kept : what goes on from a run before.
-
-    Returns
-    -------
-    stored, plastic, damping : (n,) each; `plastic` up to the node.
+    Three arrays (n,). force, depth : (n,) at the nodes. spans, speeds : first and last node of each
+    contact, and its closing speed [m/s]. kept : what goes on from a run before.
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
     state: State | None = None if kept is None else kept.state
@@ -201,8 +193,8 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 def energy_gain(a: Assembly, run: Run) -> float:
     """Energy that came from nowhere, relative to the highest.
 
-    The balance is dear to find: of one contact, and of a long run, it is made only where the march
-    had a doubt, and of other methods. A law of one's own need not know its energy.
+    The balance is dear: of one contact, and of a long run, it is made only where the march had a
+    doubt, and of other methods. A user's law need not know its energy.
     """
     system = a.system
     if not all(map(is_compiled, system.laws)):
