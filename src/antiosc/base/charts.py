@@ -170,21 +170,18 @@ def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D
 
 def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
     """InputError unless `one` has every attribute of the protocol `kind`."""
-    needed = [attribute for attribute in vars(kind) if not attribute.startswith("_")]
-    if isinstance(one, type) or not all(_has(one, attribute) for attribute in needed):
+    try:
+        for attribute in vars(kind):
+            if not attribute.startswith("_"):
+                getattr(one, attribute)
+        fits = not isinstance(one, type)
+    except AttributeError as error:
+        if isinstance(error, InputError):  # a history of several contacts says why
+            raise
+        fits = False
+    if not fits:
         given = "" if one is None else f"{type(one).__name__} "
         raise InputError(f"{name} must be {noun}; got {given}{checks.shown(one)}.")
-
-
-def _has(one: object, attribute: str) -> bool:
-    """`hasattr`; an InputError that tells why, as of a history of several contacts, is raised."""
-    try:
-        getattr(one, attribute)
-    except InputError:
-        raise
-    except AttributeError:
-        return False
-    return True
 
 
 def widths(named: Mapping[str, object]) -> Array:

@@ -1,6 +1,6 @@
 """The progress of long work on one line of the terminal, which is erased at the end.
 
-Where the amount of work is known, the line tells what remains of it (by tqdm, if installed).
+Where the amount of work is known, the line tells what remains of it.
 
 A notebook shows the line below the cell, and in the end how long the work took. Nothing is written
 to files and pipes, and on MPI ranks other than the first.
@@ -16,7 +16,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from typing import Any, TextIO
 
 #: Carriage return, and the sequence that clears the line.
@@ -26,8 +25,6 @@ CLEAR = "\r\x1b[2K"
 REFRESH = 0.1
 #: Seconds of work from which a notebook keeps the line that tells them.
 KEPT_FROM = 1.0
-#: Columns of tqdm's bar, where tqdm is installed.
-BAR = 50
 
 #: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
 RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
@@ -84,22 +81,10 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
 
 def progress_text(count: int, total: int, elapsed: float) -> str:
     """How many of `total` are done after `elapsed` seconds, and how long the others will take."""
-    tqdm = _tqdm()
-    if tqdm is not None:
-        return str(tqdm.format_meter(count, total, elapsed, ncols=BAR))
     text = f"{count} of {total}"
     if 0 < count < total:
         text += f", about {_seconds(elapsed * (total - count) / count)} left"
     return text
-
-
-@cache  # a search for what is missing takes as long as some impacts
-def _tqdm() -> Any:
-    """tqdm's class, or None where it is not installed."""
-    try:
-        return importlib.import_module("tqdm").tqdm
-    except Exception:  # an installed package may fail in any way: the plain text does as well
-        return None
 
 
 def _seconds(left: float) -> str:

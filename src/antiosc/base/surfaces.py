@@ -150,22 +150,6 @@ def magnification(points: Array, largest: float) -> float:
     return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
 
 
-def draw_deformed(
-    found: Deformed,
-    path: str | os.PathLike[str] | None,
-    *,
-    arrow: tuple[Array, Array] | None = None,
-    view: Array | None = None,
-    whole_scale: bool = False,
-    mark: int | None = None,
-) -> Figure | Path:
-    """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
-    figure = deformed_figure(
-        found, arrow=arrow, view=view, whole_scale=whole_scale, mark=mark, shown=path is None
-    )
-    return figure_or_path(figure, path)
-
-
 def deformed_figure(
     found: Deformed,
     *,

@@ -169,32 +169,29 @@ def checked_at_one_site(model: Parameters) -> Stored:
     if model.radius is not None:
         found["radius"] = checks.positive("radius", model.radius, "m")
     if model.strain_error is not None:
-        own = checked_error("strain_error", model.strain_error, columns.size)
+        own = checked_energies("strain_error", model.strain_error, columns.size)
         found["strain_error"] = checks.read_only(own[np.ix_(columns, columns)])
     if model.strain_misfit is not None:
         if model.strain_error is None:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
-        work = checked_symmetric("strain_misfit", model.strain_misfit, columns.size)
+        work = checked_energies("strain_misfit", model.strain_misfit, columns.size, False)
         found["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
     return (
         found | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
     )
 
 
-def checked_error(name: str, given: Array, size: int) -> Array:
-    """`given` (size, size), symmetric and positive semidefinite; InputError otherwise."""
+def checked_energies(name: str, given: Array, size: int, semidefinite: bool = True) -> Array:
+    """`given` (size, size), symmetric, and positive semidefinite if asked; else InputError."""
     E = checks.array(name, given, (size, size))
-    unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
-    least = np.linalg.eigvalsh(unit).min(initial=0.0)
-    if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
-        raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
-    return checks.read_only((E + E.T) / 2)
-
-
-def checked_symmetric(name: str, given: Array, size: int) -> Array:
-    """`given` (size, size), symmetric; InputError otherwise."""
-    E = checks.array(name, given, (size, size))
-    if np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
+    if semidefinite:
+        unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
+        least = np.linalg.eigvalsh(unit).min(initial=0.0)
+        if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
+            raise InputError(
+                f"{name} must be symmetric and positive semidefinite: it holds energies."
+            )
+    elif np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
         raise InputError(f"{name} must be symmetric.")
     return checks.read_only((E + E.T) / 2)
 

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
+from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin, engineering, point_text as placed
@@ -329,11 +330,14 @@ class PeakField(ReprMixin):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.surfaces import draw_deformed
+        from antiosc.base.surfaces import deformed_figure
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
-        return draw_deformed(found, path, view=seen_from, mark=int(np.argmax(self.values)))
+        mark = int(np.argmax(self.values))
+        return figure_or_path(
+            deformed_figure(found, view=seen_from, mark=mark, shown=path is None), path
+        )
 
     @property
     def label(self) -> str:

@@ -161,7 +161,9 @@ class SavedFields(ReprMixin):
         """
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        return surfaces.draw_deformed(found, path, view=seen_from, whole_scale=True)
+        shown = path is None
+        figure = surfaces.deformed_figure(found, view=seen_from, whole_scale=True, shown=shown)
+        return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
         kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)
@@ -334,7 +336,10 @@ def plot_deformed(
     arrow = _arrow(point, direction)
     found = deformed(structure, history, time, body, field)
     mark = None if field is None else int(np.argmax(found.values))
-    return surfaces.draw_deformed(found, path, arrow=arrow, view=seen_from, mark=mark)
+    figure = surfaces.deformed_figure(
+        found, arrow=arrow, view=seen_from, mark=mark, shown=path is None
+    )
+    return figure_or_path(figure, path)
 
 
 def deformed(

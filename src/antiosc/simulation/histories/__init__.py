@@ -215,13 +215,9 @@ class History(HistoryResults, OneContact):
         `t` of shape (n,) gives (n, C), a single time (C,). They are those of its form in free modes
         (`of`): one for each hidden rigid-body motion of a free body follows lambda.
         """
-        name, times = self.body_name(body), self._times_in_run(t)
-        _, own = self.of(name)
-        a = self.assembly
-        q, _ = self.states(times)
-        acting = a.pushes(times) - forces(self.run, *locate(self.run, times)) @ a.G
-        acting = acting[:, a.columns[name]]
-        found = own.coordinates(q[:, a.spans[name]], acting)
+        _, own = self.of(body)
+        one = self.at(t)[self.body_name(body)]
+        found = own.coordinates(one.q, one.forces)
         return found if np.ndim(t) else found[0]
 
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
@@ -430,8 +426,6 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     displacement has no inertia, and follows the force.
     """
     own = modes_of(history, body)
-    if derivative == 0 and not isinstance(history, BodyHistory):
-        return own.amplitudes(history.coordinates(times, body))
     q, forces = _modal(history, times, body, derivative)
     return _factors(own, q, np.zeros_like(forces) if derivative else forces)
 
@@ -594,7 +588,7 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Motions of bodies from rest, step by step: times (S,), modal displacements (S, J), forces (S,).
+    """Motions of bodies from rest, step by step: times, modal displacements (S, J), forces.
 
     At the times of each force [s] and at `samples` over the duration; the last one is repeated
     where a body has fewer than another. omega, b, decay : (S, J) of the modes.
