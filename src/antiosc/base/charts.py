@@ -371,7 +371,7 @@ def _names(hit: HistoryLike) -> tuple[str, str]:
 
 
 def _contact_span(hit: HistoryLike) -> tuple[float, float]:
-    """First touch, and the release after which less than LATE of the impulse remains [s]."""
+    """First touch and the release after which less than LATE_IMPULSE of the impulse remains [s]."""
     contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
     if not contacts.size or given[-1] <= 0:
         return float(hit.time[0]), float(hit.time[-1])

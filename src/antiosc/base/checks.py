@@ -206,8 +206,10 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
 
 
 def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """`matrix` (n, n) over the scales (n,) of its rows and columns, made symmetric, and by how much
-    it was not: the largest difference of two entries. A scale of 0 counts as 1."""
+    """Symmetric part of `matrix` (n, n) over the scales (n,) of its rows and columns.
+
+    The second result is its asymmetry, the largest difference of two entries; a scale of 0 is 1.
+    """
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))

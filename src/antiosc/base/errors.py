@@ -151,7 +151,7 @@ class CallError(InputError, TypeError):
 
 
 def with_call_errors(value: object) -> object:
-    """A public class or function whose wrong calls raise a CallError; other objects as they are."""
+    """Make wrong calls of a public class or function raise CallError; other objects stay."""
     if isinstance(value, FunctionType) and not hasattr(value, "checks_calls"):
         wrapped = _guarded(value, value.__name__, 0)
         # pickle finds a function by its name in its module
@@ -178,9 +178,9 @@ def _check_class(kind: Any) -> None:
 
 
 def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
-    """`function`, whose calls with wrong arguments raise InputError.
+    """Wrap `function` so that wrong arguments raise InputError.
 
-    The caller does not write the first `own` arguments, as `self`.
+    `own` is the number of leading arguments that the caller does not write, such as self.
     """
     # that of a base class tells the name of the base
     inner: Callable[P, T] = getattr(function, "__wrapped__", function)
@@ -212,7 +212,7 @@ def call_error(
     args: tuple[object, ...],
     kwargs: Mapping[str, object],
 ) -> str | None:
-    """Why the arguments do not fit the signature; None if they do."""
+    """The sentence on arguments that do not fit the signature; None if they fit."""
     signature = inspect.signature(function)
     try:
         signature.bind(*args, **kwargs)
@@ -225,7 +225,7 @@ def call_error(
 
 
 def check_signature(name: str, function: Callable[..., object], names: Iterable[str]) -> None:
-    """InputError if a function of the caller's cannot be called with arguments of these names."""
+    """InputError unless a user's function accepts arguments of these names."""
     try:
         said = call_error(function, name, 0, (), dict.fromkeys(names))
     except (TypeError, ValueError):  # its signature is not known

@@ -52,8 +52,10 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
 
 
 def check_readable(path: Path, what: str) -> None:
-    """InputError unless `path` is a regular file of 1 to 100 MB: a pipe could block, a device never
-    end. `what` it holds, for messages."""
+    """InputError unless `path` is a regular file of 1 to 100 MB; `what` names its content.
+
+    A pipe could block, and a device never end.
+    """
     try:
         if not path.is_file():
             raise InputError(f"there is no regular file {checks.shown(os.fspath(path))}.")

@@ -241,7 +241,7 @@ def _fastest(velocity: object) -> float:
 
 
 def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Warn of each sentence that is not empty, once; return them."""
+    """Warn once of each non-empty sentence; returns the sentences."""
     told = tuple(dict.fromkeys(filter(None, sentences)))
     for sentence in told:
         warn(sentence)
@@ -249,5 +249,5 @@ def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
 
 
 def with_doubts(doubts: Iterable[str], sentence: str) -> str:
-    """An error's sentence behind what was implausible from the start."""
+    """Put what was implausible from the start before an error's sentence."""
     return " ".join([*doubts, sentence])

@@ -108,7 +108,7 @@ def _level(name: str) -> int | None:
 
 @contextmanager
 def quiet(*names: str) -> Iterator[None]:
-    """Keep what this thread reports below WARNING to the named loggers from all handlers."""
+    """Hide messages below WARNING that this thread sends to the named loggers."""
     loggers = [logging.getLogger(name) for name in names]
     filters = _BelowWarning()
     for logger in loggers:
@@ -336,7 +336,7 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def blas_threads(fronts: Array) -> Iterator[int | None]:
-    """Use the useful number of threads for dense fronts with these numbers of operations.
+    """Use the useful number of BLAS threads for dense fronts with these operation counts.
 
     Never more than at the start of the process, and one if another calculation of this process is
     running. Yields the number, or None if the user has chosen it.

@@ -46,7 +46,7 @@ _lines = _Lines()
 
 @contextmanager
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
-    """Show `text` while the block runs; call the function it gives to add how far it is."""
+    """Show `text` while the block runs; yields a function that appends a note to it."""
     lines = _lines.texts
     index = len(lines)
     lines.append(text)
@@ -122,7 +122,7 @@ def _in_notebook() -> bool:
 
 
 def _write_in_notebook() -> None:
-    """The innermost work below the cell; in the end what was done, and how long it took."""
+    """Show the innermost work below the cell, and at the end the work and its duration."""
     now = time.monotonic()
     if _lines.shown is None:
         if not _lines.texts:

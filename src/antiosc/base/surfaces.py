@@ -95,7 +95,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
 
 
 def _extent_seen(axes: Axes3D, x: Array) -> float:
-    """How far the points (P, 3) are seen from the middle of the axes, 1 at their edge."""
+    """Largest distance of the drawn points (P, 3) from the middle of the axes; 1 is the edge."""
     from mpl_toolkits.mplot3d import proj3d
 
     axes.apply_aspect()

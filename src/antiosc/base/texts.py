@@ -58,7 +58,7 @@ class ReprMixin:
 
 
 class FieldsRepr:
-    """Gives a dataclass a `repr` of one line and a table: what differs from the defaults."""
+    """Give a dataclass a one-line `repr` and a table of fields that differ from their defaults."""
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)

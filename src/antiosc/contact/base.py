@@ -251,7 +251,7 @@ class Compiled(Checked, ContactLaw):
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
-    """Whether the library knows the law: a subclass made elsewhere may have other methods."""
+    """Whether the C library has this law; a subclass defined elsewhere may override methods."""
     return _is_compiled_type(type(law))
 
 

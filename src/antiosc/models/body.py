@@ -312,7 +312,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class ModalModel(Body):
-    """A body that is given by its free modes."""
+    """A body given by its free modes."""
 
     modes: ModalBody
     local_compliance: float = 0.0
@@ -327,7 +327,7 @@ class ModalModel(Body):
 
 
 class _ForeignBody(Body):
-    """A foreign body: what it says of itself, checked, and the defaults for the rest."""
+    """A user's body: its checked attributes, and the defaults for others."""
 
     def __init__(self, name: str, body: LinearBody) -> None:
         self._body = body
@@ -353,7 +353,7 @@ class _ForeignBody(Body):
 
 
 def checked_body(name: str, body: object) -> Body:
-    """`body` as a `Body` of one contact point, a foreign one with the defaults.
+    """Return `body` as a `Body` of one contact point; a user's body gets the defaults.
 
     InputError for one without a modal() method, and for one with several contact points.
     """

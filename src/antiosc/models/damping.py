@@ -124,14 +124,14 @@ class DampingMatrix(ReprMixin):
 
 
 def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
-    """C = factor' factor, factor (r, n), and the branches likewise: semidefinite as it is."""
+    """Damping of C = factor' factor, factor (r, n), and of branches likewise: semidefinite."""
     found = object.__new__(DampingMatrix)
     _store_factors(found, factor, branches)
     return found
 
 
 def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
-    """The same damping in the coordinates y of x = turn y, turn (n, m)."""
+    """Transform damping to the coordinates y of x = turn y, turn (n, m)."""
     return from_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
 
 
@@ -238,7 +238,7 @@ class StackedModes:
             j, i = j + w.size, i + size
 
     def rows(self, values: Array) -> Array:
-        """(n, 2 I) of values (n, J) on the displacements of the free modes."""
+        """Project values (n, J) on the displacements of the free modes to the states: (n, 2 I)."""
         size = self.omega.size
         found = np.zeros((len(values), 2, size))
         for free, own, _, first in self._spans():
@@ -250,7 +250,7 @@ class StackedModes:
         return found.reshape(len(values), 2 * size)
 
     def state_gradient(self, by_q: Array, by_v: Array) -> Array:
-        """(n, 2 I) derivatives by (a, b), from those by displacements and velocities (n, J)."""
+        """Derivatives (n, 2 I) by the states (a, b), from those by q and v (n, J)."""
         found = self.rows(by_q).reshape(-1, 2, self.omega.size)
         for free, own, _, first in self._spans():
             if first is None:
@@ -261,7 +261,7 @@ class StackedModes:
         return found.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:
-        """(J,) derivatives by the displacements of `state`, from those by its (a, b)."""
+        """Derivatives (J,) by the initial displacements, from those by the (a, b) of `state`."""
         found = np.zeros(self.free)
         for free, own, _, first in self._spans():
             both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse

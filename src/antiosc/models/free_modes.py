@@ -177,7 +177,7 @@ def site_models(
 
 
 def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
-    """The elastic parameters of a batch with a rigid-body mode that hardly moves the site."""
+    """Join the elastic parameters of sites with a rigid-body mode that hardly moves them."""
     k0, m0, _, omega, m = found
     wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
     left = np.zeros_like(m0)

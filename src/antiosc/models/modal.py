@@ -106,10 +106,10 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 
 
 class FreeModes(ReprMixin):
-    """What bodies in free modes with one contact point (`ModalBody`) and with several share.
+    """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
     The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and
-    `axes` are those of P >= 1 columns of any body.
+    `axes` describe P >= 1 columns for both.
     """
 
     omega: Array
@@ -239,7 +239,7 @@ class FreeModes(ReprMixin):
 
     @cached_property
     def _rigid_mobility(self) -> tuple[Array, float]:
-        """Displacements (J,) of the one column in the rigid-body modes, and their mobility."""
+        """Rigid-body part (J,) of the displacements of the one column, and its mobility [1/kg]."""
         along = np.where(self.omega == 0, self.B[:, 0], 0.0)
         return along, float(along @ along)
 
@@ -375,7 +375,7 @@ class ModalBody(FreeModes):
 
 
 def unchecked_body(**known: object) -> ModalBody:
-    """A `ModalBody` of numbers that follow from checked ones: they are not checked again."""
+    """Create a `ModalBody` without checks, from numbers that follow from checked ones."""
     body = ModalBody.__new__(ModalBody)
     vars(body).update(known)
     return body

@@ -49,7 +49,7 @@ RIGID_SHARE = 1e-11
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parameters(Body):
-    """The fields of `AntiOscillators`, and the values that one formula gives."""
+    """Fields of `AntiOscillators`, and the values that follow from them by one formula."""
 
     m0: Value
     k0: Value
@@ -128,10 +128,7 @@ class Parameters(Body):
 
 
 def checked_at_one_site(model: Parameters) -> Stored:
-    """The parameters of one site as they are stored; InputError for those outside their range.
-
-    They are sorted by frequency.
-    """
+    """Check the parameters of one site and sort them by frequency; else InputError."""
     for name in OF_SEVERAL:
         given = getattr(model, name)
         empty = name == "columns" and isinstance(given, dict) and not given
@@ -197,10 +194,7 @@ def checked_energies(name: str, given: Array, size: int, semidefinite: bool = Tr
 
 
 def checked_at_sites(model: Parameters) -> Stored:
-    """The parameters of several sites as they are stored; InputError for those outside their range.
-
-    They are sorted by frequency.
-    """
+    """Check the parameters of several sites and sort them by frequency; else InputError."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
@@ -255,9 +249,9 @@ def checked_at_sites(model: Parameters) -> Stored:
 
 
 def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
-    """`matrix` made symmetric; InputError unless it is symmetric and positive semidefinite.
+    """Symmetrise `matrix`; InputError unless it is symmetric and positive semidefinite.
 
-    Rounding is judged against the square roots `size` (p,) of its usual diagonal.
+    The square roots `size` (p,) of its usual diagonal scale the rounding that is accepted.
     """
     unit, uneven = checks.scaled_symmetric(matrix, size)
     if uneven > ASYMMETRY or np.linalg.eigvalsh(unit).min(initial=0.0) < -ASYMMETRY:
@@ -315,10 +309,10 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
 
 
 def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
-    """Shapes, momenta and hidden motions as they are stored; InputError where they do not fit.
+    """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
 
-    `rows` sorts the shapes; the momenta of the hidden motions follow theirs. `slides` is the number
-    of hidden motions where the momenta do not tell it.
+    The momenta of the hidden motions follow those of the shapes; `slides` is the number of hidden
+    motions where the momenta do not tell it.
     """
     found: Stored = {}
     in_order = np.array_equal(rows, np.arange(rows.size))

@@ -54,7 +54,7 @@ MISMATCH = 1.5, 1.01
 
 
 def history_key(history: AnyHistory) -> tuple[object, ...]:
-    """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
+    """Data of a history that must agree on all ranks, with rounded numbers."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"
     of = list(history.assembly.bodies) if history.named else history.model
@@ -195,7 +195,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
-    """A warning where the ground shakes mass that the shapes of the model do not carry."""
+    """Warn if the ground shakes mass that the shapes of the model do not represent."""
     weight, base = histories.modes_of(history, body).weight, history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
@@ -373,7 +373,7 @@ def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
 
 
 def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
-    """Static equilibrium (rows, k) of the free dofs under forces (rows, k)."""
+    """Static displacements (rows, k) of the free dofs under forces (rows, k)."""
     fixed = structure.fixed[structure.fixed < structure.rows]
     solver = structure.factorize()
     found = np.zeros_like(pulled)

@@ -79,7 +79,7 @@ class Margin(ReprMixin):
 
     @property
     def sentence(self) -> str:
-        """The verdict in one sentence."""
+        """The result in one sentence."""
         what, name = CRITERIA[self.criterion]
         where = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.layer is not None:
@@ -139,7 +139,7 @@ Search = Callable[[Array, Callable[[Array], Array]], tuple[Array, Array, float |
 
 
 class Maxima(NamedTuple):
-    """Largest values at all points and what goes with them, as in a `PeakField`."""
+    """Largest values at all points with times, error, exposures and margin, as in a `PeakField`."""
 
     values: Array
     times: Array
@@ -189,7 +189,7 @@ def criteria_of(structure: Structure) -> list[str]:
 
 
 def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
-    """The tensors whose material has the strength; no origins if none has."""
+    """Keep the tensors whose material has the strength; no origins if none has."""
     known = [_has_strength(strength, criterion) for strength, _ in found.origins]
     own = np.array(known, dtype=bool)[found.origin]
     arrays = found.nodes[own], found.columns[own], found.origin[own]
@@ -197,7 +197,7 @@ def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
 
 
 def _has_strength(strength: object, criterion: str) -> bool:
-    """Whether a strength serves a criterion."""
+    """Whether a material's strength serves a criterion."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
     return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
@@ -243,7 +243,7 @@ def _of_plies(
 
 
 def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
-    """The largest of the values of each node, and its time."""
+    """Return the largest value at each of `count` nodes, and its time."""
     order = np.argsort(values, kind="stable")  # the largest is written last
     best, time = np.zeros(count), np.zeros(count)
     best[nodes[order]], time[nodes[order]] = values[order], when[order]

@@ -64,12 +64,9 @@ SAME_TIME = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """The motion of a body over a run.
+    """Motion of a body over a run.
 
-    Attributes
-    ----------
-    nodes : (n,) times of the history [s].
-    factors : times (k,) -> factors (k, B) of the columns.
+    nodes : (n,) times of the history [s]. factors : times (k,) -> factors (k, B) of the columns.
     omega : (J,) of the modes [rad/s]; shapes (J, B) their factors; sizes (J,) their amplitudes.
     """
 
@@ -83,7 +80,7 @@ class BodyMotion:
 def refined_maxima(
     motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array, float]:
-    """Largest value (S,) of a scalar of components (S, c, B), its time, and what it may miss.
+    """Largest value (S,) of a scalar of components (S, c, B), its time, and the error bound.
 
     `scalar`: (..., c) -> (...,), a norm.
     """
@@ -121,7 +118,7 @@ def sampled_maxima(
 def _step(
     motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[float, float]:
-    """Step [s] of the times, and what they may miss."""
+    """Time step [s] of the search, and by how much it may underestimate a peak."""
     every = max(1, len(motion.nodes) // FEWEST)
     at = motion.nodes[::every]
     values, _ = sampled_maxima(columns, motion.factors(at), at, scalar)
@@ -158,7 +155,7 @@ def _sample_times(nodes: Array, step: float) -> Array:
 
 
 def _parabola_maxima(t: Array, y: Array) -> Array:
-    """Values (S, n), at local maxima those of the parabola through three of them."""
+    """Values (S, n); local maxima are those of the parabola through three values."""
     tops = y.copy()
     if len(t) < 3:
         return tops
@@ -495,7 +492,7 @@ def peak_field(
 
 
 def _motion(history: History, nodes: Array, body: str, derivative: int) -> BodyMotion:
-    """The motion of a body over the run, by its modes."""
+    """Return the motion of a body over the run in terms of its modes."""
     return BodyMotion(
         nodes,
         lambda t: amplitudes(history, t, body, derivative),
@@ -512,7 +509,7 @@ def _at_times(
 def _peak_field_of(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
 ) -> PeakField:
-    """The field without nodes that no cell has: those of other ranks' cells."""
+    """The field at the nodes of these cells; other ranks' nodes are left out."""
     used = _used_nodes(cells)
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
     exposures = None if best.exposure is None else best.exposure[used]
@@ -528,7 +525,7 @@ def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
 def _with_mesh_error(
     found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
 ) -> PeakField:
-    """The field with errors [Pa] at all points."""
+    """The field with estimated errors [Pa] at all points."""
     if errors is None:
         return found
     own = errors[_used_nodes(cells)]

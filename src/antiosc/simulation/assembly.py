@@ -61,9 +61,9 @@ def expected_contact(
 def largest_indentation(
     law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = DEPTH_TOL
 ) -> float:
-    """Indentation [m], at most `high`, that absorbs an energy and the work of a force.
+    """Largest indentation [m] of a new contact, at most `high`, to the relative error `close`.
 
-    Of a new contact that closes at a `speed`; `close`: relative error.
+    It absorbs an energy [J] and the work of a force `push` [N]; the contact closes at `speed`.
     """
     kernel, own = packed(law)
     found = march.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
@@ -72,7 +72,7 @@ def largest_indentation(
 
 
 def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
-    """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
+    """Larger of the loading and unloading stiffness [N/m] at the deepest indentation."""
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
     steepest = float(max(slopes))
@@ -97,7 +97,7 @@ def contact_scales(
     local: Array,
     duration: float,
 ) -> tuple[Array, Array, Array, float]:
-    """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
+    """Expected depth and speed (p,), friction's (p, 2), and the shortest contact time [s]."""
     p = len(laws)
     push, speed = np.zeros(p), _largest_component(beta[:p], v[None])
     if loads.any():
@@ -151,7 +151,7 @@ def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Inertia [kg] that the slowest motions put behind a contact, roughly."""
+    """Rough inertia [kg] that the slowest motions put behind a contact."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -164,9 +164,9 @@ def effective_mass(beta: Array, omega: Array) -> float:
 
 
 def _largest_component(beta: Array, modal: Array) -> Array:
-    """Largest |beta modal| (p,) over the rows of `modal` (K, J); what is rounding, by its parts.
+    """Largest |beta modal| (p,) over the rows of `modal` (K, J).
 
-    A force or motion far from a contact reaches it later.
+    Where the sum is rounding, a tenth of the sum of magnitudes: distant motion arrives later.
     """
     direct, parts = abs(modal @ beta.T), abs(modal) @ abs(beta).T
     if len(modal) > 1:
@@ -177,7 +177,7 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
+    """The law of a contact without the half-space compliance [m/N] of its patches, and notes."""
     if local == 0.0:
         return law, []
     if not isinstance(law, Hertz):
@@ -197,7 +197,7 @@ Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
 def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
-    """What gives a scene and its bodies that are made already, and can be pickled."""
+    """Return a picklable function that returns this scene and these bodies."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
 
@@ -281,7 +281,7 @@ class Assembly:
 
 
 def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
-    """The scene ready to integrate; InputError for what does not fit together."""
+    """Assemble a scene for integration; InputError for parts that do not fit together."""
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     spans, columns, B, r = stacked_bodies(bodies)
     k = len(r)
@@ -361,7 +361,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
 def stacked_bodies(
     bodies: Mapping[str, SceneBody],
 ) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
-    """Modes and columns of each body among those of all, and the matrices B and r of all."""
+    """Slices of each body's modes and columns among those of all, and the matrices B and r."""
     spans, columns, j, k = {}, {}, 0, 0
     for name, body in bodies.items():
         spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])

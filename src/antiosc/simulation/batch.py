@@ -51,7 +51,7 @@ def sweep(
     earlier: Sequence[T] | None = None,
     **values: object,
 ) -> list[T]:
-    """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
+    """Create one object per value: `sweep(RigidMass, mass=masses, velocity=2.0)`.
 
     Parameters
     ----------
@@ -111,14 +111,14 @@ def check_executor(executor: object) -> None:
 def call_results(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[T | AntioscError]:
-    """What each call returns, in order; its error if it failed."""
+    """Yield the result of each call in order, or its error."""
     return map(_result, _submitted(executor, function, calls))
 
 
 def completed_calls(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[tuple[int, T | AntioscError]]:
-    """The same with the numbers of the calls, those first that are finished first."""
+    """Yield (number of the call, result or error) in the order in which calls finish."""
     waiting = {}
     for k, future in enumerate(_submitted(executor, function, calls)):
         if isinstance(future, Future):
@@ -133,7 +133,7 @@ def completed_calls(
 def _submitted(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> list[Future[T] | AntioscError]:
-    """The future of each call, or the error of one that was not accepted."""
+    """Return the future of each call, or the error of a call that the executor refused."""
     futures: list[Future[T] | AntioscError] = []
     for given, keywords in calls:
         try:
@@ -153,7 +153,7 @@ def _result(future: Future[T] | AntioscError) -> T | AntioscError:
 
 
 def _executor_error(error: Exception) -> AntioscError:
-    """The error for a call that the executor did not finish."""
+    """The error for a call for which the executor returned no result."""
     said = " ".join(f"{type(error).__name__}: {error}".split())
     found = AntioscError(
         f"the executor returned no result ({said}): arguments must be such that they can be"
@@ -352,7 +352,7 @@ _Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
 
 @dataclass(eq=False)
 class _Row:
-    """What a batch keeps of one scene; `error` that of a scene which failed."""
+    """Results of one scene of a batch; `error` is set for a scene that failed."""
 
     result: CheckResult
     peak_force: float = np.nan
@@ -374,8 +374,7 @@ def _solve_chunk(
     settings: Settings,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
-    """The rows of scenes: those that the march takes as arrays together, the others by
-    themselves."""
+    """Rows of scenes: groups that the march solves in one call, the others one by one."""
     rows: dict[int, _Row] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     together = settings.method == "exact" and n is None
@@ -395,14 +394,14 @@ def _solve_chunk(
 
 
 def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
-    """Tell how many are done, of which some were before."""
+    """Report how many scenes are done, including those before."""
     done(before + count)
 
 
 def _solve_group(
     scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
 ) -> list[_Row | None]:
-    """The rows of a group of impacts; None for one that must be integrated by itself."""
+    """Rows of a group of impacts; None for an impact that must be integrated alone."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             group = ImpactRows(scenes, settings.tol, *settings.limits)
@@ -421,7 +420,7 @@ def _row_of(
     made: Pair,
     settings: Settings,
 ) -> _Row | None:
-    """The row of what the march returned; None where that is not enough."""
+    """Row of an outcome of the march; None where the impact must be integrated alone."""
     answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
     time, contact_time_estimate, gained, highest, turned = rest
     if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:

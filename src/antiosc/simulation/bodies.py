@@ -435,15 +435,15 @@ class SceneBody:
     ----------
     body : as it was given.
     modes : its form in free modes.
-    start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
+    start : (J,) modal velocities; initial_displacements : (J,) modal displacements, None for zero.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
     pushes : direction (3,) in which the contact pushes each site, where known.
     axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
         contacts give it.
-    begun : states (2, I) of first-order modes at the start, None: those of `displaced` and `start`
-        with relaxed branches.
+    first_order_start : states (2, I) of first-order modes at the start; None: those of the
+        displacements and velocities with relaxed branches.
     """
 
     name: str
@@ -456,7 +456,7 @@ class SceneBody:
     patch_radius: float | None = None
     pushes: dict[str, Array] = field(default_factory=dict)
     axes: dict[str, Array] = field(default_factory=dict)
-    begun: Array | None = None
+    first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
         if self.directions is not None and not self.pushes:
@@ -506,8 +506,8 @@ class SceneBody:
         """The columns of a site; () of an obstacle."""
         return () if isinstance(self.body, Obstacle) else self.sites[site]
 
-    def known(self, site: str) -> Array | None:
-        """Directions (k, 3) of the first k columns of a site; None where they are not known."""
+    def site_directions(self, site: str) -> Array | None:
+        """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
         if self.directions is not None:
             return self.directions[list(self.sites[site])]
         return self.axes[site][None] if site in self.axes else None
@@ -542,13 +542,15 @@ def may_rotate(body: SceneBody | ModalBody | SiteModes) -> bool:
 
 
 def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
-    """First-order modes of all bodies side by side, if one has them."""
-    parts = [(body.omega, body.decay, body.modes.first_order, body.begun) for body in bodies]
+    """First-order modes of all bodies, stacked; None if no body has them."""
+    parts = [
+        (body.omega, body.decay, body.modes.first_order, body.first_order_start) for body in bodies
+    ]
     return None if all(first is None for _, _, first, _ in parts) else StackedModes(parts)
 
 
 def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
-    """The body of that name with its start; InputError for a motion that it cannot have."""
+    """Describe a body of the scene with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
         placed = _rigid_body(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
@@ -567,13 +569,13 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                     f" {placed.omega.size}."
                 )
             placed.initial_displacements, placed.start = motion.displacements, motion.velocities
-            placed.begun = motion.first_order
+            placed.first_order_start = given = motion.first_order
             first = placed.modes.first_order
             own = 0 if first is None else first.omega.size
-            if placed.begun is not None and placed.begun.shape[1] != own:
+            if given is not None and given.shape[1] != own:
                 raise InputError(
-                    f"the ModalState of {name!r} has {placed.begun.shape[1]} first-order modes, the"
-                    f" body {own}."
+                    f"the ModalState of {name!r} has {given.shape[1]} first-order modes, the body"
+                    f" {own}."
                 )
         else:
             placed.start = _initial_velocities(placed, motion)
@@ -592,7 +594,7 @@ def _modal_body(name: str, body: object) -> SceneBody:
 def single_site_body(
     name: str, body: object, asked: Body, modes: ModalBody, start: Array
 ) -> SceneBody:
-    """A body of one contact point, with its modal velocities (J,) at the start."""
+    """Describe a body of one contact point, with its modal start velocities (J,)."""
     local = {"": asked.local_compliance}
     return SceneBody(
         name, body, modes, start,
@@ -627,7 +629,7 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
 
 
 def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
-    """Modal velocities of a body that moves without strain."""
+    """Modal start velocities (J,) of a body that moves without strain."""
     if not isinstance(motion, Motion):
         along = placed.directions is None or placed.inertia is None  # the speed along it
         if not along or placed.B.shape[1] != 1:

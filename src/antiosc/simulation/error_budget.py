@@ -58,9 +58,9 @@ Rerun = Callable[[LinearBody, float], History]
 
 @dataclass(frozen=True, eq=False)
 class RepeatedImpact:
-    """An impact that is simulated again on other bodies, by the exact method to `tol`.
+    """An impact and its repetition on other bodies, by the exact method to `tol`.
 
-    `raw` is that on the `model` itself; `run` simulates it.
+    `raw` is the history on `model` itself; `run` simulates the impact on a body.
     """
 
     model: AntiOscillators
@@ -73,14 +73,14 @@ class RepeatedImpact:
         return self.run(body, self.tol)
 
     def change(self, body: LinearBody) -> Shares:
-        """By how much the three quantities differ there, relatively."""
+        """Relative differences of the three quantities on another body."""
         return parts.differences(self.raw, self.simulate_on(body))
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
-    """(share of each quantity, what is to be said).
+    """Share of each quantity from the element family, and notes.
 
-    The model's info tells what is needed ("model"), or why there is no figure.
+    The model's info has the data ("model"), or the reason why there is no figure.
     """
     facts = impact.model.info.model
     if isinstance(facts, str):
@@ -96,7 +96,7 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 def _softer_and_stiffer(
     model: AntiOscillators, facts: BeamSection
 ) -> tuple[ModalModel, ModalModel]:
-    """The model with all changes that make it softer, and with all that make it stiffer.
+    """The model with all changes that soften it, and with all that stiffen it.
 
     Contact laws with a half-space lose the local compliance of the second.
     """
@@ -122,7 +122,7 @@ ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
 
 
 def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
-    """The shares of noise and band of peak force, impulse and contact time."""
+    """Shares of noise and band in peak force, impulse and contact time."""
     facts = impact.model.info.measured
     if facts is None:
         return parts.NO_ERROR, parts.NO_ERROR

@@ -54,7 +54,7 @@ class StepLoads(NamedTuple):
 
 
 class SceneStep(SceneMethod):
-    """A one-step method of fixed `step` [s] from each first touch on; subclasses give one step."""
+    """Base of one-step methods with a fixed `step` [s] after each first touch."""
 
     name: ClassVar[str]
     order: ClassVar[int] = 2
@@ -71,7 +71,7 @@ class SceneStep(SceneMethod):
 
     @abstractmethod
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
-        """One step of length h."""
+        """Advance the state by one step of length h [s]."""
 
     @staticmethod
     def longest(system: System) -> float:
@@ -118,9 +118,9 @@ class SceneStep(SceneMethod):
         return StepLoads(self.loads_at(t)[0], load1, gap1)
 
     def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, StepLoads]:
-        """One step of at most h; what touches in it is found first, without its own force.
+        """Take one step of at most h; contacts that touch within it are closed first.
 
-        It ends where the last contact parts.
+        The step ends where the last contact parts.
         """
         contacts, acting = self.contacts, self._step_loads(t, h)
         new = self.advance(node, acting, h)
@@ -148,7 +148,7 @@ class SceneStep(SceneMethod):
     def _release(
         self, node: Step, t: float, h: float, last: Step, closed: list[int]
     ) -> tuple[float, Step, StepLoads]:
-        """The part of the step after which the last of the closed contacts is at its origin."""
+        """Shorten the step to the time at which the last closed contact reaches its origin."""
         from scipy.optimize import brentq  # loaded where it is used: it takes long
 
         def over(delta: Array) -> float:
@@ -166,7 +166,7 @@ class SceneStep(SceneMethod):
 
 
 def _crossing(before: float, after: float, origin: float) -> float:
-    """The part of a step after which a straight line from one value to the other is at `origin`."""
+    """Fraction of a step after which a straight line between two values reaches `origin`."""
     if before == after:
         return 0.0
     return min(max((before - origin) / (before - after), 0.0), 1.0)
@@ -200,7 +200,7 @@ class NewmarkScene(SceneStep):
 
 
 class LeapfrogScene(SceneStep):
-    """Central differences, explicit but for what has no mass."""
+    """Central differences: explicit, except for rows with a residual compliance."""
 
     name = "leapfrog"
     #: share of the limit h omega_max = 2
@@ -236,7 +236,7 @@ class Quotient:
         self.start = self._potential(before)
 
     def solve(self, free: float, alpha: float) -> float:
-        """F = mean(free - alpha F): the right-hand side does not rise with F."""
+        """Solve F = mean(free - alpha F), whose right-hand side does not rise with F."""
         high = self.mean(free)
         if high <= 0.0:
             return 0.0
@@ -271,7 +271,7 @@ class Quotient:
 
 
 class ConservingScene(SceneStep):
-    """Midpoint rule with the difference quotient of each contact's potential."""
+    """Midpoint rule that takes the difference quotient of each contact's potential as its force."""
 
     name = "conserving"
 
@@ -338,7 +338,7 @@ class ConservingScene(SceneStep):
 
 
 def _segment_of(times: Array, nodes: list[Step]) -> Segment:
-    """Between two nodes a parabola with the impulse of the step, and its work on a straight way."""
+    """Fit parabolas to the steps: each has the impulse of its step, work on a straight path."""
     n, m = len(nodes) - 1, len(nodes[0].force)
     time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
     time[::2], force[::2] = times, [node.force for node in nodes]
@@ -496,7 +496,7 @@ class Refinement:
         return max(self.error.values()) <= self.tol
 
     def update(self, force: float, peak: float) -> None:
-        """Add the relative differences of the last two runs, `halvings` apart."""
+        """Add the relative differences of the last two runs, which are `halvings` apart."""
         k = self.halvings
         before = self._before if force > 0 else None
         rate = _SECOND_ORDER if before is None else _rate(force / before[0], before[1], k)

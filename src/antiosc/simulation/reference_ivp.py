@@ -80,7 +80,7 @@ class JointContacts:
         return 0.0 if state is None else self.laws[c].origin(state)
 
     def touch(self, c: int, t: float, speed: float, way: Array) -> None:
-        """The contact touches at the closing `speed`; `way` (m,) are the displacements there."""
+        """Close a contact at the closing `speed`; `way` (m,) are the displacements there."""
         speed = max(speed, float(self.system.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
@@ -92,7 +92,7 @@ class JointContacts:
         self.events.append((t, c, 0, 0.0))
 
     def advance(self, delta: Array, rate: Array) -> None:
-        """Remember the end of a step: indentations and their rates (m,)."""
+        """Update the states of the laws after a step, from indentations and rates (m,)."""
         for c, law in enumerate(self.laws):
             if self.closed[c]:
                 self.states[c] = law.advance(float(delta[c]), float(rate[c]), self.state(c))
@@ -141,7 +141,7 @@ class JointContacts:
         )
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
-        """The normal force of one contact, with the other forces as they are."""
+        """Solve for the normal force [N] of contact c while the other forces keep their values."""
         law, state = self.laws[c], self.state(c)
         free_rate, slowed = 0.0, 0.0
         if law.rate_dependent:
@@ -186,8 +186,7 @@ class Segment(NamedTuple):
 
 
 def joined_segments(pieces: Sequence[Segment]) -> Segment:
-    """Pieces one after the other, each without its first node, which is the last of the one
-    before."""
+    """Join segments; each repeats as its first node the last of the one before."""
     parts = zip(*pieces, strict=True)
     return Segment(*(np.concatenate([part[0], *(p[1:] for p in part[1:])]) for part in parts))
 
@@ -211,12 +210,14 @@ class SceneMethod(ABC):
     def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
     ) -> tuple[Segment, int]:
-        """From the states `begin` (2, J) at t, under `force` (m,), while it is `busy`, or to the
-        `end`; with it why it stopped."""
+        """Integrate from the states `begin` (2, J) under `force` (m,) while `busy`, until `end`.
+
+        Returns the segment and the status.
+        """
 
     @property
     def busy(self) -> bool:
-        """Whether the motion is the method's: otherwise it is a flight."""
+        """Whether the method integrates the motion; otherwise it is an exact flight."""
         return self.driven or bool(self.contacts.active)
 
     def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
@@ -266,13 +267,15 @@ class SceneMethod(ABC):
         )
 
     def on_touch(self, c: int, free: Array, rate: Array, force: Array) -> None:  # noqa: B027
-        """What a method remembers of contact c, which has touched: displacements without forces,
-        speeds and forces (m,) there."""
+        """Hook of a method when contact c touches.
+
+        free, rate, force : (m,) displacements without contact forces, speeds and forces.
+        """
 
     def _flight(
         self, t: float, begin: Array, duration: float, max_contacts: int
     ) -> tuple[Segment, int]:
-        """The motion until the next touch, of which the contacts then know."""
+        """Compute the motion until the next touch and close the contacts that touch there."""
         s = self.system
         origins = np.zeros(len(s.beta))
         origins[: self.p] = [self.contacts.origin(c) for c in range(self.p)]
@@ -476,7 +479,7 @@ class SceneIVP(SceneMethod):
         return change
 
     def _slip(self, c: int, free: Array, z: Array, rate: Array, force: Array) -> float:
-        """Speed [m/s] at which the slider gives way, if it slides: that of the point beyond z."""
+        """Speed [m/s] of the slider if it slides: that of the point less that of its spring."""
         p = self.p
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
@@ -491,7 +494,7 @@ class SceneIVP(SceneMethod):
         return speed - mu / stiffness * float(rising[c])
 
     def _clipped(self, t: float, y: Array) -> Array:
-        """The state with the springs of what slides on their cones, and free ones at rest."""
+        """Put the springs of sliding contacts on their friction cones, and open ones at rest."""
         _, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             z, (mu, stiffness) = self._elongation(c, y), self.system.slip[c]
@@ -534,7 +537,7 @@ class SceneIVP(SceneMethod):
         return found
 
     def _apply_events(self, t: float, y: Array, found: list[Array]) -> None:
-        """What the events at t change: the contacts, and which of them slide."""
+        """Apply the events at t to the contacts and to their sliding."""
         free, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             own = found[3 * c : 3 * c + 3]

@@ -145,7 +145,7 @@ class Scene(SceneParts):
 def integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """The history of what is ready to integrate, and the verdict, of which nobody is told yet."""
+    """Integrate an assembly; returns the history, and the check result before any warning."""
     step, tol, limits = settings.step, settings.tol, settings.limits
     step = None if step is None else checked_step(step, duration)
     if settings.method == "exact":
@@ -172,7 +172,7 @@ def integrate(
 
 
 def with_deflection_warning(history: H) -> H:
-    """The history whose message tells what is outside the theory; a warning tells it too."""
+    """Warn of a deflection beyond linear theory and append the sentence to the message."""
     if not (sentence := results.large_deflection_message(history)):
         return history
     warn(sentence, AccuracyWarning)
@@ -223,7 +223,7 @@ def integrate_exact(
     max_contacts: int,
     max_steps: int,
 ) -> tuple[Converged, str]:
-    """The run by the exact method, and why a given step [s] failed."""
+    """Run the exact method; returns the run and why a given step [s] failed."""
     system, laws = assembly.system, assembly.laws
     if step is None:
         limits = max_contacts, max_steps
@@ -242,7 +242,7 @@ def integrate_exact(
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError, behind what is implausible, if a force leaves the range of its law."""
+    """AccuracyError if a force exceeds the range of its law; `doubts` precede its message."""
     a = history.assembly
     for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
@@ -384,7 +384,7 @@ def simulate(
 def simulate_impact(
     scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
 ) -> tuple[History, CheckResult]:
-    """One impact, and the verdict, of which nobody is told yet; `n` as of `simulate`."""
+    """Simulate one impact; returns the check result before any warning. `n` as of `simulate`."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         assembly = assemble_pair(model, *scene[1:])
@@ -409,7 +409,7 @@ def simulate_impact(
 
 
 def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
-    """The same impact on another model, by the exact method to a tolerance."""
+    """Simulate the same impact on another model by the exact method to `tol`."""
     exact = replace(settings, tol=tol, method="exact", step=None)
     return simulate_impact(scene._replace(model=model), exact)[0]
 

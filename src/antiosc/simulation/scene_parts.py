@@ -206,7 +206,7 @@ class SceneParts(FieldsRepr):
                 )
 
     def _site_of(self, end: str) -> str:
-        """An end under one name: the site of a body that has no more than one may have any."""
+        """Normalise an end: any site name of a body with one site means this site."""
         name = end.partition(":")[0]
         return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
 
@@ -214,7 +214,7 @@ class SceneParts(FieldsRepr):
 def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
-    """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
+    """The scene of "structure" and "impactor" of `simulate`, whose checks have passed."""
     parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
     checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
     bodies = {"structure": model, "impactor": impactor}
@@ -265,12 +265,12 @@ def set_axes(
 
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
-    """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
+    """Row (P,) of the body's columns that gives a site's displacement along a direction."""
     row = np.zeros(body.B.shape[1])
     columns = list(body.columns_of(site))
     if not columns:
         return row
-    known = body.known(site)
+    known = body.site_directions(site)
     if direction is None or known is None or (len(known) == 1 and (known[0] == direction).all()):
         row[columns[0]] = 1.0
         return row
@@ -311,7 +311,7 @@ def contact_row(
 
 
 def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
-    """Notes on contacts, which did not touch, that push the second end against its site."""
+    """Notes on contacts that did not touch and push their second end against its site."""
     notes = []
     for contact in contacts:
         (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
@@ -365,7 +365,7 @@ def tangential_rows(
 
 
 def body_axes(bodies: dict[str, SceneBody]) -> dict[str, Array | None]:
-    """Direction in space of the one coordinate of each body that moves along one."""
+    """Direction in space of the one coordinate of each body that has one coordinate."""
     axes: dict[str, Array | None] = {}
     for name, body in bodies.items():
         if body.directions is not None and len(body.directions):
@@ -387,7 +387,7 @@ def load_series(
     gaps: Array,
     duration: float,
 ) -> tuple[Array, Array, Array]:
-    """Times (K,), modal loads (K, J) and offsets (K, m) of loads, base motion and gravity."""
+    """Times (K,), modal loads (K, J) and offsets (K, m) that loads, base and gravity cause."""
     if not scene.loads and scene.base is None and not np.any(scene.gravity):
         return np.zeros(1), np.zeros((1, B.shape[0])), gaps[None]
     series = [load.times for load in scene.loads]
@@ -438,7 +438,7 @@ def load_series(
 
 
 def _check_ground_direction(body: SceneBody, axis: Array | None, moved: Array) -> None:
-    """InputError where the ground (K, 3) moves across the one direction that a body knows."""
+    """InputError if the ground (K, 3) moves across the only direction that a body knows."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
     if axis is None or moved.shape[1] != 3:

@@ -36,9 +36,9 @@ def record_of(run: Run) -> tuple[march.Record, list[Array]]:
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """The times that contact c is closed (`march.TOUCH`), and whether it is so at the end.
+    """Intervals (`march.TOUCH`) in which contact c is closed, and whether it is closed at the end.
 
-    One that is over at once does not count.
+    Intervals of zero length do not count.
     """
     record, _ = record_of(run)
     found, goes_on = np.empty(len(run.events) + 1, march.TOUCH), c_int()
@@ -75,7 +75,7 @@ def modal_loads(system: System, t: Array) -> Array:
 
 
 def locate(run: Run, t: Array) -> tuple[Index, Array]:
-    """The step in which each time (n,) lies, and the time since its start."""
+    """Index of the step that contains each time (n,), and the time since its start."""
     starts = run.time[:-2:2]
     close = 1e-13 * float(run.time[-1])  # what is meant as a node is one
     step = np.searchsorted(starts, t + close, side="right") - 1
@@ -85,7 +85,7 @@ def locate(run: Run, t: Array) -> tuple[Index, Array]:
 
 
 def forces(run: Run, step: Index, since: Array) -> Array:
-    """Contact forces (n, m) of the parabolas of the steps, at times since their starts."""
+    """Contact forces (n, m) from the parabola of each step, at times since its start."""
     if run.time.size < 3:
         return np.repeat(run.force[:1], step.size, axis=0)
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -101,7 +101,7 @@ def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, 
 
 
 def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """The states (n, I) in the modes that the march integrates."""
+    """States (n, I) of the integrated modes."""
     q, v = integrated_starts(run, system, step)
     if run.time.size < 3:
         return q, v
@@ -109,12 +109,12 @@ def integrated_states(run: Run, system: System, step: Index, since: Array) -> tu
 
 
 def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
-    """The states of the free modes from those of the march's."""
+    """Convert states of the integrated modes to states of the free modes."""
     return (q, v) if system.first is None else system.first.motion(q, v)[:2]
 
 
 def damping_accelerations(run: Run, system: System, step: Index, since: Array) -> Array:
-    """What damping that couples them takes from the accelerations of the free modes (n, J)."""
+    """Decelerations of the free modes (n, J) by damping that couples them."""
     assert system.first is not None
     return system.first.motion(*integrated_states(run, system, step, since))[2]
 
@@ -128,7 +128,7 @@ def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
 
 
 def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """The starts (n, I) in the modes that the march integrates."""
+    """States (n, I) of the integrated modes at the starts of steps."""
     assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
@@ -159,7 +159,7 @@ def _advanced(
     q: Array,
     v: Array,
 ) -> tuple[Array, Array]:
-    """The states at times since the starts of steps, from those there."""
+    """Advance the states by times since the starts of steps."""
     whole, system = system, system.marched
     P, W, S, J0, J1, J2 = march.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -214,20 +214,20 @@ def node_states(
 
 
 def blocks(run: Run, size: int) -> list[tuple[int, int]]:
-    """First and last steps of the parts of a run whose states of `size` modes are found at once."""
+    """First and last steps of the blocks of a run whose states of `size` modes fit in memory."""
     steps, most = run.time.size // 2, max(STATES_AT_ONCE // max(size, 1), 1)
     return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
 
 
 def run_slice(run: Run, first: int, last: int) -> Run:
-    """The steps from `first` to `last` of a run, without states and events."""
+    """Return the steps `first` to `last` of a run, without states and events."""
     nodes = slice(2 * first, 2 * last + 1)
     time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
     return replace(run, time=time, force=force, depth=depth, states=None)
 
 
 def with_flight_nodes(run: Run, system: System) -> Run:
-    """The run with more steps in its flights, which are exact in one step, as pictures need it."""
+    """Return the run with more nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
     h, pressed = run.time[2::2] - run.time[:-2:2], run.force.any(axis=1)

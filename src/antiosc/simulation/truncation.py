@@ -80,7 +80,7 @@ def truncation_share(
 
 
 def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
-    """What Z of the softer extreme has less, at complex s."""
+    """Difference of Z between the model and its softer extreme, at complex s."""
     known = _rules.get(model)
     if known is None:
         known = _rules[model] = _rule(model)
@@ -131,7 +131,7 @@ SMALL_GAUSS_SHARE = 1e-6
 
 @dataclass(frozen=True)
 class TruncationError:
-    """Estimated relative errors of a model with n anti-oscillators against one with all of them."""
+    """Estimated relative errors of a model with n anti-oscillators."""
 
     n: int
     peak_force: float

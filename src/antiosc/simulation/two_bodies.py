@@ -108,7 +108,7 @@ def modal_pair(
     initial_velocity: float | Motion = 0.0,
     gravity: float | Sequence[float] = 0.0,
 ) -> Pair:
-    """The bodies of an impact in their modes, with their start and gravity."""
+    """Two bodies in their modes, with start velocities and gravity."""
     one, other = checked_body("model", model), checked_body("impactor", impactor)
     if one.velocity != 0.0:
         raise InputError(
@@ -158,7 +158,7 @@ def assemble_pair(
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
 ) -> Assembly:
-    """The bodies "structure" and "impactor", ready to integrate over `duration` [s]."""
+    """Assemble "structure" and "impactor" for integration over `duration` [s]."""
     made = modal_pair(model, impactor, initial_velocity, gravity)
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
@@ -243,8 +243,10 @@ def _gravity_load(name: str, body: ModalBody, gravity: float) -> Array | None:
 
 
 def _free_body_load(body: ModalBody, load: Array) -> Array:
-    """`load` on free bodies; none on a body with a supported site, measured from its
-    equilibrium."""
+    """Return `load`; zero in elastic modes of a body whose site is supported.
+
+    Displacements of such a body are measured from its equilibrium.
+    """
     rigid = body.omega == 0
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
 
@@ -285,7 +287,7 @@ _NODES = 200_000
 
 
 class Impact(NamedTuple):
-    """An impact as `simulate` and `assemble_pair` take it."""
+    """Arguments of one impact of two bodies, as `simulate` takes them."""
 
     model: LinearBody
     impactor: LinearBody
@@ -296,7 +298,7 @@ class Impact(NamedTuple):
     gap: float | None = None
 
     def group(self) -> tuple[object, ...] | None:
-        """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
+        """Key that is equal for impacts which one C call can solve together; None for others."""
         if (
             not is_compiled(self.contact)
             or _has_coupled_damping(self.model)
@@ -431,9 +433,9 @@ class _Workspace:
         self.batch, self.size = c_void_p(), -1
 
     def reset(self, size: int) -> bool:
-        """Be for other impacts; False if there is too little memory.
+        """Prepare for impacts with `size` modes; False if the memory is too small.
 
-        With as many modes as before the march goes on with the responses that it has.
+        With the same number of modes the march reuses its responses.
         """
         at = march.address(self.memory), self.memory.nbytes, byref(self.batch)
         self.nodes.n_nodes = 0
@@ -444,7 +446,7 @@ class _Workspace:
         return size == self.size
 
     def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
-        """The nodes of all impacts, without the unused ends of their buffers."""
+        """Copy the nodes of all impacts and empty the buffers."""
         time, force = (each[: self.nodes.n_nodes].copy() for each in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()
@@ -456,7 +458,7 @@ _idle_workspaces: list[_Workspace] = []
 
 
 def _workspace(size: int) -> _Workspace:
-    """Memory of an earlier call, if it is enough; taken out, so that no other thread has it."""
+    """Take an idle workspace that is large enough, or create one; no other thread has it."""
     while _idle_workspaces:
         try:
             found = _idle_workspaces.pop()

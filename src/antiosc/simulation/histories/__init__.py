@@ -364,7 +364,7 @@ class History(HistoryResults, OneContact):
         return np.minimum(times, end)
 
     def __getstate__(self) -> dict[str, object]:
-        """The fields, for pickle; a structure stays behind."""
+        """Return the fields for pickle, without the structure."""
         return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}
 
 
@@ -375,7 +375,7 @@ class SceneHistory(History):
 
 
 def with_model(hit: History, model: object) -> History:
-    """The same history with the structure's model told more of itself."""
+    """Return the same history with another record of the structure's model."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
     return replace(
@@ -408,7 +408,7 @@ def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
 
 
 def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
-    """The times (n,) that are asked; those of the history for None."""
+    """Times (n,) that a user asks for; the history's own for None."""
     if times is None:
         return history.time
     if isinstance(history, BodyHistory):
@@ -431,9 +431,9 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
 
 
 def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (2, B) of the body's shapes, and the number of its elastic modes.
+    """Factors (2, B) of the body's shapes that make q'Kq, and q'Mq, of each elastic mode 1.
 
-    They make q'Kq, and q'Mq, of each of these modes 1.
+    The second result is the number of elastic modes.
     """
     elastic = own.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0), elastic])

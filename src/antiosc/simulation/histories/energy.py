@@ -50,7 +50,7 @@ class Energy(ReprMixin):
 
 
 def elastic_energy(law: ContactLaw, force: Array, depth: Array) -> Array:
-    """Energy (n,) of a contact whose law knows its indentation alone."""
+    """Energy (n,) of a contact whose law depends on the indentation alone."""
     return np.where(force != 0.0, law.energies(depth, law.touch(0.0)), 0.0)
 
 
@@ -284,7 +284,7 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 
 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
-    """Energy that all contacts can give back, and what they lost, at the nodes."""
+    """Recoverable energy of all contacts, and their losses, at the nodes."""
     stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
     system = a.system
     for c, law in enumerate(a.laws):

@@ -154,9 +154,9 @@ def _relative(a: float, b: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A run of a scene, of which a history and its contacts are read.
+    """A run of a scene, shared by a history and its contacts.
 
-    `flights`: its nodes lie close in flights too.
+    `flights`: flights have closely spaced nodes too.
     """
 
     assembly: Assembly
@@ -172,9 +172,9 @@ class Record:
 
 
 class OneContact:
-    """Force and numbers of one contact: what a `ContactHistory`, and a history of one contact has.
+    """Force and results of one contact, for `ContactHistory` and a history of one contact.
 
-    `_record` has the run, and `_row` is that of the contact among all.
+    `_record` has the run; `_row` is the row of the contact among all.
     """
 
     _record: Record

@@ -45,14 +45,14 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Status and message of a run; `odd`: causes a warning although the status is 0."""
+    """Status and message of a run; `unusual`: warn although the status is 0."""
 
     status: int
     message: str
     unusual: bool = False
 
     def with_shortage(self, shortage: str) -> CheckResult:
-        """The same verdict for a model with too few anti-oscillators."""
+        """The same result for a model with too few anti-oscillators."""
         worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
         return CheckResult(worse, f"{self.message} {shortage}", self.unusual)
 
@@ -65,9 +65,9 @@ class CheckResult:
 
 
 class RunEnd(NamedTuple):
-    """How a run ended: what its verdict is made of.
+    """How a run ended, as the check of a run needs it.
 
-    `time` [s] reached, `touches` their number, `open` the contacts that go on, and the errors.
+    `time` [s] reached, `touches` their number, `open` the contacts still closed, and the errors.
     """
 
     answer: int
@@ -80,7 +80,7 @@ class RunEnd(NamedTuple):
 
 
 def open_contacts(run: Run, system: System) -> list[int]:
-    """The contacts that touched during the run and go on at its end."""
+    """Contacts that touched during the run and are closed at its end."""
     if len(system.laws) == 1 and (not len(run.events) or run.events[-1, 2] == march.APART):
         return []
     events = run.events.tolist()
@@ -98,7 +98,7 @@ def check_result(
     failure: str = "",
     gain: Callable[[], float] = lambda: 0.0,
 ) -> CheckResult:
-    """The verdict on a run; `limits`: max_contacts, max_steps; `gain`: relative, of energy."""
+    """Check a run; `limits`: max_contacts, max_steps; `gain`: returns the relative energy gain."""
     failure = failure or stopped(ended.answer, ended.time, *limits)
     if failure:
         return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
@@ -141,7 +141,7 @@ def inexact_message(
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
-    """The warning of contacts that last at the end of the run; "" if only resting ones do."""
+    """Warning of contacts that are closed at the end of the run; "" if they were always closed."""
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
@@ -222,7 +222,7 @@ SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
 
 
 def large_deflection_message(history: History) -> str:
-    """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
+    """Warning of the largest deflection of a held sheet beyond linear theory; "" if none."""
     a, worst, told = history.assembly, SMALL_DEFLECTION, ""
     if not a.thin:
         return ""
@@ -247,7 +247,7 @@ def large_deflection_message(history: History) -> str:
 
 
 def _sampled_motion(history: History, omega: Array) -> Array:
-    """Modal displacements (n, J) at the ends of steps and at even times in between."""
+    """Modal displacements (n, J) at the ends of steps and at evenly spaced times."""
     end = float(history.run.time[-1])
     periods = end * float(omega.min()) / (2 * np.pi) if omega.size else 0.0
     t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
@@ -458,7 +458,7 @@ class HistoryResults(Results):
 
     @property
     def explanation(self) -> str:
-        """The message, and whether the bodies of the one contact approach each other in the end."""
+        """The message, with a note if the bodies of a single contact still approach at the end."""
         own = cast("History", self)
         e = own.restitution if own.status != STOPPED and len(own.contact_histories) == 1 else None
         if e is None or e >= 0:
@@ -564,6 +564,6 @@ def history_sites(history: History) -> dict[str, tuple[float, ...]]:
 
 
 def _quoted(name: str) -> str:
-    """A name as CSV has it."""
+    """Quote a column name for CSV where it needs quotes."""
     name = files.table_text(name)
     return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name
