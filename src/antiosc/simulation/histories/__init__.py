@@ -419,15 +419,22 @@ def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
     return checks.nonempty("times", times)
 
 
+def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
+    """The motion of a body at `times`; a BodyHistory has its own."""
+    if isinstance(history, BodyHistory):
+        return history
+    return history.at(times)[history.body_name(body)]
+
+
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
 
     Velocities and accelerations are those of the modes: what a residual compliance adds to the
     displacement has no inertia, and follows the force.
     """
-    own = modes_of(history, body)
-    q, forces = _modal(history, times, body, derivative)
-    return _factors(own, q, np.zeros_like(forces) if derivative else forces)
+    own, one = modes_of(history, body), _motion_at(history, times, body)
+    q = (one.q, one.v, one.a)[derivative]
+    return _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
 
 
 def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:
@@ -453,29 +460,20 @@ def modal_amplitudes(
     Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
     forces slowly; 0 of rigid-body modes.
     """
-    own = modes_of(history, body)
-    (v, forces), (a, _) = (_modal(history, times, body, k) for k in (1, 2))
+    own, one = modes_of(history, body), _motion_at(history, times, body)
     omega = own.omega
     # of the oscillation x: x' = v and x'' = a
-    swing = np.hypot(omega * v, a).max(axis=0)
+    swing = np.hypot(omega * one.v, one.a).max(axis=0)
     sizes = np.zeros(omega.size)
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
-    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, forces.shape[1])))
+    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, one.forces.shape[1])))
     return omega, shapes, sizes
-
-
-def _modal(history: AnyHistory, times: Array, body: str, derivative: int) -> tuple[Array, Array]:
-    """Modal displacements, velocities or accelerations (n, J), and the forces (n, P)."""
-    one = (
-        history if isinstance(history, BodyHistory) else history.at(times)[history.body_name(body)]
-    )
-    return (one.q, one.v, one.a)[derivative], one.forces
 
 
 def forces_of(history: AnyHistory, times: Array, body: str) -> Array:
     """Forces (n, P) on the columns of the body's model: of contacts and of loads, N."""
     modes_of(history, body)
-    return _modal(history, times, body, 0)[1]
+    return _motion_at(history, times, body).forces
 
 
 @dataclass(frozen=True, eq=False, repr=False)
