@@ -242,10 +242,10 @@ def _fastest(velocity: object) -> float:
 
 def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
     """Warn once of each non-empty sentence; returns the sentences."""
-    told = tuple(dict.fromkeys(filter(None, sentences)))
-    for sentence in told:
+    given = tuple(dict.fromkeys(filter(None, sentences)))
+    for sentence in given:
         warn(sentence)
-    return told
+    return given
 
 
 def with_doubts(doubts: Iterable[str], sentence: str) -> str:

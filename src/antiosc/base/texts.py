@@ -35,11 +35,11 @@ class ReprMixin:
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
             if f.repr and not f.name.startswith("_")
         ]
-        told = [(name, text) for name, value in fields if (text := value_text(value))]
-        if len(told) <= LINES:
-            return told
-        rest = ", ".join(name for name, _ in told[LINES - 1 :])
-        return [*told[: LINES - 1], ("and", rest)]
+        facts = [(name, text) for name, value in fields if (text := value_text(value))]
+        if len(facts) <= LINES:
+            return facts
+        rest = ", ".join(name for name, _ in facts[LINES - 1 :])
+        return [*facts[: LINES - 1], ("and", rest)]
 
     def _shown_facts(self) -> list[tuple[str, str]]:
         try:

@@ -245,8 +245,8 @@ class StackedModes:
             if first is None:
                 found[:, 0, own] = values[:, free]
             else:
-                moved = values[:, free] @ first.at_q
-                found[:, :, own] = moved.reshape(-1, 2, first.omega.size)
+                projected = values[:, free] @ first.at_q
+                found[:, :, own] = projected.reshape(-1, 2, first.omega.size)
         return found.reshape(len(values), 2 * size)
 
     def state_gradient(self, by_q: Array, by_v: Array) -> Array:
@@ -256,8 +256,8 @@ class StackedModes:
             if first is None:
                 found[:, 1, own] += by_v[:, free]
             else:
-                moved = by_v[:, free] @ first.at_v
-                found[:, :, own] += moved.reshape(-1, 2, first.omega.size)
+                projected = by_v[:, free] @ first.at_v
+                found[:, :, own] += projected.reshape(-1, 2, first.omega.size)
         return found.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:

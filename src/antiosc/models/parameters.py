@@ -391,17 +391,17 @@ def corrected(model: ModelType) -> ModelType:
     # same shapes, and so the residual mass stays
     unit = Q / np.sqrt(model.m)[:, None]
     c = unit.T @ (model.m * static)
-    turn = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
-    turn[0, 0], turn[1:, 0], turn[1:, 1:] = 1.0, static - 1, unit * c
+    transform = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
+    transform[0, 0], transform[1:, 0], transform[1:, 1:] = 1.0, static - 1, unit * c
     kept = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
-    turn = turn[:, np.append(True, kept)]
+    transform = transform[:, np.append(True, kept)]
     p, inertia = model.participation, model.inertia
     if p is not None:  # psi_0 is what moves with m0 and all psi_i
-        p = turn.T @ np.append(p.sum(), p[1:])
+        p = transform.T @ np.append(p.sum(), p[1:])
         p[0] -= p[1:].sum()
     if inertia is not None:
         own, hidden = np.split(inertia.momentum, [model.n + 1])
-        inertia = inertia.with_momentum(np.vstack((turn.T @ own, hidden)))
+        inertia = inertia.with_momentum(np.vstack((transform.T @ own, hidden)))
     return replace(
         model,
         m0=model.m0 + float(np.sum(c[~kept] ** 2)),
@@ -409,7 +409,7 @@ def corrected(model: ModelType) -> ModelType:
         m=c[kept] ** 2,
         omega=omega[kept],
         participation=p,
-        shapes=None if model.shapes is None else model.shapes @ turn,
+        shapes=None if model.shapes is None else model.shapes @ transform,
         inertia=inertia,
         strain_error=None,
         strain_misfit=None,

@@ -64,13 +64,14 @@ def _coupled_modes(model: Parameters) -> ModalBody:
     k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
     rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
     found = damped_modes(model, k0, m0, root[None], rigid)
-    turn = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
-    turn[1:, 0], turn[1:, 1:] = 1.0, np.diag(1 / root)
-    size, hidden = len(turn), model.hidden_count
+    transform = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
+    transform[1:, 0], transform[1:, 1:] = 1.0, np.diag(1 / root)
+    size, hidden = len(transform), model.hidden_count
     own = np.zeros((size + hidden, hidden + found.omega.size))
     own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
     omega = np.concatenate((np.zeros(hidden), found.omega))
-    body = _in_free_modes(model, found.omega, turn @ found.shape, turn @ found.residual[:, 0])
+    shape, residual = transform @ found.shape, transform @ found.residual[:, 0]
+    body = _in_free_modes(model, found.omega, shape, residual)
     decay, damping = damping_of(model, omega, own)
     return replace(body, decay=decay, damping=damping)
 
@@ -119,10 +120,10 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
 
 def _relative(n: int) -> Array:
     """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
-    turn = np.zeros((n + 1, n + 1))
-    turn.flat[:: n + 2] = 1.0
-    turn[1:, 0] = -1.0
-    return turn
+    transform = np.zeros((n + 1, n + 1))
+    transform.flat[:: n + 2] = 1.0
+    transform[1:, 0] = -1.0
+    return transform
 
 
 def site_modes(model: Parameters) -> SiteModes:

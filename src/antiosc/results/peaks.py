@@ -472,13 +472,13 @@ def peak_field(
         if result.mesh_error is not None and result.values.any():
             k = int(np.argmax(result.values))
             share = float(result.mesh_error[k] / result.values[k])
-            told = margin.doubt_at(structure, shapes, part, result.points[k], share)
-            result = replace(result, doubt=told)
+            sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
+            result = replace(result, doubt=sentence)
         elif result.values.any():
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
-        told = margin.contact_yield(structure, shapes, history)
-        result = replace(result, _margin=replace(result._margin, contact=told))
+        sentence = margin.contact_yield(structure, shapes, history)
+        result = replace(result, _margin=replace(result._margin, contact=sentence))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(

@@ -93,8 +93,8 @@ class SavedFields(ReprMixin):
         k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
         first, last = self.factors[k], self.factors[min(k + 1, len(self.time) - 1)]
         step = self.time[min(k + 1, len(self.time) - 1)] - self.time[k]
-        share = (t - self.time[k]) / step if step else 0.0
-        return np.asarray(self.shapes @ (first + share * (last - first)))
+        fraction = (t - self.time[k]) / step if step else 0.0
+        return np.asarray(self.shapes @ (first + fraction * (last - first)))
 
     @cached_property
     def faces(self) -> IntArray:

@@ -178,10 +178,10 @@ def _warn_if_rough(t: Array, a: Array) -> None:
     """An AccuracyWarning for accelerations that their samples do not resolve."""
     if t.size < SAMPLED:
         return
-    share = np.diff(t)[:-1] / (t[2:] - t[:-2])
-    off = a[1:-1] - (a[:-2] + share * (a[2:] - a[:-2]))
+    fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
+    deviation = a[1:-1] - (a[:-2] + fraction * (a[2:] - a[:-2]))
     size = np.sqrt(np.mean((a - a.mean()) ** 2))
-    rough = np.sqrt(np.mean(off**2)) / size if size > 0 else 0.0
+    rough = np.sqrt(np.mean(deviation**2)) / size if size > 0 else 0.0
     if rough > ROUGH:
         warn(
             "the accelerations change from one sample to the next as much as they are large "

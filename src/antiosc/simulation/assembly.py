@@ -113,19 +113,19 @@ def contact_scales(
     for c, law in enumerate(laws):
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
-        far = float(speed[c] * duration + push[c] * duration**2)
+        farthest = float(speed[c] * duration + push[c] * duration**2)
         depth[c] = largest_indentation(
-            law, float(speed[c]), float(energy), float(push[c] * mass[c]), far
+            law, float(speed[c]), float(energy), float(push[c] * mass[c]), farthest
         )
-        pace = speed[c] + sqrt(2 * push[c] * depth[c])
-        contact_time_estimate = min(contact_time_estimate, 3 * depth[c] / pace)
+        mean_speed = speed[c] + sqrt(2 * push[c] * depth[c])
+        contact_time_estimate = min(contact_time_estimate, 3 * depth[c] / mean_speed)
         contact = scene.contacts[c]
         if contact.friction > 0:
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
                 whole, pull = contact.law, float(push[c] * mass[c])
                 most = largest_indentation(
-                    whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR
+                    whole, float(speed[c]), float(energy), pull, farthest, close=DEPTH_ERROR
                 )
                 stiffness = MINDLIN * _mean_stiffness(whole, most, state)
                 if law is whole:  # the patches give way besides, normally and so sideways
@@ -286,9 +286,9 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     spans, columns, B, r = stacked_bodies(bodies)
     k = len(r)
     normal: list[Array] = []
-    rubbing: list[Array] = []
+    tangential: list[Array] = []
     tangents: list[tuple[int, int]] = []
-    lines: list[Array | None] = []
+    directions: list[Array | None] = []
     ends = [
         (scene_parts.find_site(c.a, bodies), scene_parts.find_site(c.b, bodies))
         for c in scene.contacts
@@ -297,16 +297,16 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     for contact, pair in zip(scene.contacts, ends, strict=True):
         row, direction = scene_parts.contact_row(contact, pair, columns, k)
         normal.append(row)
-        lines.append(direction)
-    for contact, line in zip(scene.contacts, lines, strict=True):
+        directions.append(direction)
+    for contact, direction in zip(scene.contacts, directions, strict=True):
         sides = (
-            scene_parts.tangential_rows(contact, line, bodies, columns, k)
+            scene_parts.tangential_rows(contact, direction, bodies, columns, k)
             if contact.friction > 0
             else []
         )
-        tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
-        rubbing += sides
-    G = np.array(normal + rubbing)
+        tangents.append((len(scene.contacts) + len(tangential), len(sides)))
+        tangential += sides
+    G = np.array(normal + tangential)
     axes = scene_parts.body_axes(bodies)
     gaps = np.zeros(len(G))
     for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
@@ -384,7 +384,7 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
                 f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
                 f" tangential_stiffness = {given:g} N/m: a tenth is taken."
             )
-        law, told = without_patch(contact.law, local, contact.a, contact.b)
+        law, more = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)
-        notes += told
+        notes += more
     return laws, notes

@@ -328,13 +328,13 @@ def _warn_truncation(
     settings: Settings,
 ) -> None:
     """Warn if the anti-oscillators of a model are too few for its shortest impact."""
-    sharp = [
+    sharpness = [
         (row.peak_force / row.impulse, i)
         for i, row in enumerate(rows)
         if row.impulse > 0 and info_of(scenes[i].model).method == "krylov"
     ]
     seen: set[int] = set()
-    for _, i in sorted(sharp, reverse=True):
+    for _, i in sorted(sharpness, reverse=True):
         if len(seen) == CHECKED_MODELS:
             return
         if id(scenes[i].model) not in seen:
@@ -417,24 +417,24 @@ def _row_of(
     law: ContactLaw,
     outcome: tuple[Any, ...],
     pulses: tuple[Array, Array],
-    made: Pair,
+    pair: Pair,
     settings: Settings,
 ) -> _Row | None:
     """Row of an outcome of the march; None where the impact must be integrated alone."""
     answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
-    time, contact_time_estimate, gained, highest, turned = rest
+    end, contact_time_estimate, gained, highest, rotation = rest
     if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
-    ended = RunEnd(answer, time, touches, [0] * goes_on, force, peak, certain)
+    ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
     verdict = CheckResult(COMPLETED, "Completed.")
     if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
         verdict = check_result(assemble_pair(*scene), ended, settings.tol, settings.limits)
-    most, impulse, contact_time, restitution, closed, steps = numbers
-    if most > law.valid_force:
-        return _failed(range_error(law, most, made.checked[0].patch_radius, _doubts(scene)))
+    peak_force, impulse, contact_time, restitution, closed, steps = numbers
+    if peak_force > law.valid_force:
+        return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))
     return _Row(
         result=verdict,
-        peak_force=most,
+        peak_force=peak_force,
         impulse=impulse,
         contact_time=contact_time,
         restitution=restitution,
@@ -442,7 +442,7 @@ def _row_of(
         step=closed / steps if steps else contact_time_estimate,
         accuracy=force,
         force=pulses,
-        rotation=(("structure", "impactor")[body], turned) if turned else ("", 0.0),
+        rotation=(("structure", "impactor")[body], rotation) if rotation else ("", 0.0),
     )
 
 

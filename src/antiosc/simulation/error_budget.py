@@ -214,9 +214,9 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
     weights = amplitudes(hit)
     mesh, truncated, share, safety, doubts = _mesh(impact, weights)
     noise, band = measured_errors(impact)
-    patch, told = _patch(impact)
-    geometry, curved = _geometry(impact, weights)
-    family, idealized = model_errors(impact)
+    patch, patch_notes = _patch(impact)
+    geometry, geometry_notes = _geometry(impact, weights)
+    family, model_notes = model_errors(impact)
     shares = {
         "mesh": mesh, "truncation": truncated, "time": _time(hit, raw, tol), "patch": patch,
         "geometry": geometry, "noise": noise, "band": band, "model": family,
@@ -225,7 +225,8 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
         name: ErrorBar(getattr(hit, name), **{cause: own[name] for cause, own in shares.items()})
         for name in QUANTITIES
     }
-    notes = (*told, *curved, *idealized, *doubts, *filter(None, [low_band_message(raw)]))
+    band_notes = filter(None, [low_band_message(raw)])
+    notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
     return ErrorBudget(bars, share, notes, safety)
 
 
@@ -238,11 +239,11 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
-    off = parts.differences(raw, softer)
+    changes = parts.differences(raw, softer)
     if model.strain_misfit is not None:
         without = impact.change(replace(model, strain_misfit=None).corrected())
-        off = {name: max(one, off[name]) for name, one in without.items()}
-    mesh = parts.with_floor({name: safety * one for name, one in off.items()})
+        changes = {name: max(one, changes[name]) for name, one in without.items()}
+    mesh = parts.with_floor({name: safety * one for name, one in changes.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
 

@@ -65,7 +65,7 @@ class SceneStep(SceneMethod):
         return self.system.omega**2
 
     @cached_property
-    def struck(self) -> Array:
+    def moved_modes(self) -> Array:
         """1 for the modes that contacts move, else 0: the energy of those would hide a growth."""
         return np.any(self.system.beta != 0, axis=0).astype(float)
 
@@ -92,8 +92,10 @@ class SceneStep(SceneMethod):
                     answer = march.TOO_MANY_STEPS
                     break
                 h, new, acting = self._step(node, t, min(self.step, end - t))
-                work += float(0.5 * (acting.load + acting.load1) * self.struck @ (new.q - node.q))
-                kick = 0.5 * float((h * acting.load1) ** 2 @ self.struck)
+                work += float(
+                    0.5 * (acting.load + acting.load1) * self.moved_modes @ (new.q - node.q)
+                )
+                kick = 0.5 * float((h * acting.load1) ** 2 @ self.moved_modes)
                 self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
                 if not self._energy(new) <= BLOW_UP * self.highest:
                     answer = march.GREW
@@ -111,7 +113,7 @@ class SceneStep(SceneMethod):
         self.contacts.move_anchors(end.delta, end.force)
 
     def _energy(self, node: Step) -> float:
-        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.struck)
+        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.moved_modes)
 
     def _step_loads(self, t: float, h: float) -> StepLoads:
         load1, gap1, _ = self.loads_at(t + h)
@@ -128,10 +130,10 @@ class SceneStep(SceneMethod):
             c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
         ]
         for c in touching:
-            part = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
-            speed = node.rate[c] + part * (new.rate[c] - node.rate[c])
-            way = node.delta + part * (new.delta - node.delta)
-            contacts.touch(c, t + part * h, float(speed), way)
+            fraction = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
+            speed = node.rate[c] + fraction * (new.rate[c] - node.rate[c])
+            displacement = node.delta + fraction * (new.delta - node.delta)
+            contacts.touch(c, t + fraction * h, float(speed), displacement)
         if touching:
             new = self.advance(node, acting, h)
         closed = contacts.active
@@ -141,8 +143,8 @@ class SceneStep(SceneMethod):
         self.move_anchors(node, new)
         contacts.advance(new.delta, new.rate)
         for c in ended:
-            part = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
-            contacts.part(c, t + part * h)
+            fraction = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
+            contacts.part(c, t + fraction * h)
         return h, new, acting
 
     def _release(
@@ -154,15 +156,15 @@ class SceneStep(SceneMethod):
         def over(delta: Array) -> float:
             return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
 
-        def above(part: float) -> float:
-            return over(self.advance(node, self._step_loads(t, part), part).delta)
+        def above(fraction: float) -> float:
+            return over(self.advance(node, self._step_loads(t, fraction), fraction).delta)
 
         if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
             return h, last, self._step_loads(t, h)
-        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
-        acting = self._step_loads(t, part)
-        new = self.advance(node, acting, part)
-        return part, new._replace(force=np.zeros_like(new.force)), acting
+        fraction = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
+        acting = self._step_loads(t, fraction)
+        new = self.advance(node, acting, fraction)
+        return fraction, new._replace(force=np.zeros_like(new.force)), acting
 
 
 def _crossing(before: float, after: float, origin: float) -> float:
@@ -439,10 +441,10 @@ def _converged(
     tol = settings.tol
     coarse, control, certain = one(step), Refinement(tol), 0.0
     for _ in range(MOST_RUNS):
-        share = 2**control.halvings
-        if share * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
+        factor = 2**control.halvings
+        if factor * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
             break
-        finer = min(step / share, longest)
+        finer = min(step / factor, longest)
         fine = one(finer)
         control.halvings = log2(step / finer)
         diverged = coarse.answer == march.GREW

@@ -79,12 +79,12 @@ class JointContacts:
         state = self.states[c]
         return 0.0 if state is None else self.laws[c].origin(state)
 
-    def touch(self, c: int, t: float, speed: float, way: Array) -> None:
-        """Close a contact at the closing `speed`; `way` (m,) are the displacements there."""
+    def touch(self, c: int, t: float, speed: float, displacement: Array) -> None:
+        """Close a contact at the closing `speed`; `displacement` (m,) is that there."""
         speed = max(speed, float(self.system.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
-        self.anchor[self.tangents(c)] = way[self.tangents(c)]
+        self.anchor[self.tangents(c)] = displacement[self.tangents(c)]
         self.events.append((t, c, 1, speed))
 
     def part(self, c: int, t: float) -> None:
@@ -97,12 +97,12 @@ class JointContacts:
             if self.closed[c]:
                 self.states[c] = law.advance(float(delta[c]), float(rate[c]), self.state(c))
 
-    def move_anchors(self, way: Array, force: Array) -> None:
-        """Set the anchors of friction so that `force` (m,) acts at the displacements `way`."""
+    def move_anchors(self, displacement: Array, force: Array) -> None:
+        """Set the anchors of friction so that `force` (m,) acts at `displacement` (m,)."""
         for c in self.active:
             rows = self.tangents(c)
             if rows.start < rows.stop:
-                self.anchor[rows] = way[rows] - force[rows] / self.system.slip[c, 1]
+                self.anchor[rows] = displacement[rows] - force[rows] / self.system.slip[c, 1]
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array, guess: Array) -> Array:
         """F (m,) with F = law(free - A F, rate - A_rate F) of all closed contacts, 0 else.
@@ -143,13 +143,14 @@ class JointContacts:
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
         """Solve for the normal force [N] of contact c while the other forces keep their values."""
         law, state = self.laws[c], self.state(c)
-        free_rate, slowed = 0.0, 0.0
+        free_rate, rate_compliance = 0.0, 0.0
         if law.rate_dependent:
-            slowed = float(A_rate[c, c])
-            free_rate = float(rate[c] - A_rate[c] @ F) + slowed * float(F[c])
-        held = float(A[c, c])
-        way = float(free[c] - A[c] @ F) + held * float(F[c])
-        return law.implicit(way, held, free_rate, slowed, state, float(F[c]))
+            rate_compliance = float(A_rate[c, c])
+            free_rate = float(rate[c] - A_rate[c] @ F) + rate_compliance * float(F[c])
+        compliance = float(A[c, c])
+        displacement = float(free[c] - A[c] @ F) + compliance * float(F[c])
+        unloaded = displacement, compliance, free_rate, rate_compliance
+        return law.implicit(*unloaded, state, float(F[c]))
 
     def friction(self, c: int, free: Array, A: Array, F: Array) -> None:
         """Set the friction of one contact in F: its spring, within the cone."""
@@ -158,8 +159,8 @@ class JointContacts:
             return
         stiffness = self.system.slip[c, 1]
         for i in range(rows.start, rows.stop):
-            way = free[i] - A[i] @ F + A[i, i] * F[i]
-            F[i] = stiffness * (way - self.anchor[i]) / (1.0 + stiffness * A[i, i])
+            displacement = free[i] - A[i] @ F + A[i, i] * F[i]
+            F[i] = stiffness * (displacement - self.anchor[i]) / (1.0 + stiffness * A[i, i])
         F[rows] = self.within_cone(c, F[rows], F[c])
 
     def within_cone(self, c: int, friction: Array, normal: float) -> Array:
@@ -258,11 +259,11 @@ class SceneMethod(ABC):
         k = 0 if s.breaks.size == 1 else max(int(np.searchsorted(s.breaks, t, side="right")) - 1, 0)
         if k + 1 == s.breaks.size:
             return s.loads[k], s.offsets[k], self.still
-        part = (t - s.breaks[k]) / (s.breaks[k + 1] - s.breaks[k])
+        fraction = (t - s.breaks[k]) / (s.breaks[k + 1] - s.breaks[k])
         drift = (s.offsets[k + 1] - s.offsets[k]) / (s.breaks[k + 1] - s.breaks[k])
         return (
-            s.loads[k] + part * (s.loads[k + 1] - s.loads[k]),
-            s.offsets[k] + part * (s.offsets[k + 1] - s.offsets[k]),
+            s.loads[k] + fraction * (s.loads[k + 1] - s.loads[k]),
+            s.offsets[k] + fraction * (s.offsets[k + 1] - s.offsets[k]),
             drift,
         )
 
@@ -312,12 +313,12 @@ class SceneMethod(ABC):
         _, gap, drift = self.loads_at(t)
         free, rate = s.free_rows(q, v)
         free, rate = free - gap, rate - drift
-        beyond, coming = (free - origins)[:p], rate[:p] > 0
-        if not coming.any():
-            coming[:] = True
+        beyond, approaching = (free - origins)[:p], rate[:p] > 0
+        if not approaching.any():
+            approaching[:] = True
         size = abs(s.beta[:p]) @ abs(q) + abs(gap[:p])
-        reached = beyond >= beyond[coming].max() - ROUNDING * size
-        for c in np.flatnonzero(coming & reached).tolist():
+        reached = beyond >= beyond[approaching].max() - ROUNDING * size
+        for c in np.flatnonzero(approaching & reached).tolist():
             self.contacts.touch(c, t, float(rate[c]), free)
             self.on_touch(c, free, rate, self.still)
 
@@ -400,8 +401,8 @@ class SceneIVP(SceneMethod):
                 self.steps += solution.t.size - 1
             moved = float(solution.t[-1])
             y = self._clipped(moved, solution.y[:, -1].copy())
-            free, rate, felt = self._contact_state(moved, y)
-            contacts.advance(free - s.R @ felt, rate)
+            free, rate, force = self._contact_state(moved, y)
+            contacts.advance(free - s.R @ force, rate)
             if solution.status == 1:
                 self._apply_events(moved, y, solution.t_events)
             elif solution.status < 0:
@@ -573,13 +574,13 @@ class SceneIVP(SceneMethod):
 
     def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> Segment:
         """Times, forces and indentations at 0, h/2, h of parts of steps; states at their ends."""
-        part = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
-        t = (ends[:-1, None] + np.diff(ends)[:, None] * part).ravel()
+        fraction = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
+        t = (ends[:-1, None] + np.diff(ends)[:, None] * fraction).ravel()
         t = np.append(t, ends[-1])
         y = at(t).T
-        felt = [self._contact_state(float(at), row) for at, row in zip(t, y, strict=True)]
-        force = np.array([f for _, _, f in felt])
-        depth = np.array([free - self.system.R @ f for free, _, f in felt])
+        nodes = [self._contact_state(float(at), row) for at, row in zip(t, y, strict=True)]
+        force = np.array([f for _, _, f in nodes])
+        depth = np.array([free - self.system.R @ f for free, _, f in nodes])
         states = y[::2, : 2 * self.size].reshape(-1, 2, self.size)
         return Segment(t, force, depth, states)
 

@@ -134,17 +134,17 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
         return run.states[step, 0], run.states[step, 1]
     q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
     kept, which = np.unique(step // run.every, return_inverse=True)
-    beyond = step % run.every
+    ahead = step % run.every
     most = max(BLOCK // max(run.states.shape[2], 1), 1)
     for begin in range(0, kept.size, most):
         here = np.flatnonzero((which >= begin) & (which < begin + most))
         x, y = (run.states[kept[begin : begin + most], i] for i in range(2))
-        way = np.zeros(len(x), dtype=np.intp)
-        np.maximum.at(way, which[here] - begin, beyond[here])
-        for k in range(int(way.max()) + 1):
-            there = here[beyond[here] == k]
+        most_ahead = np.zeros(len(x), dtype=np.intp)
+        np.maximum.at(most_ahead, which[here] - begin, ahead[here])
+        for k in range(int(most_ahead.max()) + 1):
+            there = here[ahead[here] == k]
             q[there], v[there] = x[which[there] - begin], y[which[there] - begin]
-            on = np.flatnonzero(way > k)
+            on = np.flatnonzero(most_ahead > k)
             own = kept[begin + on] * run.every + k
             h = run.time[2 * own + 2] - run.time[2 * own]
             x[on], y[on] = _advanced(run, system, own, h, x[on], y[on])

@@ -198,10 +198,10 @@ def assemble_pair(
     return Assembly(parts, _ROW, [law], notes, system, contact_time_estimate, turns, thin)
 
 
-def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
+def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pair: Pair) -> Parts:
     """The bodies "structure" and "impactor" as a scene has them."""
-    bodies = {body.name: body for body in made.bodies}
-    return two_body_parts(*made.given, contact, gap, gravity), bodies
+    bodies = {body.name: body for body in pair.bodies}
+    return two_body_parts(*pair.given, contact, gap, gravity), bodies
 
 
 def _loads(

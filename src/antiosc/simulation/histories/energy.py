@@ -122,10 +122,10 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     return stored, lost, states[-1]
 
 
-def path_work(force: Array, way: Array) -> Array:
+def path_work(force: Array, displacement: Array) -> Array:
     """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
     f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
+    w0, w1, w2 = displacement[:-2:2], displacement[1:-1:2], displacement[2::2]
     b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
     d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
 
@@ -135,7 +135,7 @@ def path_work(force: Array, way: Array) -> Array:
         )
 
     whole = until(1.0)
-    total = np.zeros_like(way)
+    total = np.zeros_like(displacement)
     total[2::2] = np.cumsum(whole, axis=0)
     total[1::2] = total[:-1:2] + until(0.5)
     return total
@@ -309,9 +309,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             lost += path_work(damping[:, None], depth[:, None])[:, 0]
     for c, (first, count) in enumerate(system.tangents.tolist()):
         for i in range(first, first + count):
-            T, way = run.force[:, i], run.depth[:, i]
+            T, displacement = run.force[:, i], run.depth[:, i]
             spring = 0.5 * T**2 / system.slip[c, 1]
-            work = path_work(T[:, None], way[:, None])[:, 0]
+            work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring
             lost += work - spring
     return stored, lost

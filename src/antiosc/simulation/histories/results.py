@@ -223,7 +223,7 @@ SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
 
 def large_deflection_message(history: History) -> str:
     """Warning of the largest deflection of a held sheet beyond linear theory; "" if none."""
-    a, worst, told = history.assembly, SMALL_DEFLECTION, ""
+    a, worst, message = history.assembly, SMALL_DEFLECTION, ""
     if not a.thin:
         return ""
     for name, body in a.bodies.items():
@@ -235,7 +235,7 @@ def large_deflection_message(history: History) -> str:
         w = float(abs(_sampled_motion(history, body.omega)[:, own] @ sites).max(initial=0.0))
         if w > worst * h:
             worst = w / h
-            told = (
+            message = (
                 f"{name!r} deflects by {1e3 * w:.3g} mm, {worst:.3g} times the thickness"
                 f" {1e3 * h:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
                 f" linear theory holds: where its edges are held it stretches and is stiffer,"
@@ -243,7 +243,7 @@ def large_deflection_message(history: History) -> str:
                 f" on soft springs, hardly stretches); make the sheet thicker, or analyse it by a"
                 f" nonlinear program."
             )
-    return told
+    return message
 
 
 def _sampled_motion(history: History, omega: Array) -> Array:
