@@ -265,7 +265,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             time, force = running_mean(hit.time, hit.force, window)
             text = f"{name}, {mean}" if name else mean
             ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
-        error = _force_error(hit)
+        error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
         if error >= VISIBLE:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
@@ -377,11 +377,6 @@ def _contact_span(hit: HistoryLike) -> tuple[float, float]:
         return float(hit.time[0]), float(hit.time[-1])
     so_far = np.interp(contacts[:, 1], hit.time, given) / given[-1]
     return float(contacts[0, 0]), float(contacts[int(np.argmax(so_far >= 1 - LATE_IMPULSE)), 1])
-
-
-def _force_error(hit: HistoryLike) -> float:
-    """Estimated relative error of the peak force, of steps and truncation."""
-    return sum(hit.error.get(key, 0.0) for key in ("peak", "truncation peak_force"))
 
 
 def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None:

@@ -246,8 +246,3 @@ def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
     for sentence in given:
         warn(sentence)
     return given
-
-
-def with_doubts(doubts: Iterable[str], sentence: str) -> str:
-    """Put what was implausible from the start before an error's sentence."""
-    return " ".join([*doubts, sentence])

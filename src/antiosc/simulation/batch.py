@@ -426,14 +426,14 @@ def _row_of(
     if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
     ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
-    verdict = CheckResult(COMPLETED, "Completed.")
+    check = CheckResult(COMPLETED, "Completed.")
     if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
-        verdict = check_result(assemble_pair(*scene), ended, settings.tol, settings.limits)
+        check = check_result(assemble_pair(*scene), ended, settings.tol, settings.limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))
     return _Row(
-        result=verdict,
+        result=check,
         peak_force=peak_force,
         impulse=impulse,
         contact_time=contact_time,
@@ -471,15 +471,15 @@ def _impact(
 ) -> tuple[History, CheckResult]:
     """One scene; AccuracyError if its force leaves the range of its law."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
-    history, verdict = simulate_impact(scene, replace(settings, step=step), n)
+    history, check = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
-    return history, verdict
+    return history, check
 
 
-def _row(hit: History, verdict: CheckResult) -> _Row:
+def _row(hit: History, check: CheckResult) -> _Row:
     e = hit.restitution
     return _Row(
-        result=verdict,
+        result=check,
         peak_force=hit.peak_force,
         impulse=hit.impulse,
         contact_time=hit.contact_time,

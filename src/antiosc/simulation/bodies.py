@@ -137,6 +137,10 @@ class Sphere(FieldsRepr, Body):
         return _mass_modes(self.mass)
 
 
+#: The modes of an obstacle.
+_NO_MODES = ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
+
+
 @dataclass(frozen=True)
 class Obstacle(FieldsRepr, Body):
     """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
@@ -154,7 +158,7 @@ class Obstacle(FieldsRepr, Body):
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def modal(self) -> ModalBody:
-        return _fixed_modes()
+        return _NO_MODES
 
 
 @dataclass(frozen=True)
@@ -182,11 +186,6 @@ class Impactor(FieldsRepr, Body):
 
     def modal(self) -> ModalBody:
         return self.body.modal()
-
-
-@lru_cache(maxsize=1)
-def _fixed_modes() -> ModalBody:
-    return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
 
 
 @lru_cache(maxsize=256)

@@ -534,7 +534,7 @@ class SceneIVP(SceneMethod):
             (switch, 1.0, closed and rubs),
         ):
             event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
-            found.append(event if wanted else _never)
+            found.append(event if wanted else lambda t, y: 1.0)
         return found
 
     def _apply_events(self, t: float, y: Array, found: list[Array]) -> None:
@@ -587,7 +587,3 @@ class SceneIVP(SceneMethod):
 
 class _TooManyEvaluations(Exception):
     """The limit of evaluations is reached."""
-
-
-def _never(t: float, y: Array) -> float:
-    return 1.0

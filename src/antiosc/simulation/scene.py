@@ -133,9 +133,9 @@ class Scene(SceneParts):
         doubts = [*plausible.of_model(*bodies), *plausible.warn_each(blows)]
         assembly = assemble_scene(self, duration)
         set_initial_forces(assembly)
-        history, verdict = integrate(SceneHistory, assembly, duration, settings)
+        history, check = integrate(SceneHistory, assembly, duration, settings)
         results.warn_large_rotation(*history.largest_rotation())
-        verdict.tell()
+        check.warn()
         history = with_deflection_warning(history)
         _warn_truncation(self, history)
         check_range(history, doubts)
@@ -156,7 +156,7 @@ def integrate(
     still_open = results.open_contacts(run, assembly.system)
     errors = found.force, found.peak, found.certain
     ended = results.RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    verdict = results.check_result(
+    check = results.check_result(
         assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run)
     )
     known = step is None and settings.method not in IVP_METHODS
@@ -167,8 +167,8 @@ def integrate(
         notes += direction_notes(
             [assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies
         )
-    message = " ".join([verdict.message, *notes])
-    return kind(assembly, run, error, verdict.status, message, given=step), verdict
+    message = " ".join([check.message, *notes])
+    return kind(assembly, run, error, check.status, message, given=step), check
 
 
 def with_deflection_warning(history: H) -> H:
@@ -259,7 +259,7 @@ def range_error(
     law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
 ) -> AccuracyError:
     """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
-    return AccuracyError(plausible.with_doubts(doubts, f"{where}{law.out_of_range(peak, radius)}."))
+    return AccuracyError(" ".join([*doubts, f"{where}{law.out_of_range(peak, radius)}."]))
 
 
 def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
@@ -365,8 +365,8 @@ def simulate(
     doubts = plausible.warn_each([plausible.of_blow(model, [impactor], initial_velocity)])
     scene = Impact(model, impactor, contact, duration, initial_velocity, gravity, gap)
     budget = partial(error_budget, rerun=partial(_rerun, scene, settings))
-    history, verdict = simulate_impact(scene, settings, n, budget)
-    verdict.tell()
+    history, check = simulate_impact(scene, settings, n, budget)
+    check.warn()
     if n != "auto" and history.run.touches:
         sentence = truncation_warning(model if n is None else history.model, history.assembly)
         if sentence and getattr(model, "strain_error", None) is None:
@@ -399,13 +399,13 @@ def simulate_impact(
     if n is None:
         return of(scene.model, settings)
     model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
-    history, verdict = of(model, settings)
+    history, check = of(model, settings)
     history.error.update(truncation)
     if shortage:
-        verdict = verdict.with_shortage(shortage)
+        check = check.with_shortage(shortage)
         message = f"{history.message} {shortage}"
-        history = replace(history, status=verdict.status, message=message)
-    return history, verdict
+        history = replace(history, status=check.status, message=message)
+    return history, check
 
 
 def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:

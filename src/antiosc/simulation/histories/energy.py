@@ -49,11 +49,6 @@ class Energy(ReprMixin):
         return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
 
 
-def elastic_energy(law: ContactLaw, force: Array, depth: Array) -> Array:
-    """Energy (n,) of a contact whose law depends on the indentation alone."""
-    return np.where(force != 0.0, law.energies(depth, law.touch(0.0)), 0.0)
-
-
 def replay(
     law: ContactLaw,
     force: Array,
@@ -289,7 +284,7 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
-            stored += elastic_energy(law, run.force[:, c], run.depth[:, c])
+            stored += np.where(run.force[:, c], law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
             continue
         force, depth = run.force[:, c], run.depth[:, c]
         closed, _ = contact_intervals(run, system, c)

@@ -56,7 +56,7 @@ class CheckResult:
         worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
         return CheckResult(worse, f"{self.message} {shortage}", self.unusual)
 
-    def tell(self) -> None:
+    def warn(self) -> None:
         """Warn at the caller's line unless the run completed as requested."""
         if self.status:
             errors.warn(self.message, errors.AccuracyWarning)
@@ -199,17 +199,17 @@ def warn_large_rotation(name: str, angle: float) -> None:
         )
 
 
-def warn_batch(verdicts: Sequence[CheckResult]) -> None:
+def warn_batch(results: Sequence[CheckResult]) -> None:
     """One warning for each kind of failure in a batch of runs, with the scenes that have it."""
     kinds: dict[tuple[int, bool], list[int]] = {}
-    for i, one in enumerate(verdicts):
+    for i, one in enumerate(results):
         if one.status or one.unusual:
             kinds.setdefault((one.status, one.unusual), []).append(i)
     for (status, _), scenes in kinds.items():
         named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
         errors.warn(
-            f"{len(scenes)} of {len(verdicts)} scenes ({named}), as scene {scenes[0]}:"
-            f" {verdicts[scenes[0]].message}",
+            f"{len(scenes)} of {len(results)} scenes ({named}), as scene {scenes[0]}:"
+            f" {results[scenes[0]].message}",
             errors.AccuracyWarning if status else errors.AntioscWarning,
         )
 
