@@ -12,7 +12,7 @@ from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import isfinite, sqrt
-from typing import TypeAlias, cast
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -81,9 +81,20 @@ def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
 DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
-LEAST_COMPLIANCE = (
-    0.1  # share of a tangential compliance that is left to the slider's spring, at least
-)
+LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider's spring
+
+
+class ContactScales(NamedTuple):
+    """What is expected of the contacts of a scene.
+
+    depth [m], speed [m/s] : (p,). friction : (p, 2) its coefficient and tangential stiffness [N/m].
+    contact_time : the shortest [s].
+    """
+
+    depth: Array
+    speed: Array
+    friction: Array
+    contact_time: float
 
 
 def contact_scales(
@@ -96,8 +107,8 @@ def contact_scales(
     gaps: Array,
     local: Array,
     duration: float,
-) -> tuple[Array, Array, Array, float]:
-    """Expected depth and speed (p,), friction's (p, 2), and the shortest contact time [s]."""
+) -> ContactScales:
+    """Estimate the scales of the contacts from their motion and loads at the start."""
     p = len(laws)
     push, speed = np.zeros(p), _largest_component(beta[:p], v[None])
     if loads.any():
@@ -107,31 +118,28 @@ def contact_scales(
         speed = np.maximum(speed, np.minimum(falling, push * duration))
     most = float(speed.max())
     if most == 0.0:
-        return np.full(p, 1e-300), np.full(p, 1e-300), np.zeros((p, 2)), duration / 16
+        nothing = np.full(p, 1e-300)
+        return ContactScales(nothing, nothing.copy(), np.zeros((p, 2)), duration / 16)
     speed = np.where(speed > 1e-6 * most, speed, most)
-    depth, slip, contact_time_estimate = np.zeros(p), np.zeros((p, 2)), duration / 2
+    depth, friction, contact_time = np.zeros(p), np.zeros((p, 2)), duration / 2
     for c, law in enumerate(laws):
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
         farthest = float(speed[c] * duration + push[c] * duration**2)
-        depth[c] = largest_indentation(
-            law, float(speed[c]), float(energy), float(push[c] * mass[c]), farthest
-        )
+        impact = float(speed[c]), float(energy), float(push[c] * mass[c]), farthest
+        depth[c] = largest_indentation(law, *impact)
         mean_speed = speed[c] + sqrt(2 * push[c] * depth[c])
-        contact_time_estimate = min(contact_time_estimate, 3 * depth[c] / mean_speed)
+        contact_time = min(contact_time, 3 * depth[c] / mean_speed)
         contact = scene.contacts[c]
         if contact.friction > 0:
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
-                whole, pull = contact.law, float(push[c] * mass[c])
-                most = largest_indentation(
-                    whole, float(speed[c]), float(energy), pull, farthest, close=DEPTH_ERROR
-                )
-                stiffness = MINDLIN * _mean_stiffness(whole, most, state)
-                if law is whole:  # the patches give way besides, normally and so sideways
+                most = largest_indentation(contact.law, *impact, close=DEPTH_ERROR)
+                stiffness = MINDLIN * _mean_stiffness(contact.law, most, state)
+                if law is contact.law:  # the patches give way besides, normally and so sideways
                     patches = 0.0
-            slip[c] = contact.friction, _without_patches(stiffness, patches)
-    return depth, speed, slip, contact_time_estimate
+            friction[c] = contact.friction, _without_patches(stiffness, patches)
+    return ContactScales(depth, speed, friction, contact_time)
 
 
 def _without_patches(stiffness: float, local: float) -> float:
@@ -285,32 +293,23 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     spans, columns, B, r = stacked_bodies(bodies)
     k = len(r)
-    normal: list[Array] = []
-    tangential: list[Array] = []
-    tangents: list[tuple[int, int]] = []
-    directions: list[Array | None] = []
-    ends = [
-        (scene_parts.find_site(c.a, bodies), scene_parts.find_site(c.b, bodies))
-        for c in scene.contacts
-    ]
+    find, ends = scene_parts.find_site, []
+    for contact in scene.contacts:
+        ends.append((find(contact.a, bodies), find(contact.b, bodies)))
     scene_parts.set_axes(scene, ends, bodies)
-    for contact, pair in zip(scene.contacts, ends, strict=True):
-        row, direction = scene_parts.contact_row(contact, pair, columns, k)
+    normal, tangents, gap = [], [], []
+    tangential: list[Array] = []
+    for contact, (a, b) in zip(scene.contacts, ends, strict=True):
+        row, direction = scene_parts.contact_row(contact, (a, b), columns, k)
+        sides = []
+        if contact.friction > 0:
+            sides = scene_parts.tangential_rows(contact, direction, bodies, columns, k)
+        tangents.append((len(ends) + len(tangential), len(sides)))
         normal.append(row)
-        directions.append(direction)
-    for contact, direction in zip(scene.contacts, directions, strict=True):
-        sides = (
-            scene_parts.tangential_rows(contact, direction, bodies, columns, k)
-            if contact.friction > 0
-            else []
-        )
-        tangents.append((len(scene.contacts) + len(tangential), len(sides)))
         tangential += sides
-    G = np.array(normal + tangential)
-    axes = scene_parts.body_axes(bodies)
-    gaps = np.zeros(len(G))
-    for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
-        gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap
+        gap.append(a[0].gap + b[0].gap if contact.gap is None else contact.gap)
+    G, axes = np.array(normal + tangential), scene_parts.body_axes(bodies)
+    gaps = np.append(gap, np.zeros(len(tangential)))
     breaks, loads, offsets = scene_parts.load_series(
         scene, bodies, spans, columns, axes, B, r, G, gaps, duration
     )
@@ -323,9 +322,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
     v = np.concatenate([b.start for b in bodies.values()])
     gaps = offsets[0, : len(laws)]
-    depth, speed, slip, contact_time_estimate = contact_scales(
-        scene, laws, mass, beta, v, loads, gaps, local, duration
-    )
+    expected = contact_scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
@@ -335,27 +332,19 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
         loads=loads,
         offsets=offsets,
         laws=laws,
-        slip=slip,
+        slip=expected.friction,
         tangents=np.array(tangents, dtype=np.int64),
-        q=np.concatenate(
-            [
-                np.zeros(b.omega.size)
-                if b.initial_displacements is None
-                else b.initial_displacements
-                for b in bodies.values()
-            ]
-        ),
+        q=np.concatenate([b.initial_displacements for b in bodies.values()]),
         v=v,
         mass=mass,
-        depth=depth,
-        speed=speed,
+        depth=expected.depth,
+        speed=expected.speed,
         pressed=np.zeros(len(laws)),
         first=stacked_first_order(bodies.values()),
     )
     turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
-    return Assembly(
-        given_parts(scene, bodies), G, laws, notes, system, contact_time_estimate, turns, thin
-    )
+    time = expected.contact_time
+    return Assembly(given_parts(scene, bodies), G, laws, notes, system, time, turns, thin)
 
 
 def stacked_bodies(

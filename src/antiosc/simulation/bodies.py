@@ -434,7 +434,8 @@ class SceneBody:
     ----------
     body : as it was given.
     modes : its form in free modes.
-    start : (J,) modal velocities; initial_displacements : (J,) modal displacements, None for zero.
+    start : (J,) modal velocities; initial_displacements : (J,) modal
+        displacements, default 0.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
@@ -449,7 +450,7 @@ class SceneBody:
     body: object
     modes: ModalBody | SiteModes
     start: Array
-    initial_displacements: Array | None = None
+    initial_displacements: Array = None  # type: ignore[assignment]
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None
@@ -458,6 +459,8 @@ class SceneBody:
     first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
+        if self.initial_displacements is None:
+            self.initial_displacements = np.zeros(self.omega.size)
         if self.directions is not None and not self.pushes:
             self.pushes = {site: self.directions[own[0]] for site, own in self.sites.items()}
 
