@@ -1,11 +1,38 @@
 """Contact laws: the force between two bodies as a function of their indentation."""
 
-from antiosc.contact.base import ContactLaw as ContactLaw, State as State
+from antiosc.contact.base import ContactLaw, State
 from antiosc.contact.laws import (
-    Gonthier as Gonthier,
-    Hertz as Hertz,
-    Linear as Linear,
-    Power as Power,
-    Tabulated as Tabulated,
-    restitution_of as restitution_of,
+    Flores,
+    Gonthier,
+    Hertz,
+    HuntCrossley,
+    Hysteretic,
+    LankaraniNikravesh,
+    Linear,
+    Power,
+    Stronge,
+    Tabulated,
+    TanSun,
+    Thornton,
+    YangSun,
+    restitution_of,
 )
+
+__all__ = [
+    "ContactLaw",
+    "Flores",
+    "Gonthier",
+    "Hertz",
+    "HuntCrossley",
+    "Hysteretic",
+    "LankaraniNikravesh",
+    "Linear",
+    "Power",
+    "State",
+    "Stronge",
+    "Tabulated",
+    "TanSun",
+    "Thornton",
+    "YangSun",
+    "restitution_of",
+]

@@ -7,7 +7,7 @@ the depth is found accurately.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -240,8 +240,8 @@ class Assembly:
         return self.parts()
 
     @cached_property
-    def _sides(self) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
-        return stacked_bodies(self.bodies)
+    def _stacked(self) -> scene_parts.StackedBodies:
+        return scene_parts.stacked_bodies(self.bodies)
 
     @property
     def scene(self) -> SceneParts:
@@ -256,22 +256,22 @@ class Assembly:
     @property
     def spans(self) -> dict[str, slice]:
         """The modes of each body among those of all."""
-        return self._sides[0]
+        return self._stacked.spans
 
     @property
     def columns(self) -> dict[str, slice]:
         """The columns of each body among those of all."""
-        return self._sides[1]
+        return self._stacked.columns
 
     @property
     def B(self) -> Array:
         """Displacements (J, P) of all columns."""
-        return self._sides[2]
+        return self._stacked.B
 
     @property
     def r(self) -> Array:
         """Residual compliance (P, P) of all columns."""
-        return self._sides[3]
+        return self._stacked.r
 
     def load(self, t: Array) -> Array:
         """Modal loads (n, J) at times (n,)."""
@@ -279,20 +279,13 @@ class Assembly:
 
     def pushes(self, t: Array) -> Array:
         """External forces (n, P) on all columns at times (n,)."""
-        total = np.zeros((t.size, self.B.shape[1]))
-        for load in self.scene.loads:
-            body, site = scene_parts.find_site(load.end, self.bodies)
-            row = scene_parts.site_row(body, site, body.pushes.get(site), load.end)
-            value = np.interp(t, load.times, load.forces)
-            total[:, self.columns[body.name]] += value[:, None] * row
-        return total
+        return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
 
 
 def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     """Assemble a scene for integration; InputError for parts that do not fit together."""
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
-    spans, columns, B, r = stacked_bodies(bodies)
-    k = len(r)
+    stacked = scene_parts.stacked_bodies(bodies)
     find, ends = scene_parts.find_site, []
     for contact in scene.contacts:
         ends.append((find(contact.a, bodies), find(contact.b, bodies)))
@@ -300,25 +293,23 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     normal, tangents, gap = [], [], []
     tangential: list[Array] = []
     for contact, (a, b) in zip(scene.contacts, ends, strict=True):
-        row, direction = scene_parts.contact_row(contact, (a, b), columns, k)
+        row, direction = scene_parts.contact_row(contact, (a, b), stacked)
         sides = []
         if contact.friction > 0:
-            sides = scene_parts.tangential_rows(contact, direction, bodies, columns, k)
+            sides = scene_parts.tangential_rows(contact, (a, b), direction, stacked)
         tangents.append((len(ends) + len(tangential), len(sides)))
         normal.append(row)
         tangential += sides
         gap.append(a[0].gap + b[0].gap if contact.gap is None else contact.gap)
-    G, axes = np.array(normal + tangential), scene_parts.body_axes(bodies)
+    G = np.array(normal + tangential)
     gaps = np.append(gap, np.zeros(len(tangential)))
-    breaks, loads, offsets = scene_parts.load_series(
-        scene, bodies, spans, columns, axes, B, r, G, gaps, duration
-    )
+    breaks, loads, offsets = scene_parts.load_series(scene, bodies, stacked, G, gaps, duration)
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
     laws, notes = _laws(scene, local)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
         raise InputError("nothing in the scene can move: every body is an obstacle.")
-    beta = np.ascontiguousarray(G @ B.T)
+    beta = np.ascontiguousarray(G @ stacked.B.T)
     mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
     v = np.concatenate([b.start for b in bodies.values()])
     gaps = offsets[0, : len(laws)]
@@ -327,7 +318,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
         beta=beta,
-        R=G @ r @ G.T,
+        R=G @ stacked.r @ G.T,
         breaks=breaks,
         loads=loads,
         offsets=offsets,
@@ -345,21 +336,6 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
     time = expected.contact_time
     return Assembly(given_parts(scene, bodies), G, laws, notes, system, time, turns, thin)
-
-
-def stacked_bodies(
-    bodies: Mapping[str, SceneBody],
-) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
-    """Slices of each body's modes and columns among those of all, and the matrices B and r."""
-    spans, columns, j, k = {}, {}, 0, 0
-    for name, body in bodies.items():
-        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
-        j, k = spans[name].stop, columns[name].stop
-    B, r = np.zeros((j, k)), np.zeros((k, k))
-    for name, body in bodies.items():
-        B[spans[name], columns[name]] = body.B
-        r[columns[name], columns[name]] = body.r
-    return spans, columns, B, r
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
