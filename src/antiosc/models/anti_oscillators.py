@@ -197,8 +197,7 @@ class AntiOscillators(ReprMixin, Parameters):
             damping=damping,
             participation=p,
             shapes=None if shapes is None else shapes[:, : n_sites + n],
-            inertia=inertia
-            and inertia.with_momentum(np.delete(inertia.momentum, left_out, axis=0)),
+            inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),
             strain_error=None if E is None else E[: n + 1, : n + 1],
             strain_misfit=None if misfit is None else misfit[: n + 1, : n + 1],
         )

@@ -80,7 +80,7 @@ class Inertia(ReprMixin):
             moments = np.array([S[5, 1], -S[5, 0], 0.0])
         return np.asarray(self.point + moments / self.mass)
 
-    def with_momentum(self, momentum: Array) -> Inertia:
+    def along(self, momentum: Array) -> Inertia:
         """The same body with other coordinates, whose momenta are `momentum` (C, 6)."""
         return Inertia(self.point, self.matrix, momentum)
 

@@ -327,9 +327,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
                 f"{rows.size} shapes, and one for each hidden motion; got {len(momentum)}."
             )
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
-        found["inertia"] = (
-            model.inertia if in_order else model.inertia.with_momentum(momentum[all_rows])
-        )
+        found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
     if model.hidden is not None:
         if model.inertia is not None:
             slides = len(model.inertia.momentum) - rows.size
@@ -401,7 +399,7 @@ def corrected(model: ModelType) -> ModelType:
         p[0] -= p[1:].sum()
     if inertia is not None:
         own, hidden = np.split(inertia.momentum, [model.n + 1])
-        inertia = inertia.with_momentum(np.vstack((transform.T @ own, hidden)))
+        inertia = inertia.along(np.vstack((transform.T @ own, hidden)))
     return replace(
         model,
         m0=model.m0 + float(np.sum(c[~kept] ** 2)),

@@ -91,7 +91,7 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
         amplitude = block_diag(amplitude, own)
     inertia = model.inertia
     if inertia is not None:
-        inertia = inertia.with_momentum((amplitude @ shape).T @ inertia.momentum)
+        inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
         if model.direction is not None:
             pull = inertia.momentum[:, :3] @ model.direction
             weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
@@ -142,7 +142,7 @@ def site_modes(model: Parameters) -> SiteModes:
     r = model.dependence @ residual[:p]
     inertia = weight = None
     if model.inertia is not None:
-        inertia = model.inertia.with_momentum(shape.T @ model.inertia.momentum)
+        inertia = model.inertia.along(shape.T @ model.inertia.momentum)
     elif model.participation is not None:
         weight = shape[: len(model.participation)].T @ model.participation
     local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))

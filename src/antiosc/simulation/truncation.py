@@ -253,7 +253,7 @@ def softest_model(model: AntiOscillators, next_omega: float | None = None) -> An
         momentum = inertia.momentum
         rest = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
         hung = psi @ np.vstack((rest, momentum[1 : n + 1]))
-        inertia = inertia.with_momentum(np.vstack((momentum[:1], hung, momentum[n + 1 :])))
+        inertia = inertia.along(np.vstack((momentum[:1], hung, momentum[n + 1 :])))
     if p is not None:
         p = np.concatenate(([0.0], psi @ p[: n + 1], p[n + 1 :]))
     return replace(

@@ -290,7 +290,7 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia
-    return inertia.with_momentum(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
+    return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
 
 
 def uniform_inertia(structure: Structure, target: Functional) -> Array | None:

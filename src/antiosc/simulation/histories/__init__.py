@@ -216,7 +216,7 @@ class History(HistoryResults, OneContact):
         (`of`): one for each hidden rigid-body motion of a free body follows lambda.
         """
         _, own = self.of(body)
-        one = self.at(t)[self.body_name(body)]
+        one = self.at(t)[self.name_of(body)]
         found = own.coordinates(one.q, one.forces)
         return found if np.ndim(t) else found[0]
 
@@ -235,12 +235,12 @@ class History(HistoryResults, OneContact):
 
         "structure", if no body has this name, is the one that has displacement shapes.
         """
-        placed = self.assembly.bodies[self.body_name(body)]
+        placed = self.assembly.bodies[self.name_of(body)]
         if isinstance(placed.body, RigidBody):
             raise InputError(f"{body!r} is a RigidBody, which has no field.")
         return placed.body, placed.modes
 
-    def body_name(self, body: str) -> str:
+    def name_of(self, body: str) -> str:
         """The name among `bodies` that `body` stands for, see `of`."""
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
@@ -423,7 +423,7 @@ def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
     """The motion of a body at `times`; a BodyHistory has its own."""
     if isinstance(history, BodyHistory):
         return history
-    return history.at(times)[history.body_name(body)]
+    return history.at(times)[history.name_of(body)]
 
 
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
@@ -513,7 +513,7 @@ def body_energy(history: History, body: str) -> BodyEnergy:
         For another name.
     """
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
-    one = history.bodies[history.body_name(body)]
+    one = history.bodies[history.name_of(body)]
     omega, v = one.placed.omega, one.v
     still = omega == 0
     return BodyEnergy(
