@@ -132,7 +132,7 @@ class Deformed:
 
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
-        """The part deformed by displacements (P, 3) [m], enlarged to suit the largest one [m]."""
+        """The part with displacements (P, 3) [m], magnified according to the largest one [m]."""
         shown, factor = largest or 1.0, magnification(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)

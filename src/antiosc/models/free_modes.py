@@ -191,7 +191,10 @@ def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ..
 def residual(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
-    """r and s (S,) of the modes left out; s = 0 where they have no mass, r = 0 where none is."""
+    """Compliances r and inertias s (S,) of the modes left out.
+
+    s = 0 where they have no mass, r = 0 where no mode is left out.
+    """
     x = omega**2 + shift
     modal, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
     r = C - modal

@@ -168,7 +168,7 @@ class FreeModes(ReprMixin):
 
     @property
     def _size(self) -> int:
-        """Number of own coordinates."""
+        """Number of the body's own coordinates."""
         return len(self.omega) if self.shape is None else len(self.shape)
 
     @property

@@ -74,7 +74,7 @@ def read(
     expected: str = FORMAT,
     largest: int = _LARGEST,
 ) -> tuple[Named, Arrays]:
-    """(header, arrays) of a file of a format that holds the arrays `needed`.
+    """Read a file of format `expected` that has the arrays `needed`; returns header and arrays.
 
     InputError for another file, or one with arrays of more than `largest` bytes.
     """
@@ -374,5 +374,5 @@ def _labels(
 
 
 def _as_list(value: object) -> list[object]:
-    """The items of a list or tuple; any other value is one item."""
+    """Items of a list, tuple or range; another value is the only item."""
     return list(value) if isinstance(value, list | tuple | range) else [value]

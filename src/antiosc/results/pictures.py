@@ -83,7 +83,7 @@ class SavedFields(ReprMixin):
             )
 
     def at(self, time: float) -> Array:
-        """Displacements (P, 3) [m] at a time in s, between two times that are kept linearly."""
+        """Displacements (P, 3) [m] at a time in s, linear between the stored times."""
         t = checks.number("time", time, "s")
         if not self.time[0] <= t <= self.time[-1]:
             raise InputError(

@@ -493,7 +493,7 @@ def _row(hit: History, check: CheckResult) -> _Row:
 
 
 def _raise(rows: list[_Row]) -> None:
-    """Raise the first InputError, and any error that all scenes share."""
+    """Raise the first InputError of a scene, or the first error if every scene failed."""
     for i, row in enumerate(rows):
         if isinstance(row.error, InputError):
             raise type(row.error)(f"scene {i}: {row.error}") from row.error

@@ -69,7 +69,7 @@ class RepeatedImpact:
     tol: float
 
     def simulate_on(self, body: LinearBody) -> History:
-        """The impact on another body."""
+        """Simulate the impact on another body."""
         return self.run(body, self.tol)
 
     def change(self, body: LinearBody) -> Shares:

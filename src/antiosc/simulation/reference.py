@@ -109,7 +109,7 @@ class SceneStep(SceneMethod):
         return _segment_of(np.array(times), nodes), answer
 
     def move_anchors(self, start: Step, end: Step) -> None:
-        """Remember how far friction slid in a step."""
+        """Move the anchors of friction by the sliding of a step."""
         self.contacts.move_anchors(end.delta, end.force)
 
     def _energy(self, node: Step) -> float:

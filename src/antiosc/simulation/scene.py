@@ -417,7 +417,7 @@ def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> 
 def _truncated(
     model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """The model with `n` anti-oscillators, its estimated errors, and a note if they are too few."""
+    """Truncate the model to `n` anti-oscillators; returns it, its errors, and a note if too few."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

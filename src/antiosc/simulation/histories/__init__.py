@@ -420,7 +420,7 @@ def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
 
 
 def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
-    """The motion of a body at `times`; a BodyHistory has its own."""
+    """Motion of a body at `times`; a BodyHistory keeps its own times."""
     if isinstance(history, BodyHistory):
         return history
     return history.at(times)[history.name_of(body)]

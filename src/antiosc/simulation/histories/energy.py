@@ -186,10 +186,10 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
 
 
 def energy_gain(a: Assembly, run: Run) -> float:
-    """Energy that came from nowhere, relative to the highest.
+    """Largest spurious gain of energy over the run, relative to the highest energy.
 
-    The balance is dear: of one contact, and of a long run, it is made only where the march had a
-    doubt, and of other methods. A user's law need not know its energy.
+    The balance is costly: it is made only where the march reports a doubtful run, and for several
+    contacts up to BALANCED_NODES nodes. A user's law need not know its energy.
     """
     system = a.system
     if not all(map(is_compiled, system.laws)):

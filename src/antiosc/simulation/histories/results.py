@@ -550,9 +550,9 @@ def error_text(history: History) -> str:
 
 
 def history_sites(history: History) -> dict[str, tuple[float, ...]]:
-    """Where the sites of the bodies lie [m]: "body:site", or "body" -> point.
+    """Points [m] of the sites of all bodies, by "body:site" or "body".
 
-    Where bodies are not named, those of the structure, by the site alone.
+    For histories of `simulate`: those of the structure, by site.
     """
     if not history.named:
         return site_points(history.model)
