@@ -368,7 +368,7 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
 
 
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
-    """w, d (I,), S and J S with relaxed branches (2 k, 2 I), decelerations of modes that are all damped.
+    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, decelerations; all modes are damped.
 
     The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
     skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
