@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.simulation.assembly import assemble_scene, largest_indentation, stiffness_at
-from antiosc.simulation.two_bodies import assemble_pair
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 from laws import laws
 
 DEPTHS = (1e-7, 3e-6, 4e-5)
@@ -38,7 +38,7 @@ def test_an_impact_is_expected_to_be_that_of_two_masses(
     """Free bodies 0.2 and 0.3 kg that close at 1.4 m/s; gravity speeds the gap up on one."""
     held = ao.AntiOscillators(m0=0.2, k0=0.0, m=[], omega=[], participation=[0.0])
     pair = held, ao.RigidMass(0.3, 1.5)
-    made = assemble_pair(*pair, law, 0.02, initial_velocity=-0.1, gravity=gravity, gap=gap)
+    made = assemble_pair(Impact(*pair, law, 0.02, -0.1, gravity, gap))
     (depth,), (pace,) = made.system.depth, made.system.speed
     mass = 1 / (1 / 0.2 + 1 / 0.3)
     push, speed = mass * gravity, np.sqrt(1.4**2 + 2 * gravity * gap)

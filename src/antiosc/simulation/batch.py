@@ -428,7 +428,7 @@ def _row_of(
     ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
     check = CheckResult(COMPLETED, "Completed.")
     if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
-        check = check_result(assemble_pair(*scene), ended, settings.tol, settings.limits)
+        check = check_result(assemble_pair(scene), ended, settings.tol, settings.limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))

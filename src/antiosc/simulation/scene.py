@@ -387,7 +387,7 @@ def simulate_impact(
     """Simulate one impact; returns the check result before any warning. `n` as of `simulate`."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
-        assembly = assemble_pair(model, *scene[1:])
+        assembly = assemble_pair(scene._replace(model=model))
         return integrate(partial(History, budget=budget), assembly, scene.duration, settings)
 
     def rerun(model: AntiOscillators, tol: float) -> History:

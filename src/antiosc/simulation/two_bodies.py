@@ -102,13 +102,35 @@ class Pair:
             )
 
 
-def modal_pair(
-    model: LinearBody,
-    impactor: LinearBody,
-    initial_velocity: float | Motion = 0.0,
-    gravity: float | Sequence[float] = 0.0,
-) -> Pair:
+class Impact(NamedTuple):
+    """Arguments of one impact of two bodies, as `simulate` takes them."""
+
+    model: LinearBody
+    impactor: LinearBody
+    contact: ContactLaw
+    duration: float
+    initial_velocity: float | Motion = 0.0
+    gravity: float | Sequence[float] = 0.0
+    gap: float | None = None
+
+    def group(self) -> tuple[object, ...] | None:
+        """Key that is equal for impacts which one C call can solve together; None for others."""
+        if (
+            not is_compiled(self.contact)
+            or _has_coupled_damping(self.model)
+            or _has_coupled_damping(self.impactor)
+        ):
+            return None
+        still = isinstance(self.gravity, int | float) and self.gravity == 0
+        rigid = still and type(self.impactor) in (RigidMass, Sphere)
+        moving = self.initial_velocity
+        speed = moving if isinstance(moving, int | float) else id(moving)
+        return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
+
+
+def modal_pair(impact: Impact) -> Pair:
     """Two bodies in their modes, with start velocities and gravity."""
+    model, impactor, _, _, initial, gravity, _ = impact
     one, other = checked_body("model", model), checked_body("impactor", impactor)
     if one.velocity != 0.0:
         raise InputError(
@@ -116,11 +138,10 @@ def modal_pair(
             "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
         )
     structure, striker = one.modal(), other.modal()
-    initial = initial_velocity
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
     start, strike = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
-    loads = _loads(structure, striker, gravity)
+    loads = _gravity_loads(structure, striker, gravity)
     count = structure.omega.size
     size, r = count + striker.omega.size, structure.r + striker.r
     block = np.zeros(6 * size + 3)
@@ -149,17 +170,10 @@ def modal_pair(
     )
 
 
-def assemble_pair(
-    model: LinearBody,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    initial_velocity: float | Motion = 0.0,
-    gravity: float | Sequence[float] = 0.0,
-    gap: float | None = None,
-) -> Assembly:
-    """Assemble "structure" and "impactor" for integration over `duration` [s]."""
-    made = modal_pair(model, impactor, initial_velocity, gravity)
+def assemble_pair(impact: Impact) -> Assembly:
+    """Assemble "structure" and "impactor" for integration over the duration."""
+    model, impactor, contact, duration, _, gravity, gap = impact
+    made = modal_pair(impact)
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
     law, notes = without_patch(contact, made.local, "structure", "impactor")
@@ -204,30 +218,28 @@ def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pa
     return two_body_parts(*pair.given, contact, gap, gravity), bodies
 
 
-def _loads(
+def _gravity_loads(
     structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
-) -> tuple[Array | None, Array | None]:
+) -> list[Array | None]:
     """Modal forces of gravity on both bodies; None: there are none."""
-    listed = isinstance(gravity, list | tuple)
-    if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
+    vector = None
+    if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
+        vector = checks.array("gravity", gravity, (3,))
+        if structure.direction is None:
+            raise InputError(
+                "gravity as a vector needs a model that knows the direction of impact: extract it"
+                " from a mesh, or give gravity as a number along the impact."
+            )
+        along = float(vector @ structure.direction)
+    else:
         along = checks.number("gravity", gravity, "m/s^2")
-        return _gravity_load("structure", structure, along), _gravity_load(
-            "impactor", striker, -along
-        )
-    vector = checks.array("gravity", gravity, (3,))
-    if structure.direction is None:
-        raise InputError(
-            "gravity as a vector needs a model that knows the direction of impact: extract it from"
-            " a mesh, or give gravity as a number along the impact."
-        )
-    along = float(vector @ structure.direction)
     loads: list[Array | None] = []
     for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
-        if body.inertia is None:
+        if vector is None or body.inertia is None:
             loads.append(_gravity_load(name, body, sign * along))
         else:
             loads.append(_free_body_load(body, body.inertia.momentum[:, :3] @ vector))
-    return loads[0], loads[1]
+    return loads
 
 
 def _gravity_load(name: str, body: ModalBody, gravity: float) -> Array | None:
@@ -273,7 +285,7 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
     return (
         BAND_OVER_PULSE
         * np.pi
-        / assemble_pair(Obstacle(), impactor, contact, endless).contact_time_estimate
+        / assemble_pair(Impact(Obstacle(), impactor, contact, endless)).contact_time_estimate
     )
 
 
@@ -284,32 +296,6 @@ OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))
 _WORK_PER_CALL = 4_000_000
 #: Least nodes that a call may write.
 _NODES = 200_000
-
-
-class Impact(NamedTuple):
-    """Arguments of one impact of two bodies, as `simulate` takes them."""
-
-    model: LinearBody
-    impactor: LinearBody
-    contact: ContactLaw
-    duration: float
-    initial_velocity: float | Motion = 0.0
-    gravity: float | Sequence[float] = 0.0
-    gap: float | None = None
-
-    def group(self) -> tuple[object, ...] | None:
-        """Key that is equal for impacts which one C call can solve together; None for others."""
-        if (
-            not is_compiled(self.contact)
-            or _has_coupled_damping(self.model)
-            or _has_coupled_damping(self.impactor)
-        ):
-            return None
-        still = isinstance(self.gravity, int | float) and self.gravity == 0
-        rigid = still and type(self.impactor) in (RigidMass, Sphere)
-        moving = self.initial_velocity
-        speed = moving if isinstance(moving, int | float) else id(moving)
-        return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
 
 
 def _has_coupled_damping(body: LinearBody) -> bool:
@@ -335,8 +321,8 @@ class ImpactRows:
     def __init__(
         self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
     ) -> None:
-        model, first, _, _, velocity, gravity, _ = impacts[0]
-        self.pair = made = modal_pair(model, first, velocity, gravity)
+        first = impacts[0].impactor
+        self.pair = made = modal_pair(impacts[0])
         count, size = len(impacts), made.omega.size
         beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
         mobility = np.full(count, sum(made.mobilities))

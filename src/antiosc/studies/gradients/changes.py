@@ -318,7 +318,7 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
     """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
     impact = impact_of(hit)
     if impact is not None:
-        return assemble_pair(*impact._replace(model=model))
+        return assemble_pair(impact._replace(model=model))
     scene = hit.assembly.scene
     return assemble_scene(
         replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1])
