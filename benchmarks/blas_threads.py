@@ -43,8 +43,8 @@ Found = dict[int, Times]
 
 def main(sizes: tuple[float, ...] = SIZES, rounds: int = 5, out: Path = OUT) -> Found:
     """Measure with elements of these sizes, write the table and the chart, return the seconds."""
-    if process.chosen():
-        sys.exit(f"unset {process.chosen()[0]} first: it decides the threads by itself.")
+    if process.user_threads():
+        sys.exit(f"unset {process.user_threads()[0]} first: it decides the threads by itself.")
     ways = {"1 thread": 1, f"{process.cores()} threads": process.cores(), "antiosc": None}
     found = dict(measured(size, ways, rounds) for size in sizes)
     out.mkdir(parents=True, exist_ok=True)

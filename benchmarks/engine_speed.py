@@ -30,7 +30,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.march.convergence import converge
-from antiosc.simulation.two_bodies import Impact, Rows
+from antiosc.simulation.two_bodies import Impact, ImpactRows
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 HERTZ, DURATION, TOL = 1.55e10, 4e-3, 1e-3
@@ -132,7 +132,9 @@ def draw(result: dict[str, Any], path: Path) -> None:
 def engine(hit: ao.History) -> Callable[[], Any]:
     """The runs of an impact that error control makes, without the rest of `simulate`."""
     made = hit.assembly
-    return lambda: converge(made.system, made.lasting, DURATION, TOL, 10_000, 1_000_000)
+    return lambda: converge(
+        made.system, made.contact_time_estimate, DURATION, TOL, 10_000, 1_000_000
+    )
 
 
 def ms(work: Callable[[], Any], repeats: int) -> list[float]:
@@ -157,7 +159,7 @@ def batch(model: ao.AntiOscillators, scenes: int, repeats: int = 5) -> dict[str,
     """Scenes a second, the best of some repeats: the C library alone, and all of a batch."""
     strikers, laws = drawn(scenes)
     each = zip(strikers, laws, strict=True)
-    rows = Rows(
+    rows = ImpactRows(
         [Impact(model, *one, DURATION, 0.0, 0.0, None) for one in each], TOL, 10_000, 1_000_000
     )
     work = {

@@ -60,7 +60,7 @@ def of(library: Any, run: Callable[[], ao.History]) -> Any:
     """The run of a scene by a library, or the sentence of its error."""
     march.library = library
     engine._kept.clear()
-    two_bodies._spaces.clear()
+    two_bodies._idle_workspaces.clear()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

@@ -27,7 +27,7 @@ import scipy.linalg
 import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.models.body import Body, InModes
+from antiosc.models.body import Body, ModalModel
 from antiosc.simulation.error_budget import pulse_time
 from antiosc.simulation.histories.parts import QUANTITIES
 
@@ -158,7 +158,7 @@ class Blow:
     """A part with all its modes, and an impact on it."""
 
     omega: Array
-    part: InModes
+    part: ModalModel
     hit: ao.History
     impactor: ao.RigidMass
     law: ao.Hertz
@@ -169,7 +169,7 @@ def struck(kind: str, seed: int) -> Blow:
     random = np.random.default_rng(seed)
     omega, b, mass = KINDS[kind](random)
     zeta = np.exp(random.normal(np.log(random.uniform(0.002, 0.015)), 0.4, omega.size))
-    part = InModes(ao.ModalBody(omega, b, decay=zeta * omega))
+    part = ModalModel(ao.ModalBody(omega, b, decay=zeta * omega))
     return Blow(omega, part, *blow(part, mass, random))
 
 

@@ -20,7 +20,7 @@ from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import factorize
 from antiosc.fem.site import functional
-from antiosc.simulation.assembly import freed
+from antiosc.simulation.assembly import without_patch
 
 #: steps a contact of the integrators with a fixed step; the beam's contact has many sub-impacts
 STEPS = {
@@ -57,7 +57,7 @@ def unreduced(case: Case, steps: int) -> dict[str, Any]:
     """All dofs in time: Newmark's average acceleration, `steps` to one contact."""
     structure, (striker, law, duration) = case.part, case.impact
     h = case.hit.contact_time / steps
-    law, _ = freed(law, case.reference.local_compliance, "part", "striker")
+    law, _ = without_patch(law, case.reference.local_compliance, "part", "striker")
     mass = 1 / float(np.sum(striker.modal().b ** 2))
     comm, b = structure.comm, functional(structure, case.site).b
     started = time.perf_counter()
@@ -105,7 +105,7 @@ def matrices(case: Case) -> tuple[Any, Any, Any, float]:
 def peer_scipy(case: Case, n: int) -> dict[str, Any]:
     """What an engineer writes: eigsh for n free modes, solve_ivp for their superposition."""
     K, M, b, mass = matrices(case)
-    law, _ = freed(case.impact[1], case.reference.local_compliance, "part", "striker")
+    law, _ = without_patch(case.impact[1], case.reference.local_compliance, "part", "striker")
     started = time.perf_counter()
     x, phi = scipy.sparse.linalg.eigsh(K.tocsc(), n, M.tocsc(), sigma=0.0)
     made = time.perf_counter() - started
@@ -133,7 +133,7 @@ def peer_pyyeti(case: Case, steps: int) -> dict[str, Any]:
     from pyyeti import ode
 
     K, M, b, mass = matrices(case)
-    law, _ = freed(case.impact[1], case.reference.local_compliance, "part", "striker")
+    law, _ = without_patch(case.impact[1], case.reference.local_compliance, "part", "striker")
     size = len(b)
     m = scipy.sparse.block_diag([M, [[mass]]]).toarray()
     k = scipy.sparse.block_diag([K, [[0.0]]]).toarray()
@@ -162,7 +162,7 @@ def peer_exudyn(case: Case, steps: int) -> dict[str, Any]:
     from exudyn.utilities import NodeGenericODE2, ObjectGenericODE2, SensorNode
 
     K, M, b, mass = matrices(case)
-    law, _ = freed(case.impact[1], case.reference.local_compliance, "part", "striker")
+    law, _ = without_patch(case.impact[1], case.reference.local_compliance, "part", "striker")
     size = len(b) + 1
     push = np.append(b, -1.0)
     system = exu.SystemContainer().AddSystem()

@@ -38,7 +38,7 @@ from antiosc.closed_form import pinned_pinned
 from antiosc.simulation.assembly import stiffness_at
 from antiosc.simulation.march.convergence import difference
 from antiosc.simulation.march.stability import margin
-from antiosc.simulation.two_bodies import pose
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.
@@ -151,7 +151,7 @@ def windows(count: int, path: Path) -> list[dict[str, Any]]:
     """The fixed-step methods over `count` steps about the exact method's windows."""
     model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
     scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3, unit=1.0)
-    system = pose(scene.model, scene.impactor, scene.law, scene.duration).system
+    system = assemble_pair(Impact(scene.model, scene.impactor, scene.law, scene.duration)).system
     y = np.linspace(1.0, 8.0, count)
     times = y / system.omega.max()
     deepest, fastest = float(system.depth[0]), float(system.speed[0])

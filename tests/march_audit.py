@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.march.engine import Run, run
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene import start
+from antiosc.simulation.scene import set_initial_forces
 
 Array = NDArray[np.float64]
 
@@ -36,9 +36,9 @@ def audited(
     scene: ao.Scene, duration: float, share: float, step: float | None = None, tol: float = 1e-9
 ) -> Audit:
     """A run of the scene, each of whose steps keeps the equations of motion and the laws."""
-    made = assemble(scene, duration)
-    start(made)
-    found = run(made.system, duration, share, fine=made.lasting / 200, step=step)
+    made = assemble_scene(scene, duration)
+    set_initial_forces(made)
+    found = run(made.system, duration, share, fine=made.contact_time_estimate / 200, step=step)
     assert found.answer == march.DONE
     _check_times(made.system, found, duration, step or 1.0)
     steps = Steps(made.system, found)

@@ -76,13 +76,13 @@ def test_one_thread_inside_and_as_before_afterwards(two_threads):
 
 def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypatch):
     with process.one_thread():
-        with process.as_many_as_pay(np.array([LARGE])) as count:
+        with process.blas_threads(np.array([LARGE])) as count:
             assert (count, now()) == (2, {2})
         assert now() == {1}
-        with process.as_many_as_pay(np.array([1e6])) as count:
+        with process.blas_threads(np.array([1e6])) as count:
             assert (count, now()) == (1, {1})
     monkeypatch.setattr(process, "free_cores", lambda: 1)
-    with process.as_many_as_pay(np.array([LARGE])) as count:
+    with process.blas_threads(np.array([LARGE])) as count:
         assert (count, now()) == (1, {1})
     assert now() == {2}
 
@@ -93,7 +93,7 @@ def test_two_calculations_at_once_share_the_cores_and_leave_all_as_it_was(two_th
     def calculate(delay: float) -> None:
         with process.one_thread():
             started.wait(10)
-            with process.as_many_as_pay(np.array([LARGE])) as count:
+            with process.blas_threads(np.array([LARGE])) as count:
                 seen.append((count, now()))
                 ended.wait(10)
             time.sleep(delay)
@@ -113,13 +113,13 @@ def test_a_factor_tells_the_operations_of_its_fronts(monkeypatch):
 
     from antiosc.fem.linalg import cholmod
 
-    given, plain = [], cholmod.as_many_as_pay
+    given, plain = [], cholmod.blas_threads
 
     def record(fronts):
         given.append(fronts)
         return plain(fronts)
 
-    monkeypatch.setattr(cholmod, "as_many_as_pay", record)
+    monkeypatch.setattr(cholmod, "blas_threads", record)
     n = 200
     dense = scipy.sparse.csr_matrix(np.tril(np.ones((n, n)) + n * np.eye(n)))
     cholmod.Cholesky(dense)

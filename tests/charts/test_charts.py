@@ -246,7 +246,7 @@ def test_faces_are_shaded_by_the_angle_to_the_light() -> None:
     flat = np.add([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [2.0, 5.0, 3.0])
     corners = np.stack([flat, flat[:, [2, 0, 1]], flat[:, [1, 2, 0]]])
     value = np.array([1.0, 2.0, 4.0])
-    figure, axes, _, _ = surfaces.space(flat, shown=False)
+    figure, axes, _, _ = surfaces.axes_in_space(flat, shown=False)
     scale = surfaces.colour_scale(value)
     assert (scale.norm.vmin, scale.norm.vmax) == (1, 4)
     surfaces.draw_faces(figure, axes, corners, value, "what (N)", scale, dark=0.5)

@@ -318,7 +318,7 @@ def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
 
 
 @pytest.mark.parametrize(
-    ("law", "lasting"),
+    ("law", "permanent"),
     [
         (ao.TanSun(1e9, 1e-5, slope=0.3), lambda deepest: 0.3 * (deepest - 1e-5)),
         (ao.YangSun(1e9, 1e-5), lambda deepest: deepest - 1e-5**0.4 * deepest**0.6),
@@ -326,12 +326,12 @@ def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
     ids=["tan-sun", "yang-sun"],
 )
 @pytest.mark.parametrize("speed", [0.5, 3.0])
-def test_permanent_indentation_of_a_laminate_takes_energy(law, lasting, speed):
+def test_permanent_indentation_of_a_laminate_takes_energy(law, permanent, speed):
     """A mass on a rigid body: m v²/2 = (2/5) F δm loads, F (δm - δp)/(7/2) comes back."""
     mass = 0.1
     deepest = (1.25 * mass * speed**2 / 1e9) ** 0.4
     assert deepest > 1e-5
-    back = (1 - lasting(deepest) / deepest) * 5 / 7
+    back = (1 - permanent(deepest) / deepest) * 5 / 7
     hit = ao.simulate(rigid(1e9), ao.RigidMass(mass, speed), law, 2e-3, tol=1e-5)
     assert hit.indentation.max() == pytest.approx(deepest, rel=1e-4)
     assert hit.restitution == pytest.approx(np.sqrt(back), rel=1e-3)

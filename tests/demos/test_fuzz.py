@@ -82,7 +82,7 @@ def test_a_crash_is_seen(monkeypatch):
     def broken(self, *args, **kwargs):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr(ao.Hertz, "implicit", broken)
+    monkeypatch.setattr(ao.ContactLaw, "implicit", broken)
     result = fuzz.main(scenes=40)
     assert any("division by zero" in failure for failure in result["failures"])
 

@@ -313,7 +313,7 @@ def test_what_cannot_be_is_refused(call, words):
 
 
 def told(material: object) -> None:
-    plausible.tell([plausible.of_material(material)])
+    plausible.warn_each([plausible.of_material(material)])
 
 
 TOLD = [
@@ -323,7 +323,10 @@ TOLD = [
     (lambda: told(ao.Laminate([FOAM])), "45.6"),
     (lambda: told(ao.Solid(**parts.STEEL, yield_strength=275.0)), "275e|2.75e"),
     (lambda: bar(1e3), r"210 m long, more than 20 m.*unit="),
-    (lambda: plausible.tell([plausible.of_thickness(4.0, 0.2)]), "larger than the part.*0.004"),
+    (
+        lambda: plausible.warn_each([plausible.of_thickness(4.0, 0.2)]),
+        "larger than the part.*0.004",
+    ),
     (lambda: ao.Sphere(0.01, 210e9, 0.3, rho=7.85), "g/cm³"),
     (lambda: ao.Sphere(10.0, 210e9, 0.3, rho=7850.0), "10 mm"),
 ]

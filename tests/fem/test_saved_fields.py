@@ -174,7 +174,7 @@ def frames(target) -> list[bytes]:
 
 @pytest.mark.slow
 def test_a_killed_process_leaves_the_old_series_or_the_new_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "_to_disk", lambda path: None)  # the system lives on
+    monkeypatch.setattr(files, "_sync", lambda path: None)  # the system lives on
     whole = []
     for count in (3, 2):
         write(tmp_path / f"{count}.pvd", count)

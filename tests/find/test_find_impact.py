@@ -14,7 +14,7 @@ import dolfinx
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.models.body import InModes
+from antiosc.models.body import ModalModel
 from antiosc.models.free_modes import residual
 from antiosc.studies.find import prepared
 from antiosc.studies.find.recording import recording
@@ -54,7 +54,7 @@ def own_signals(
     seen, sites = known.seen, known.seen.found.sites
     r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia)
     modes = ao.ModalBody(seen.omega, seen.b[site], float(r[site]))
-    body = InModes(modes, float(sites.local[site]), float(sites.radii[site]))
+    body = ModalModel(modes, float(sites.local[site]), float(sites.radii[site]))
     hit = ao.simulate(body, BLOW, LAW, SAMPLES / RATE, tol=1e-6)
     t = np.arange(SAMPLES) / RATE - START
     on = t >= 0

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 import laws
 from antiosc.base import march
-from antiosc.models.damping import SideBySide, first_order
+from antiosc.models.damping import StackedModes, first_order
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.system import System
 from gradient_replay import Inputs, Steps, derivative
@@ -146,7 +146,7 @@ def coupled(law: ao.ContactLaw, pull: float, m0: float, damped: bool, rng) -> Sy
         np.append(s.omega[: free - 1] / 20, 3 * s.omega[free - 1])
     )
     first = first_order(s.omega[:-1], ao.DampingMatrix(turn.T @ turn))
-    beside = SideBySide(
+    beside = StackedModes(
         [(s.omega[:-1], s.decay[:-1], first, None), (s.omega[-1:], s.decay[-1:], None, None)]
     )
     s.loads[0, :-1] = rng.normal(size=free)

@@ -9,7 +9,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import assemble
+from antiosc.simulation.assembly import assemble_scene
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.system import System
 
@@ -28,7 +28,7 @@ def system(speed: float, law: ao.ContactLaw, pull: float = 0.0, arm: float = 0.0
         motion={"ball": ao.Motion(velocity=(speed, 0, -1.0))},
         gravity=(0, 0, -pull),
     )
-    return assemble(scene, END).system
+    return assemble_scene(scene, END).system
 
 
 def run_of(s: System, tol: float) -> engine.Run:

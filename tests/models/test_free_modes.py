@@ -9,8 +9,8 @@ import antiosc as ao
 from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models import free_modes
 from antiosc.models.driving_point import stiffness_error
-from antiosc.models.free_modes import at_sites, error_bound, from_free_modes
-from antiosc.models.motion import with_rigid
+from antiosc.models.free_modes import error_bound, from_free_modes, site_models
+from antiosc.models.motion import with_rigid_mode
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 
@@ -69,7 +69,7 @@ def test_bound_holds_and_falls(rng, rigid):
     bounds, errors = [], []
     for kept in (30, 60, 120):
         part = omega[:kept], b[None, :kept], [C], [G]
-        models = at_sites(*part, shift=shift)
+        models = site_models(*part, shift=shift)
         bounds.append(float(np.sum(error_bound(models, *part, band, shift))))
         errors.append(
             stiffness_error(
@@ -106,7 +106,7 @@ def test_many_sites_are_many_times_one(rng, method, monkeypatch):
     b = rng.uniform(-1, 1, (8, 15))
     b[4, ::2] = 0.0  # a site that half the modes cannot move: it has fewer anti-oscillators
     C, G = 1.2 * (b**2 @ omega**-2.0), b**2 @ omega**-4.0 * 1.0001
-    models = at_sites(omega, b, C, G, 10, method=method)
+    models = site_models(omega, b, C, G, 10, method=method)
     for i in range(8):
         one = from_free_modes(omega, b[i], C[i], G[i], 10, method=method)
         same = models.model(i)
@@ -143,7 +143,7 @@ def test_a_rigid_motion_beside_the_elastic_ones(rng):
     """H = H_elastic - a²/ω²; the shapes are those of the static mode and the motion together."""
     elastic = ao.AntiOscillators(m0=0.05, k0=2e5, m=[0.3, 0.1], omega=[700.0, 2500.0])
     a = 1.3
-    m0, m, omega, residual, psi = with_rigid(2e5, 0.05, elastic.m, elastic.omega, a)
+    m0, m, omega, residual, psi = with_rigid_mode(2e5, 0.05, elastic.m, elastic.omega, a)
     whole = ao.AntiOscillators(m0=m0, k0=0.0, m=m, omega=omega)
     at = np.linspace(20, 4e3, 30) * (1 + 0.01j)
     H = 1 / elastic.dynamic_stiffness(at) - a**2 / at**2

@@ -25,7 +25,7 @@ from antiosc.closed_form import (
 )  # fmt: skip
 from antiosc.contact import Tabulated
 from antiosc.models.body import resolved_frequency
-from antiosc.models.free_modes import at_sites as at_sites_of, error_bound, from_free_modes
+from antiosc.models.free_modes import error_bound, from_free_modes, site_models as at_sites_of
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
 from antiosc.results.pictures import FACES

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.reference import Settings
-from antiosc.simulation.scene import exactly, solved, start
-from antiosc.simulation.states import forces, located, states
+from antiosc.simulation.scene import integrate, integrate_exact, set_initial_forces
+from antiosc.simulation.states import forces, locate, states
 from audited_scenes import Own
 
 Array = NDArray[np.float64]
@@ -79,28 +79,28 @@ def scene(law: ao.ContactLaw, compliance: float = 0.0, bounces: bool = False) ->
     body = ao.SiteModes(omega, [[2.0], [1.0], [-0.7]], ["tip"], r=[[compliance]])
     motion = {"part": ao.ModalState(np.zeros(3), np.array([-0.75, 0.0, 0.0]))}
     contact = ao.Contact("part:tip", "stop", law)
-    made = assemble(
+    made = assemble_scene(
         ao.Scene({"part": body, "stop": ao.Obstacle()}, [contact], motion=motion), DURATION
     )
     made.system.loads[:, 0] = -1500.0 * bounces
-    start(made)
+    set_initial_forces(made)
     return made
 
 
 def solve(made: Assembly, duration: float) -> Run:
-    return exactly(made, duration, TOL, None, 100, 100_000)[0].run
+    return integrate_exact(made, duration, TOL, None, 100, 100_000)[0].run
 
 
 def at(made: Assembly, run: Run, t: Array) -> tuple[Array, Array]:
-    return states(run, made.system, *located(run, t))
+    return states(run, made.system, *locate(run, t))
 
 
 def cut(made: Assembly, whole: Run, t: float) -> Assembly:
     """The scene that goes on from a time."""
     (q,), (v,) = at(made, whole, np.array([t]))
     rest = replace(made, system=replace(made.system, q=q, v=v))
-    force = forces(whole, *located(whole, np.array([t])))[0, :1]
-    start(rest, (whole.kept(made.system, t), force))
+    force = forces(whole, *locate(whole, np.array([t])))[0, :1]
+    set_initial_forces(rest, (whole.kept(made.system, t), force))
     return rest
 
 
@@ -158,6 +158,6 @@ def test_a_cut_contact_keeps_its_damping_by_other_methods() -> None:
     whole = solve(made, DURATION)
     rest = cut(made, whole, t := within(whole, 0.5))
     settings = Settings(1e-3, "newmark", 2e-7, 100, 100_000)
-    hit, _ = solved(ao.SceneHistory, rest, DURATION - t, settings)
+    hit, _ = integrate(ao.SceneHistory, rest, DURATION - t, settings)
     parted = at(made, whole, np.array([DURATION]))[1]
     np.testing.assert_allclose(hit.run.states[-1, 1], parted[0], atol=2e-3 * abs(parted).max())

@@ -13,10 +13,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import assemble
-from antiosc.simulation.histories.energy import _work_by_step, gained
+from antiosc.simulation.assembly import assemble_scene
+from antiosc.simulation.histories.energy import _work_by_step, energy_gain
 from antiosc.simulation.march import engine
-from antiosc.simulation.states import forces as forces_at, located
+from antiosc.simulation.states import forces as forces_at, locate
 from scenes import HERTZ, case_two
 
 LAW = ao.Hertz(HERTZ)
@@ -118,7 +118,7 @@ def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
     known = hit.energy.gravity[2::2]
     assert np.abs(known).max() > 0.02
     np.testing.assert_allclose(work, known, rtol=0, atol=1e-7)
-    assert gained(hit.assembly, hit.run) < 1e-4
+    assert energy_gain(hit.assembly, hit.run) < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -135,17 +135,18 @@ def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
 )
 def test_one_contact_has_the_forces_that_sweeps_find(law: ao.ContactLaw) -> None:
     """Beside another that never touches the forces are found by sweeps."""
-    alone = assemble(blow(0.1, law), 5e-4)
+    alone = assemble_scene(blow(0.1, law), 5e-4)
     bodies = {**alone.scene.bodies, "far": ao.RigidMass(1.0, -1.0)}
     pair = [*alone.scene.contacts, ao.Contact("far", "beam", ao.Linear(1.0), gap=1.0)]
-    other = assemble(ao.Scene(bodies, pair), 5e-4)
+    other = assemble_scene(ao.Scene(bodies, pair), 5e-4)
     runs = [
-        engine.run(made.system, 5e-4, 1e-2, fine=alone.lasting / 200) for made in (alone, other)
+        engine.run(made.system, 5e-4, 1e-2, fine=alone.contact_time_estimate / 200)
+        for made in (alone, other)
     ]
     one, two = (each.force[:, 0] for each in runs)
     assert one.max() > 0
     at = np.linspace(0, 5e-4, 50)
-    one, two = (forces_at(each, *located(each, at))[:, 0] for each in runs)
+    one, two = (forces_at(each, *locate(each, at))[:, 0] for each in runs)
     np.testing.assert_allclose(one, two, rtol=0, atol=1e-9 * one.max())
 
 
@@ -194,7 +195,7 @@ def test_an_interrupt_stops_a_long_run(monkeypatch) -> None:
 
     pushed = {"beam": MODEL, "mass": ao.RigidMass(0.24, 0.1)}
     scene = ao.Scene(pushed, [ao.Contact("beam", "mass", LAW)], gravity=1e4)
-    system = assemble(scene, 1e3).system
+    system = assemble_scene(scene, 1e3).system
     before = signal.signal(signal.SIGALRM, late)
     signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
@@ -206,14 +207,14 @@ def test_an_interrupt_stops_a_long_run(monkeypatch) -> None:
 
 
 def test_the_march_refuses_what_is_not_finite() -> None:
-    system = assemble(blow(0.1), 1e-3).system
+    system = assemble_scene(blow(0.1), 1e-3).system
     system.v[0] = np.nan
     with pytest.raises(ao.InputError, match="AOM_BAD_MODES"):
         engine.run(system, 1e-3, 1e-2, fine=1e-6)
 
 
 def test_buffers_of_any_size_hold_the_same_run(monkeypatch) -> None:
-    system = assemble(blow(0.5), 4e-3).system
+    system = assemble_scene(blow(0.5), 4e-3).system
     one = engine.run(system, 4e-3, 1e-5, fine=1e-7)
     monkeypatch.setattr(engine, "_FIRST", 16)
     monkeypatch.setattr(engine, "_kept", [])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.assembly import assemble, deepest, stiffness_at
-from antiosc.simulation.two_bodies import pose
+from antiosc.simulation.assembly import assemble_scene, largest_indentation, stiffness_at
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 from laws import laws
 
 DEPTHS = (1e-7, 3e-6, 4e-5)
@@ -25,9 +25,9 @@ def test_the_deepest_indentation_takes_up_energy_and_work(
         energy = law.potential(wanted, state) - push * wanted
         if energy < 0.0:
             continue
-        found = deepest(law, 1.0, energy, push, 1e-3, close)
+        found = largest_indentation(law, 1.0, energy, push, 1e-3, close)
         assert wanted * (1 - 1e-9) <= found <= wanted * (1 + 1.01 * close)
-        assert deepest(law, 1.0, energy, push, wanted / 2, close) == wanted / 2
+        assert largest_indentation(law, 1.0, energy, push, wanted / 2, close) == wanted / 2
 
 
 @pytest.mark.parametrize("law", [ao.Hertz(1e9), ao.Linear(3e6), ao.Thornton(1e9, 1e-6)])
@@ -38,7 +38,7 @@ def test_an_impact_is_expected_to_be_that_of_two_masses(
     """Free bodies 0.2 and 0.3 kg that close at 1.4 m/s; gravity speeds the gap up on one."""
     held = ao.AntiOscillators(m0=0.2, k0=0.0, m=[], omega=[], participation=[0.0])
     pair = held, ao.RigidMass(0.3, 1.5)
-    made = pose(*pair, law, 0.02, initial_velocity=-0.1, gravity=gravity, gap=gap)
+    made = assemble_pair(Impact(*pair, law, 0.02, -0.1, gravity, gap))
     (depth,), (pace,) = made.system.depth, made.system.speed
     mass = 1 / (1 / 0.2 + 1 / 0.3)
     push, speed = mass * gravity, np.sqrt(1.4**2 + 2 * gravity * gap)
@@ -49,7 +49,7 @@ def test_an_impact_is_expected_to_be_that_of_two_masses(
     ]
     assert excess[0] <= 0 <= excess[1]
     assert pace == pytest.approx(speed + np.sqrt(2 * gravity * depth))
-    assert made.lasting == pytest.approx(3 * depth / pace)
+    assert made.contact_time_estimate == pytest.approx(3 * depth / pace)
 
 
 def test_a_scene_expects_each_contact_by_its_speed_and_what_pushes_it() -> None:
@@ -67,7 +67,7 @@ def test_a_scene_expects_each_contact_by_its_speed_and_what_pushes_it() -> None:
         ao.Contact("floor", "rests:tip", law),
     ]
     push = ao.Load("falls", [0.0], [50.0])
-    made = assemble(ao.Scene(bodies, contacts, loads=[push]), 0.1)
+    made = assemble_scene(ao.Scene(bodies, contacts, loads=[push]), 0.1)
     fall = np.sqrt(2 * 100.0 * 0.02)
     np.testing.assert_allclose(made.system.speed, [2.0, fall, 2.0], rtol=1e-9)
     np.testing.assert_allclose(made.system.mass, [0.3, 0.5, 1 / 1.44], rtol=1e-9)
@@ -78,9 +78,9 @@ def test_a_scene_expects_each_contact_by_its_speed_and_what_pushes_it() -> None:
     depth = made.system.depth / np.array([first, second, third])
     assert np.all((depth >= 1 - 1e-9) & (depth <= 1.1))
     pace = made.system.speed + np.sqrt(2 * np.array([0, 100.0, 0]) * made.system.depth)
-    assert made.lasting == pytest.approx(np.min(3 * made.system.depth / pace))
+    assert made.contact_time_estimate == pytest.approx(np.min(3 * made.system.depth / pace))
     nothing = ao.Scene({"m": ao.RigidMass(1.0), "w": bodies["floor"]}, [ao.Contact("w", "m", law)])
-    assert assemble(nothing, 0.32).lasting == 0.02
+    assert assemble_scene(nothing, 0.32).contact_time_estimate == 0.02
 
 
 @laws

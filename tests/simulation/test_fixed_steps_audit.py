@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.reference import SCENE_STEPS
-from antiosc.simulation.scene import start
+from antiosc.simulation.scene import set_initial_forces
 from audited_scenes import SCENES
 
 Array = NDArray[np.float64]
@@ -44,8 +44,8 @@ class Nodes(NamedTuple):
 def nodes(name: str, method: str) -> Nodes:
     """A run of `STEPS` steps; `free`: indentations (n + 1, m) without what has no mass."""
     scene, duration = SCENES[name]
-    made = assemble(scene(), duration)
-    start(made)
+    made = assemble_scene(scene(), duration)
+    set_initial_forces(made)
     s = made.system
     found = SCENE_STEPS[method](s, made.laws, duration / STEPS).run(duration, 1000, 1000)
     assert found.answer == march.DONE

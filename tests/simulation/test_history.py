@@ -43,7 +43,7 @@ def test_times_are_found_in_their_steps_in_any_unit(seconds):
     run = SimpleNamespace(time=nodes)
     for time, step, since in ((0.0, 0, 0.0), (0.05, 0, 0.05), (0.2, 1, 0.0), (0.7, 1, 0.5)):
         for off in (1.0, 1 - 1e-15, 1 + 1e-15):
-            found = states.located(run, np.array([seconds * time * off]))
+            found = states.locate(run, np.array([seconds * time * off]))
             assert found[0] == [step]
             assert found[1] == pytest.approx(since * seconds, abs=1e-14 * seconds)
 
@@ -107,7 +107,7 @@ def test_states_that_are_not_kept_are_found_from_those_that_are(monkeypatch):
     wanted = motion(whole)
     assert whole.run.every == 1
     monkeypatch.setattr(engine, "STATES", 500)
-    monkeypatch.setattr(states, "AT_ONCE", 50)
+    monkeypatch.setattr(states, "STATES_AT_ONCE", 50)
     monkeypatch.setattr(states, "BLOCK", 20)
     thinned = scene().run(2e-3)
     assert thinned.run.every > 4
@@ -123,7 +123,7 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
     monkeypatch.setattr(process, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(process, "UNNOTICED", 0)
+    monkeypatch.setattr(process, "NEGLIGIBLE", 0)
     monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
         many.run(1e-4)
@@ -135,7 +135,7 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
         raise MemoryError("Unable to allocate 7 GiB")
 
     monkeypatch.setattr(engine, "Buffers", full)
-    monkeypatch.setattr(two_bodies._Workspace, "renew", full)
+    monkeypatch.setattr(two_bodies._Workspace, "reset", full)
     monkeypatch.setattr(engine, "_kept", type(engine._kept)())
     given = case_two(1)[0], ao.RigidMass(1, 1), ao.Linear(1e6)
     calls = {"scene": scene().run, "simulate": partial(ao.simulate, *given)}
@@ -188,7 +188,7 @@ def test_an_impact_of_two_bodies_too(monkeypatch, law):
 
     wanted = numbers()
     monkeypatch.setattr(engine, "STATES", 3000)
-    monkeypatch.setattr(states, "AT_ONCE", 50)
+    monkeypatch.setattr(states, "STATES_AT_ONCE", 50)
     for one, other in zip(numbers(), wanted, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())
 

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import antiosc as ao
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.simulation.assembly import mass_behind
+from antiosc.simulation.assembly import effective_mass
 from antiosc.simulation.march.convergence import difference
 from antiosc.simulation.march.engine import run
 from antiosc.simulation.reference import SCENE_STEPS
@@ -212,7 +212,7 @@ def test_bodies_part_where_the_law_ends():
 def test_the_inertia_behind_a_contact_is_that_of_its_slowest_motions():
     """A rigid mass; one mode; one of each, which add mobilities; nothing that moves: 1 kg."""
     omega = np.array([0.0, 30.0])
-    assert mass_behind(np.array([0.5, 0.0]), omega) == pytest.approx(4.0)
-    assert mass_behind(np.array([0.0, 0.2]), omega) == pytest.approx(25.0)
-    assert mass_behind(np.array([0.5, 0.2]), omega) == pytest.approx(1 / (0.25 + 0.04))
-    assert mass_behind(np.zeros(2), omega) == 1.0
+    assert effective_mass(np.array([0.5, 0.0]), omega) == pytest.approx(4.0)
+    assert effective_mass(np.array([0.0, 0.2]), omega) == pytest.approx(25.0)
+    assert effective_mass(np.array([0.5, 0.2]), omega) == pytest.approx(1 / (0.25 + 0.04))
+    assert effective_mass(np.zeros(2), omega) == 1.0

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.histories.energy import gained
+from antiosc.simulation.histories.energy import energy_gain
 from audited_scenes import SCENES, checked
 from march_audit import Motion, Steps
 
@@ -147,7 +147,7 @@ def test_a_gain_of_energy_is_that_of_the_whole_balance(name: str) -> None:
     energy = ao.SceneHistory(hit.assembly, run, {}, 0, "Completed.").energy
     held = energy.kinetic + energy.strain + energy.contact
     expected = float(np.max(energy.total - energy.total[0]) / held.max())
-    assert gained(hit.assembly, run) == pytest.approx(expected, rel=0.02, abs=2e-4)
+    assert energy_gain(hit.assembly, run) == pytest.approx(expected, rel=0.02, abs=2e-4)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 from antiosc.base import march
 from antiosc.contact import State
-from antiosc.simulation.assembly import assemble
+from antiosc.simulation.assembly import assemble_scene
 from antiosc.simulation.march.convergence import converge
 from antiosc.simulation.march.engine import run
 from scene_cases import bounce, random_scene
@@ -97,17 +97,17 @@ def test_a_run_whose_forces_do_not_settle_is_not_taken_for_converged() -> None:
     law = Unlike()
     bodies = {"wall": ao.Obstacle(), "mass": ao.RigidMass(1.0, 1.0)}
     scene = ao.Scene(bodies, [ao.Contact("wall", "mass", law)])
-    made = assemble(scene, 1e-2)
+    made = assemble_scene(scene, 1e-2)
     law.runs.clear()
-    found = converge(made.system, made.lasting, 1e-2, 1e-3, 100, 10**6)
+    found = converge(made.system, made.contact_time_estimate, 1e-2, 1e-3, 100, 10**6)
     assert found.force > 1e-3
     assert len(law.runs) > 3
 
 
 def test_what_touches_by_rounding_alone_is_no_contact() -> None:
     """A load far from a stop without gap draws the body away from it."""
-    made = assemble(random_scene(1112), 5e-3)
-    found = run(made.system, 5e-3, 1e-3, fine=made.lasting / 200, max_steps=100)
+    made = assemble_scene(random_scene(1112), 5e-3)
+    found = run(made.system, 5e-3, 1e-3, fine=made.contact_time_estimate / 200, max_steps=100)
     assert found.answer == march.TOO_MANY_STEPS
     assert found.touches == 0
 

@@ -63,7 +63,9 @@ def test_a_batch_is_what_simulate_gives_to_the_last_bit(rng, monkeypatch):
     limits = {"max_contacts": 2, "max_steps": 700}
     apart = []
     monkeypatch.setattr(
-        batches, "_alone", lambda *given, real=batches._alone: apart.append(0) or real(*given)
+        batches,
+        "_solve_single",
+        lambda *given, real=batches._solve_single: apart.append(0) or real(*given),
     )
     models, strikers, laws, durations, options = zip(*scenes, strict=True)
     columns = {name: [each[name] for each in options] for name in falling}

@@ -14,11 +14,11 @@ from scipy.integrate import solve_ivp, trapezoid
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import assemble
+from antiosc.simulation.assembly import assemble_scene
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.convergence import converge, difference
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene import start
+from antiosc.simulation.scene import set_initial_forces
 from march_audit import motion
 from march_builds import Stepper, built, doubles, law_at
 from scenes import HERTZ, case_two
@@ -262,10 +262,10 @@ def blow(duration: float) -> tuple[ao.Scene, float]:
 
 
 def test_two_runs_serve_a_smooth_blow() -> None:
-    made = assemble(*blow(1e-3))
-    start(made)
+    made = assemble_scene(*blow(1e-3))
+    set_initial_forces(made)
     tol = 1e-2
-    found = converge(made.system, made.lasting, 1e-3, tol, 100, 10**6)
+    found = converge(made.system, made.contact_time_estimate, 1e-3, tol, 100, 10**6)
     assert found.share == tol / 8  # half, and of this a quarter
     assert max(found.force, found.peak) <= tol
 
@@ -313,10 +313,12 @@ def test_energies_are_those_of_the_modes() -> None:
 def test_the_march_is_a_collocation_of_order_four() -> None:
     """Against a march of fixed steps in NumPy, written for one contact of one spring."""
     model, mass = case_two(9)
-    made = assemble(ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Linear(1e6))]), 1e-4)
-    start(made)
+    made = assemble_scene(
+        ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Linear(1e6))]), 1e-4
+    )
+    set_initial_forces(made)
     s = made.system
-    found = engine.run(s, 1e-4, 1e-7, fine=made.lasting / 200)
+    found = engine.run(s, 1e-4, 1e-7, fine=made.contact_time_estimate / 200)
     errors = []
     for count in (8, 16):
         q, v, f = s.q.copy(), s.v.copy(), 0.0

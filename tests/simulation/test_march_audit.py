@@ -7,10 +7,10 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import assemble
+from antiosc.simulation.assembly import assemble_scene
 from antiosc.simulation.reference_ivp import SceneIVP
-from antiosc.simulation.scene import start
-from antiosc.simulation.states import forces, located
+from antiosc.simulation.scene import set_initial_forces
+from antiosc.simulation.states import forces, locate
 from audited_scenes import SCENES, checked
 
 
@@ -33,9 +33,9 @@ SOLVED = ["HuntCrossley4", "YangSun9", "sticks", "loaded"]
 def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
     """Which shares the bodies with the march, and neither its laws nor its events."""
     (scene, duration), found = SCENES[name], checked(name)
-    made = assemble(scene(), duration)
-    start(made)
-    longest = min(made.lasting, duration) / 4
+    made = assemble_scene(scene(), duration)
+    set_initial_forces(made)
+    longest = min(made.contact_time_estimate, duration) / 4
     other = SceneIVP("DOP853", 1e-7, made.system, made.laws, longest).run(duration, 1000, 10_000)
     assert other.answer == march.DONE
     assert (other.touches, len(other.events)) == (found.run.touches, len(found.run.events))
@@ -43,7 +43,7 @@ def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
     np.testing.assert_allclose(other.events[:, 0], found.run.events[:, 0], rtol=0, atol=at)
     np.testing.assert_array_equal(other.events[:, 1], found.run.events[:, 1])
     times = np.linspace(0, duration, 301)
-    mine, exact = (forces(each, *located(each, times)) for each in (found.run, other))
+    mine, exact = (forces(each, *locate(each, times)) for each in (found.run, other))
     assert np.linalg.norm(mine - exact) < 3e-3 * np.linalg.norm(exact)
     for ours, theirs in zip(found.run.states[-1], other.states[-1], strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=3e-3 * np.abs(theirs).max())

@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import assemble
+from antiosc.simulation.assembly import assemble_scene
 from antiosc.simulation.march.engine import run
 from scenes import HERTZ, hertz_impact, random_model, rigid
 
@@ -109,7 +109,9 @@ class TestGrazingAndFlight:
         for excess, touches in ((1e-9, True), (-1e-9, False)):
             site = ao.SiteModes([w, 37 * w], [[1.0], [1.0]], ["tip"])
             contact = ao.Contact("wall", "body", ao.Hertz(1e9), gap=swing * (1 - excess))
-            made = assemble(ao.Scene({"wall": ao.Obstacle(), "body": site}, [contact]), 100 / w)
+            made = assemble_scene(
+                ao.Scene({"wall": ao.Obstacle(), "body": site}, [contact]), 100 / w
+            )
             made.system.v = np.array([swing * w, 0.0])
             found = run(made.system, 100 / w, 1.0, fine=1e-6, max_contacts=0)
             assert (found.answer == march.TOO_MANY_CONTACTS) == touches

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.base import march
-from antiosc.simulation.assembly import assemble
+from antiosc.simulation.assembly import assemble_scene
 from antiosc.simulation.march import engine
 from antiosc.simulation.march.engine import run
-from antiosc.simulation.states import forces, located
+from antiosc.simulation.states import forces, locate
 from direct import beam, force_error, free_modes, physical
 from march_builds import built
 
@@ -139,12 +139,18 @@ def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> Non
     The steps that events end do not halve: the order is measured over the steps taken, too.
     """
     scene, duration, (t, force) = posed()
-    made = assemble(scene, duration)
+    made = assemble_scene(scene, duration)
     runs = [
-        run(made.system, duration, 1e-3 / 8**i, scale=force.max(), fine=made.lasting / 200)
+        run(
+            made.system,
+            duration,
+            1e-3 / 8**i,
+            scale=force.max(),
+            fine=made.contact_time_estimate / 200,
+        )
         for i in range(5)
     ]
-    errors = [np.linalg.norm(forces(r, *located(r, t))[:, : force.shape[1]] - force) for r in runs]
+    errors = [np.linalg.norm(forces(r, *locate(r, t))[:, : force.shape[1]] - force) for r in runs]
     gained = np.log2(errors[0] / errors[-1])
     assert gained / 4 > 1.7
     assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7
@@ -156,12 +162,12 @@ def test_sweeps_and_newtons_method_agree(
     posed: Callable[[], Posed], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, duration, _ = posed()
-    made = assemble(scene, duration)
+    made = assemble_scene(scene, duration)
     runs = []
     for library in (built(), built("SWEEPS=0")):
         monkeypatch.setattr(march, "library", library)
         monkeypatch.setattr(engine, "_kept", [])
-        runs.append(run(made.system, duration / 2, 1e-3, fine=made.lasting / 200))
+        runs.append(run(made.system, duration / 2, 1e-3, fine=made.contact_time_estimate / 200))
     a, b = runs
     assert a.touches > 0
     assert a.time.size == b.time.size

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import antiosc as ao
 from antiosc.simulation.march.stability import clear_step, growth_rate, margin
 from antiosc.simulation.march.system import System
-from antiosc.simulation.reference import SCENE_STEPS, Acting, Step
+from antiosc.simulation.reference import SCENE_STEPS, Step, StepLoads
 
 # a heavy mass on a soft structure whose light residual mass has its mode far above the others
 MODEL = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
@@ -158,7 +158,7 @@ def test_average_acceleration_and_midpoint_have_no_windows(method, r, monkeypatc
                 q, v = unit[:n], unit[n:] / h
                 force = beta @ q / (1 / k + r)
                 begin = Step(q, v, force, beta @ q - r * force, beta @ v, still)
-                end = integrator.advance(begin, Acting(nothing[0], nothing[0], still), h)
+                end = integrator.advance(begin, StepLoads(nothing[0], nothing[0], still), h)
                 columns.append(np.concatenate((end.q, end.v * h)))
             assert np.abs(np.linalg.eigvals(np.array(columns).T)).max() <= 1 + 1e-6
 

@@ -12,7 +12,12 @@ import pytest
 import antiosc as ao
 from antiosc.base import march
 from antiosc.simulation import reference, truncation
-from antiosc.simulation.error_budget import SAFETY_BEAM, Repeated, _changed, model_errors
+from antiosc.simulation.error_budget import (
+    SAFETY_BEAM,
+    RepeatedImpact,
+    _softer_and_stiffer,
+    model_errors,
+)
 from antiosc.simulation.march.engine import Run
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
@@ -25,7 +30,9 @@ def test_the_share_of_the_family_is_the_larger_change() -> None:
     model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3], info={
         "model": {"omega": 4e3, "clamps": 0.0, "compliance": 1e-8}})  # fmt: skip
     answers = iter([run(9.0, 1.0), run(10.5, 0.7)])
-    shares, notes = model_errors(Repeated(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5))
+    shares, notes = model_errors(
+        RepeatedImpact(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5)
+    )
     expected = {"peak_force": max(0.1, 0.15), "impulse": 0.3, "contact_time": 0.15}
     assert shares == {name: pytest.approx(SAFETY_BEAM * value) for name, value in expected.items()}
     assert notes == []
@@ -96,7 +103,7 @@ def test_models_are_changed_as_much_as_families_differ() -> None:
     """Up to 6 % of frequency and 60 % of shape at a limit, 5 % at clamps, 0.8 of a compliance."""
     facts = {"omega": 4e3, "clamps": 1.0, "compliance": 2e-8}
     own = MODEL.modal()
-    softer, stiffer = _changed(MODEL, facts)
+    softer, stiffer = _softer_and_stiffer(MODEL, facts)
     x = np.minimum(own.omega / 4e3, 1.0)
     assert 0 < x.min() < x.max() == 1
     for body, sign, r in ((softer, 1, 1.6e-8), (stiffer, -1, 0.0)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.truncation import _lacking, left_out
+from antiosc.simulation.truncation import _stiffness_deficit, truncation_share
 
 BALL = ao.RigidMass(0.05, 1.0)
 LAW = ao.Hertz(1e9)
@@ -32,7 +32,7 @@ def test_a_contact_that_is_too_short_for_the_model_is_told():
         hit = ao.simulate(few, BALL, LAW, 4e-3)
     assert "8 anti-oscillators" in hit.summary()
     wrong = abs(hit.peak_force / truth.peak_force - 1)
-    assert 0.1 < wrong < left_out(few, hit.assembly)
+    assert 0.1 < wrong < truncation_share(few, hit.assembly)
 
 
 def test_the_softer_extreme_is_the_gauss_rule():
@@ -46,7 +46,7 @@ def test_the_softer_extreme_is_the_gauss_rule():
     soft = ao.AntiOscillators(0.0, model.k0, masses, omega)
     s = model.omega[-1] * np.array([0.5, 1 + 2j, 3 + 9j])
     Z, softer = (one.dynamic_stiffness(-1j * s) for one in (model, soft))
-    assert _lacking(model, s) == pytest.approx(Z - softer, rel=1e-6)
+    assert _stiffness_deficit(model, s) == pytest.approx(Z - softer, rel=1e-6)
 
 
 @pytest.mark.filterwarnings("always")

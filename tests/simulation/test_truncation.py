@@ -11,7 +11,7 @@ import pytest
 import antiosc as ao
 from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from antiosc.simulation import truncation
-from antiosc.simulation.truncation import ENOUGH, choose_n, left_out, truncation_error
+from antiosc.simulation.truncation import WARN_SHARE, choose_n, truncation_error, truncation_share
 from scenes import BEAM, HERTZ, case_two
 
 QUANTITIES = ("peak_force", "impulse", "contact_time")
@@ -64,7 +64,7 @@ def compare_krylov(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     striker = ao.RigidMass(whole.m_st * 10 ** rng.uniform(-2, 1), 10 ** rng.uniform(-2, 1))
     run = struck(striker, ao.Hertz(10 ** rng.uniform(7, 10)), 2.5 * np.pi / whole.omega[0])
     hits = [run(model, 1e-4) for model in (short, whole)]
-    if left_out(short, hits[0].assembly) > ENOUGH:  # told by a warning
+    if truncation_share(short, hits[0].assembly) > WARN_SHARE:  # told by a warning
         return compare_krylov(rng)
     estimate = truncation_error(short, run)
     true = [abs(getattr(hits[0], q) / getattr(hits[1], q) - 1) for q in QUANTITIES]
@@ -184,7 +184,7 @@ def test_the_hung_model_moves_as_a_whole():
     """A free beam: its mass, its momentum, and the frequency that its residual mass hangs on."""
     model = free_free(BEAM, 0.3).anti_oscillators(4)
     for omega in (None, 9e4):
-        hung = truncation.softest(model, omega)
+        hung = truncation.softest_model(model, omega)
         last = 2 * model.omega[-1] - model.omega[-2] if omega is None else omega
         assert (hung.m0, hung.n, hung.omega[-1]) == (0, 5, pytest.approx(last))
         assert hung.m[-1] == pytest.approx(model.m0)
@@ -193,7 +193,7 @@ def test_the_hung_model_moves_as_a_whole():
         for motion in (ao.Motion((0, 2.0, 0)), ao.Motion(spin=(0, 0, 3.0))):
             start = [body.modal().rigid_motion(motion) for body in (model, hung)]
             assert start[1] @ start[1] == pytest.approx(start[0] @ start[0], rel=1e-9)
-    bare = truncation.softest(ao.AntiOscillators(m0=0.0, k0=1.0, m=[1, 2.0], omega=[1, 2.0]))
+    bare = truncation.softest_model(ao.AntiOscillators(m0=0.0, k0=1.0, m=[1, 2.0], omega=[1, 2.0]))
     assert (bare.n, bare.m0) == (1, 2.0)
 
 
@@ -203,7 +203,7 @@ def test_the_hung_model_keeps_the_dampers():
         m0=0.0, k0=1e6, m=[0.2, 0.1, 0.05], omega=[3e3, 9e3, 2e4],
         damping=ao.DampingMatrix(np.diag([0.0, 30.0, 20.0, 0.0]) + 10.0 * np.diag([1, 1, 1, 0])),
     )  # fmt: skip
-    again = truncation.softest(full.truncated(2), full.omega[2])
+    again = truncation.softest_model(full.truncated(2), full.omega[2])
     np.testing.assert_allclose(again.damping.matrix, full.damping.matrix, atol=1e-12)
     n, k = 30, 4e6
     K = 2 * k * np.eye(n) - k * np.eye(n, k=1) - k * np.eye(n, k=-1)

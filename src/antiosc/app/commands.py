@@ -23,7 +23,7 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
 from antiosc.base.texts import engineering
-from antiosc.simulation.reference import FIRST
+from antiosc.simulation.reference import FIRST_STEPS
 from antiosc.simulation.scene import DEFAULT_TOL
 from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.studies.drops.body import MODES
@@ -220,7 +220,7 @@ def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
     rows.append(("band of the impact", f"up to {engineering(band / (2 * pi), 'Hz')}"))
     if "strike" not in scene.document.data:
-        step = asked.get("step", time / FIRST)
+        step = asked.get("step", time / FIRST_STEPS)
         tol = asked.get("tol", DEFAULT_TOL)
         how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
         rows.append(("step", f"{engineering(step, 's')}, {how}"))

@@ -44,7 +44,7 @@ UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
     """Write the FMU of a run for version 2 or 3 of the standard."""
     name = identifier(path.stem)
-    with files.complete(path, "the FMU") as part, zipfile.ZipFile(part, "w") as archive:
+    with files.atomic_file(path, "the FMU") as part, zipfile.ZipFile(part, "w") as archive:
         _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
         _add(archive, "resources/model.aom", model_file(data))
         for platform, library in binaries().items():

@@ -190,7 +190,7 @@ def _mapped(name: str) -> str:
 
 def _threads() -> str:
     count = f"{process.cores()} cores"
-    chosen = process.chosen()
+    chosen = process.user_threads()
     if chosen:
         variable, number = chosen
         return f"{number} ({variable}), {count}"

@@ -19,14 +19,14 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.base.texts import engineering, percent, place, with_bar
+from antiosc.base.texts import engineering, percent, point_text, with_bar
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
-from antiosc.models.body import LinearBody, info_of, places_of
+from antiosc.models.body import LinearBody, info_of, site_points
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
-from antiosc.simulation.truncation import softest
+from antiosc.simulation.truncation import softest_model
 from antiosc.studies.map_results import ImpactMap, hardest, trusted
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
     model, variants = hit.model, {}
     moving = hit.assembly.bodies["structure"].start.any()
     if shares and not moving and getattr(model, "strain_error", None) is not None:
-        bodies = {"mesh": model.corrected(), "truncation": softest(model)}
+        bodies = {"mesh": model.corrected(), "truncation": softest_model(model)}
         variants = {cause: modal_data(one.modal(), local=local) for cause, one in bodies.items()}
     return {"shares": shares, "variants": variants}
 
@@ -274,7 +274,7 @@ def headline_of_map(found: ImpactMap) -> Headline:
             ends = (float(end(getattr(found, name)[own])) for end in (np.nanmin, np.nanmax))
             text = " to ".join(engineering(each, unit) for each in ends)
             numbers.append((name.replace("_", " "), text))
-        where = place(found.points[worst_site])
+        where = point_text(found.points[worst_site])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
         if found.doubtful.any():
             sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of these.")
@@ -296,8 +296,8 @@ def _most_dangerous(found: ImpactMap) -> str:
     share = found.exposure
     i = hardest(found, of=found.peak_stress if share is None else share)
     text = (
-        f"A blow at {place(found.points[i])} stresses the part most:"
-        f" {engineering(found.peak_stress[i], 'Pa')} at {place(found.stress_points[i])}"
+        f"A blow at {point_text(found.points[i])} stresses the part most:"
+        f" {engineering(found.peak_stress[i], 'Pa')} at {point_text(found.stress_points[i])}"
     )
     if share is None:
         return f"{text}; the material has no yield_strength to compare it with."
@@ -308,8 +308,8 @@ def _most_dangerous(found: ImpactMap) -> str:
 
 def _struck(hit: History, structure: Structure | None) -> str:
     part = "a model" if structure is None else _named(structure.describe())
-    places = list(places_of(hit.model).values())
-    where = f" at {place(places[0])}" if len(places) == 1 else ""
+    places = list(site_points(hit.model).values())
+    where = f" at {point_text(places[0])}" if len(places) == 1 else ""
     return f"{_body(hit.impactor)} strikes {part}{where}."
 
 
@@ -341,8 +341,8 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     if not fields and worst is not None:
         value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
         sentences.append(
-            f"The largest von Mises stress is about {value} at {place(worst['place'])}, {time};"
-            " the material has no yield_strength to compare it with."
+            f"The largest von Mises stress is about {value} at {point_text(worst['place'])},"
+            f" {time}; the material has no yield_strength to compare it with."
         )
     return sentences
 
@@ -417,7 +417,7 @@ def caption(data: Data) -> str:
 
 def _striker_place(hit: History, own: Data) -> Data | None:
     """The place of the striker in the picture; None for a site without coordinates."""
-    points, direction = list(places_of(hit.model).values()), info_of(hit.model).direction
+    points, direction = list(site_points(hit.model).values()), info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None
     radius, mass = own["radius"], own["mass"]

@@ -31,14 +31,14 @@ from antiosc.base.charts import (
     save_figure,
 )
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import engineering, percent, place as placed, prefixed, span
+from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import info_of, places_of
+from antiosc.models.body import info_of, site_points
 from antiosc.results.pictures import MAP_QUANTITIES, plot_deformed, plot_map
 from antiosc.simulation.bodies import GRAVITY
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import QUANTITIES
-from antiosc.simulation.histories.results import covers
+from antiosc.simulation.histories.results import error_scope
 from antiosc.studies.advice import advise
 from antiosc.studies.map_results import hardest, trusted
 
@@ -279,7 +279,7 @@ def _model(found: Results) -> Presentation:
         shown.text = [*shown.text, format_rows(rows)]
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
         own = {name: getattr(model, name, None) for name in names}
-        shown.numbers["model"] = own | {"points": places_of(model)}
+        shown.numbers["model"] = own | {"points": site_points(model)}
         shown.plotted["model"] = model
         blocks.append(rows)
         if np.ndim(model.k0) == 0:
@@ -321,7 +321,7 @@ def advice_of(found: Results) -> Rows:
 
 def _model_rows(model: AntiOscillators) -> Rows:
     """The parameters of the reduced model."""
-    rows = [(f"site {name}".rstrip(), placed(point)) for name, point in places_of(model).items()]
+    rows = [(f"site {name}".rstrip(), placed(point)) for name, point in site_points(model).items()]
     several = bool(np.ndim(model.k0))
     if several:
         rows.append(("sites", ", ".join(model.sites)))
@@ -389,7 +389,7 @@ def _facts(hit: History) -> Block:
 def _errors(hit: History) -> list[Block]:
     budget = error_budget(hit)
     rows = [(f"time integration: {name}", percent(value)) for name, value in hit.error.items()]
-    rows.append(("these errors cover", covers(hit)))
+    rows.append(("these errors cover", error_scope(hit)))
     rows.append(("energy drift over the run, of the energy", percent(hit.energy.drift)))
     if not budget:
         return [rows]
@@ -478,7 +478,7 @@ def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
 
 def _struck(model: AntiOscillators) -> Columns:
     """Point and direction of the one site, for the arrow of the impact, if known in space."""
-    points, direction = list(places_of(model).values()), info_of(model).direction
+    points, direction = list(site_points(model).values()), info_of(model).direction
     known = len(points) == 1 and len(points[0]) == 3 and direction is not None
     return {"point": points[0], "direction": direction} if known else {}
 
@@ -668,7 +668,7 @@ def _map(results: Results) -> Presentation:
         known = values[trusted(found)]
         known = known[np.isfinite(known)]
         if known.size:
-            rows.append((_words(name), span(known.min(), known.max(), units.get(name, ""))))
+            rows.append((_words(name), range_text(known.min(), known.max(), units.get(name, ""))))
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:

@@ -15,13 +15,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
-from antiosc.simulation.assembly import Assembly, assemble
-from antiosc.simulation.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, place
-from antiosc.simulation.histories.energy import gained
-from antiosc.simulation.histories.results import inexact, touching
+from antiosc.simulation.assembly import Assembly, assemble_scene
+from antiosc.simulation.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
+from antiosc.simulation.histories.energy import energy_gain
+from antiosc.simulation.histories.results import inexact_message, open_contacts
 from antiosc.simulation.march.convergence import FINE
 from antiosc.simulation.march.system import Given, System
-from antiosc.simulation.scene import exactly, start
+from antiosc.simulation.scene import integrate_exact, set_initial_forces
 from antiosc.simulation.scene_parts import SceneParts
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
@@ -145,7 +145,7 @@ class RunData:
 
 def of_model(model: LinearBody) -> RunData:
     """A model alone: forces on its sites, their motions."""
-    body = place("model", model, None)
+    body = scene_body("model", model, None)
     _refuse_coupled({"model": body})
     if isinstance(model, Obstacle) or not body.B.size:
         raise InputError("an obstacle, or a model without a site, has no motion to export.")
@@ -168,14 +168,14 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    first = CONTACT_TIMES * assemble(scene, 1.0).lasting
+    first = CONTACT_TIMES * assemble_scene(scene, 1.0).contact_time_estimate
     spans = [first * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
-        assembly = assemble(scene, span)
+        assembly = assemble_scene(scene, span)
         _refuse_coupled(assembly.bodies)
-        start(assembly)
-        found, _ = exactly(assembly, span, tol, None, *_MAX)
-        if not plain or not touching(found.run, assembly.system):  # scenes may come to rest
+        set_initial_forces(assembly)
+        found, _ = integrate_exact(assembly, span, tol, None, *_MAX)
+        if not plain or not open_contacts(found.run, assembly.system):  # scenes may come to rest
             break
     else:
         warn(
@@ -183,7 +183,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
             " chosen and its table printed; give a longer duration=.",
             AccuracyWarning,
         )
-    if message := inexact(found, tol, _MAX[1], lambda: gained(assembly, found.run)):
+    if message := inexact_message(found, tol, _MAX[1], lambda: energy_gain(assembly, found.run)):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, plain)
     shift = assembly.pushes(assembly.system.breaks) @ assembly.r
@@ -192,7 +192,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     sites, site_variables = _site_outputs(names)
     parameters, starts = _initial_speeds(assembly, plain)
     span = float(span)  # its repr is that of C
-    options = (LONGEST_RUN * span, found.share, 0.0, 0.0, assembly.lasting / FINE)
+    options = (LONGEST_RUN * span, found.share, 0.0, 0.0, assembly.contact_time_estimate / FINE)
     return RunData(
         assembly.system, options, span, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
         shift[:, columns].copy(), np.concatenate((contacts, sites)),

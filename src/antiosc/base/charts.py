@@ -60,7 +60,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object)
         raise InputError(
             f"a picture's name ends with one of .{', .'.join(sorted(known))}; got {path!s}."
         )
-    with files.complete(path, "the picture") as part:
+    with files.atomic_file(path, "the picture") as part:
         render(figure, part, **options)
 
 
@@ -76,7 +76,7 @@ def render(figure: Figure, target: object, **options: object) -> None:
         raise InputError(f"the picture cannot be drawn ({said}): {remedy}.") from error
 
 
-def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
+def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The figure, or the path of the file that it was written to."""
     if path is None:
         return figure
@@ -98,7 +98,7 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
 
 
 def _let_notebook_draw() -> None:
-    """A notebook learns how to draw figures after the first cell with pyplot: not in that cell."""
+    """Let a notebook draw figures in the first cell with pyplot, too."""
     with contextlib.suppress(ImportError, AttributeError):  # no notebook, or a strange one
         shell = importlib.import_module("IPython").get_ipython()
         if _matplotlib("figure").Figure not in shell.display_formatter.formatters["image/png"]:
@@ -170,21 +170,18 @@ def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D
 
 def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
     """InputError unless `one` has every attribute of the protocol `kind`."""
-    needed = [attribute for attribute in vars(kind) if not attribute.startswith("_")]
-    if isinstance(one, type) or not all(_has(one, attribute) for attribute in needed):
+    try:
+        for attribute in vars(kind):
+            if not attribute.startswith("_"):
+                getattr(one, attribute)
+        fits = not isinstance(one, type)
+    except AttributeError as error:
+        if isinstance(error, InputError):  # a history of several contacts says why
+            raise
+        fits = False
+    if not fits:
         given = "" if one is None else f"{type(one).__name__} "
         raise InputError(f"{name} must be {noun}; got {given}{checks.shown(one)}.")
-
-
-def _has(one: object, attribute: str) -> bool:
-    """`hasattr`; an InputError that tells why, as of a history of several contacts, is raised."""
-    try:
-        getattr(one, attribute)
-    except InputError:
-        raise
-    except AttributeError:
-        return False
-    return True
 
 
 def widths(named: Mapping[str, object]) -> Array:
@@ -192,7 +189,7 @@ def widths(named: Mapping[str, object]) -> Array:
     return np.linspace(2.6, 1.0, len(named)) if len(named) > 1 else np.array([1.5])
 
 
-def with_room(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
+def padded_range(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
     """The range of `values` with these shares of it below and above."""
     low, high = float(np.min(values)), float(np.max(values))
     size = (high - low) or max(abs(high), 1.0)
@@ -207,7 +204,7 @@ def legend(ax: Axes) -> Axes:
 
 
 #: Share of the impulse after the end of the time axis: weak contacts long afterwards.
-LATE = 0.01
+LATE_IMPULSE = 0.01
 #: Number of contacts from which a running mean of the force is drawn over the pulses.
 MANY_CONTACTS = 7
 #: Number of contacts up to which the pulses below that mean can be told apart: drawn darker.
@@ -220,7 +217,7 @@ LEGEND_ROW = 0.08
 VISIBLE = 0.005
 
 
-class Recorded(Protocol):
+class HistoryLike(Protocol):
     """What the charts of a history read; a `History` has it."""
 
     @property
@@ -245,13 +242,13 @@ class Recorded(Protocol):
     def cumulative_impulse(self) -> Array: ...
 
 
-def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
+def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
     """Contact force over time, of one history or of several by name; the largest is marked.
 
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
     peak of 0.5 % or more is drawn as a band; a history of many contacts has a running mean.
     """
-    named = by_name(hits, Recorded, "History")
+    named = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
     spans = [_contact_span(hit) for hit in named.values()]
     start, end = min(s for s, _ in spans), max(e for _, e in spans)
@@ -268,7 +265,7 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
             time, force = running_mean(hit.time, hit.force, window)
             text = f"{name}, {mean}" if name else mean
             ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
-        error = _force_error(hit)
+        error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
         if error >= VISIBLE:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
@@ -282,7 +279,7 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
     ax.set_xlim(factor * (start - room), factor * (end + room))
     means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in named.values())
     above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
-    ax.set_ylim(*with_room([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
+    ax.set_ylim(*padded_range([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
     if len(named) == 1:
         _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end), factor)
     ax.set_xlabel(f"time ({unit})")
@@ -290,13 +287,13 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
     return legend(ax)
 
 
-def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
+def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
     """Displacements of the site and, dashed, of what strikes it over time; contacts are shaded.
 
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
     covers the motion of the site, that of the other body during contact, and a stop at rest.
     """
-    named = by_name(hits, Recorded, "History")
+    named = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
     factor, unit = prefixed(max(float(hit.time[-1]) for hit in named.values()), "s")
     besides = [hit.displacement + hit.indentation for hit in named.values()]
@@ -318,16 +315,16 @@ def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None)
             ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
     if all(named):
         ax.set_title("dashed: what strikes", loc="right", fontsize="small")
-    ax.set_ylim(*with_room(long * shown, 0.08, 0.08))
+    ax.set_ylim(*padded_range(long * shown, 0.08, 0.08))
     ends = [factor * hit.time[-1] for hit in named.values()]
-    ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
+    ax.set_xlim(*padded_range([0.0, *ends], 0.02, 0.02))
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel(f"displacement ({length})")
     return legend(ax)
 
 
 def plot_history(
-    hits: Recorded | Mapping[str, Recorded], path: str | os.PathLike[str] | None = None
+    hits: HistoryLike | Mapping[str, HistoryLike], path: str | os.PathLike[str] | None = None
 ) -> Figure | Path:
     """The force during contact, and below it the motions over the whole run.
 
@@ -341,11 +338,11 @@ def plot_history(
     -------
     matplotlib Figure, or `path` where it was given.
     """
-    named = by_name(hits, Recorded, "History")
+    named = by_name(hits, HistoryLike, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     plot_force(named, axes[0, 0])
     plot_motion(named, axes[1, 0])
-    return finished(figure, path)
+    return figure_or_path(figure, path)
 
 
 def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Array, Array]:
@@ -366,28 +363,23 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
     return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
 
 
-def _names(hit: Recorded) -> tuple[str, str]:
+def _names(hit: HistoryLike) -> tuple[str, str]:
     """The names of the bodies at both ends of the contact."""
     contacts = getattr(hit, "contact_histories", ())
     own, other = contacts[0].ends if contacts else ("structure", "impactor")
     return f"{own}, at the site", str(other)
 
 
-def _contact_span(hit: Recorded) -> tuple[float, float]:
-    """First touch, and the release after which less than LATE of the impulse remains [s]."""
+def _contact_span(hit: HistoryLike) -> tuple[float, float]:
+    """First touch and the release after which less than LATE_IMPULSE of the impulse remains [s]."""
     contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
     if not contacts.size or given[-1] <= 0:
         return float(hit.time[0]), float(hit.time[-1])
     so_far = np.interp(contacts[:, 1], hit.time, given) / given[-1]
-    return float(contacts[0, 0]), float(contacts[int(np.argmax(so_far >= 1 - LATE)), 1])
+    return float(contacts[0, 0]), float(contacts[int(np.argmax(so_far >= 1 - LATE_IMPULSE)), 1])
 
 
-def _force_error(hit: Recorded) -> float:
-    """Estimated relative error of the peak force, of steps and truncation."""
-    return sum(hit.error.get(key, 0.0) for key in ("peak", "truncation peak_force"))
-
-
-def _mark_peak(ax: Axes, hit: Recorded, middle: float, factor: float) -> None:
+def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None:
     """Write the largest force beside its mark, on the side with more space."""
     if hit.peak_force <= 0:
         return
@@ -405,7 +397,7 @@ POINTS_BETWEEN, MOST_POINTS = 160, 20_000
 LOWEST = 0.2
 
 
-class Reduced(Protocol):
+class ModelLike(Protocol):
     """What the charts of a model read; an `AntiOscillators` has it."""
 
     @property
@@ -420,7 +412,7 @@ class Reduced(Protocol):
 
 
 def plot_dynamic_stiffness(
-    models: Reduced | Mapping[str, Reduced],
+    models: ModelLike | Mapping[str, ModelLike],
     omega: ArrayLike,
     ax: Axes | None = None,
 ) -> Axes:
@@ -429,7 +421,7 @@ def plot_dynamic_stiffness(
     `omega` [rad/s], (n,). Of several sites one curve for each entry of the matrix on and above its
     diagonal.
     """
-    named = by_name(models, Reduced, "AntiOscillators")
+    named = by_name(models, ModelLike, "AntiOscillators")
     ax = axes_or_new(ax)
     w = checks.array("omega", omega, (None,))
     for (name, model), width in zip(named.items(), widths(named), strict=True):
@@ -441,7 +433,7 @@ def plot_dynamic_stiffness(
     return legend(ax)
 
 
-def _entries(model: Reduced, omega: Array) -> list[tuple[str, Array]]:
+def _entries(model: ModelLike, omega: Array) -> list[tuple[str, Array]]:
     """Names and absolute values (n,) of the entries of Z on and above the diagonal."""
     Z, names = np.abs(model.dynamic_stiffness(omega)), model.labels
     if Z.ndim == 1:
@@ -453,7 +445,7 @@ def _entries(model: Reduced, omega: Array) -> list[tuple[str, Array]]:
     ]
 
 
-def plot_masses(model: Reduced, ax: Axes | None = None) -> Axes:
+def plot_masses(model: ModelLike, ax: Axes | None = None) -> Axes:
     """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8.
 
     Of several sites it is the mean share of all of them (`AntiOscillators.mass_shares`).
@@ -471,7 +463,7 @@ def plot_masses(model: Reduced, ax: Axes | None = None) -> Axes:
     return legend(ax)
 
 
-def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> Figure | Path:
     """|Z| to above the last antiresonance, and below it the masses of the anti-oscillators.
 
     `path` and the result as for `plot_history`. InputError for a model without anti-oscillators.
@@ -488,11 +480,11 @@ def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Fi
     axes[0, 0].set(xscale="log", xlim=(omega[0] / (2 * np.pi), omega[-1] / (2 * np.pi)))
     few_log_ticks(axes[0, 0])
     plot_masses(model, axes[1, 0])
-    return finished(figure, path)
+    return figure_or_path(figure, path)
 
 
-def _with_anti_oscillators(model: Reduced) -> None:
-    check_drawn("model", model, Reduced, "AntiOscillators")
+def _with_anti_oscillators(model: ModelLike) -> None:
+    check_drawn("model", model, ModelLike, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.process import within_memory
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -52,10 +52,10 @@ def number(name: str, value: object, unit: str = "") -> float:
     result = value if type(value) is float else _as_float(name, value, unit)
     if not (SMALLEST <= abs(result) <= LARGEST or result == 0.0):
         if not isfinite(result):
-            raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
+            raise InputError(f"{name} must be finite{_unit_text(unit)}; got {shown(value)}.")
         raise InputError(
-            f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude{_in(unit)}; "
-            f"got {result:g}."
+            f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude"
+            f"{_unit_text(unit)}; got {result:g}."
         )
     return result
 
@@ -65,7 +65,7 @@ def _as_float(name: str, value: object, unit: str) -> float:
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
     if isinstance(value, _TRUTH) or not isinstance(value, Real):
-        raise InputError(f"{name} must be a number{_in(unit)}; got {shown(value)}.")
+        raise InputError(f"{name} must be a number{_unit_text(unit)}; got {shown(value)}.")
     try:
         return float(value)
     except (ValueError, OverflowError):
@@ -76,7 +76,7 @@ def positive(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float > 0, or InputError."""
     result = number(name, value, unit)
     if result <= 0:
-        raise InputError(f"{name} must be > 0{_in(unit)}; got {result:g}.")
+        raise InputError(f"{name} must be > 0{_unit_text(unit)}; got {result:g}.")
     return result
 
 
@@ -84,7 +84,7 @@ def nonnegative(name: str, value: object, unit: str = "") -> float:
     """`value` as a finite float >= 0, or InputError."""
     result = number(name, value, unit)
     if result < 0:
-        raise InputError(f"{name} must be >= 0{_in(unit)}; got {result:g}.")
+        raise InputError(f"{name} must be >= 0{_unit_text(unit)}; got {result:g}.")
     return result
 
 
@@ -104,14 +104,14 @@ def whole(name: str, value: object, least: int = 1, most: int = LARGEST_WHOLE) -
     return result
 
 
-def endless(value: object) -> bool:
+def is_infinite(value: object) -> bool:
     """Whether `value` is +inf or -inf, which a radius may be (a plane)."""
     return isinstance(value, float | np.floating) and bool(np.isinf(value))
 
 
-def rigid(value: object) -> bool:
+def is_rigid(value: object) -> bool:
     """Whether `value` is +inf, which a modulus or a stiffness may be (rigid); -inf is not."""
-    return endless(value) and value == inf
+    return is_infinite(value) and value == inf
 
 
 def poisson(value: object, name: str = "nu") -> float:
@@ -139,7 +139,7 @@ def tolerance(value: object, name: str = "tol") -> float:
 def array(name: str, value: object, shape: tuple[int | None, ...] | None) -> Array:
     """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
 
-    An array of floats is returned without a copy; use `kept` to store it.
+    An array of floats is returned without a copy; use `read_only` to store it.
     """
     if type(value) is np.ndarray and value.dtype == np.float64:
         result = value
@@ -160,7 +160,7 @@ def array(name: str, value: object, shape: tuple[int | None, ...] | None) -> Arr
     return result
 
 
-def filled(name: str, value: object) -> Array:
+def nonempty(name: str, value: object) -> Array:
     """A sequence of one number or more as an array (n,), or InputError."""
     result = array(name, value, (None,))
     if not result.size:
@@ -175,7 +175,7 @@ def positives(name: str, value: object, unit: str = "") -> Array:
         worst = int(np.argmin(result))
         raise InputError(
             f"every {name} must be > 0; {name}[{worst}] = {result[worst]:g} is below"
-            f" {SMALLEST:g}{_in(unit)}."
+            f" {SMALLEST:g}{_unit_text(unit)}."
         )
     return result
 
@@ -201,19 +201,21 @@ def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
     """`value` as 2 or 3 floats, or InputError."""
     result = array(name, value, None)
     if result.shape not in ((2,), (3,)):
-        raise InputError(f"{name} must be 2 or 3 numbers{_in(unit)}; got {shown(value)}.")
+        raise InputError(f"{name} must be 2 or 3 numbers{_unit_text(unit)}; got {shown(value)}.")
     return tuple(result.tolist())
 
 
-def in_units(matrix: Array, scale: Array) -> tuple[Array, float]:
-    """`matrix` (n, n) over the scales (n,) of its rows and columns, made symmetric, and by how much
-    it was not: the largest difference of two entries. A scale of 0 counts as 1."""
+def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
+    """Symmetric part of `matrix` (n, n) over the scales (n,) of its rows and columns.
+
+    The second result is its asymmetry, the largest difference of two entries; a scale of 0 is 1.
+    """
     scale = np.where(scale > 0, scale, 1.0)
     unit = matrix / scale[:, None] / scale
     return (unit + unit.T) / 2, float(np.abs(unit - unit.T).max(initial=0.0))
 
 
-def broadcast(*values: NDArray[np.generic]) -> bool:
+def can_broadcast(*values: NDArray[np.generic]) -> bool:
     """Whether NumPy can combine the arrays entry by entry."""
     try:
         np.broadcast_shapes(*(one.shape for one in values))
@@ -222,7 +224,7 @@ def broadcast(*values: NDArray[np.generic]) -> bool:
     return True
 
 
-def kept(values: NDArray[S]) -> NDArray[S]:
+def read_only(values: NDArray[S]) -> NDArray[S]:
     """A read-only copy: later changes of the caller's array do not reach what is stored."""
     own = np.array(values)
     own.setflags(write=False)
@@ -296,7 +298,7 @@ def instance(name: str, value: object, kind: type | tuple[type, ...], what: str)
     return value
 
 
-def several(name: str, value: object, kind: type[C] | tuple[type[C], ...], what: str) -> list[C]:
+def list_of(name: str, value: object, kind: type[C] | tuple[type[C], ...], what: str) -> list[C]:
     """One object of `kind`, or a sequence of them, as a list, or InputError."""
     items = [value] if isinstance(value, kind) else value
     if not isinstance(items, Sequence) or isinstance(items, str):
@@ -353,7 +355,7 @@ def shown(value: object) -> str:
     return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
 
 
-def in_words(point: Iterable[float]) -> str:
+def point_text(point: Iterable[float]) -> str:
     """A point (n,) [m] in a message."""
     rounding = 1e-9 * max(map(abs, point), default=0.0)
     return "(" + ", ".join(f"{c if abs(c) > rounding else 0.0:.6g}" for c in point) + ") m"
@@ -365,7 +367,7 @@ def in_words(point: Iterable[float]) -> str:
 def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
     meant = "an array of numbers" if "c" in kinds else "an array of real numbers"
-    if _foreign(value):
+    if _holds_non_numbers(value):
         raise InputError(f"{name} must be {meant}; got {shown(value)}.")
     try:
         result = np.asarray(value)
@@ -376,10 +378,10 @@ def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     return result
 
 
-def _foreign(value: object) -> bool:
+def _holds_non_numbers(value: object) -> bool:
     """Whether NumPy would convert an entry that is not a number into a number."""
     if isinstance(value, list | tuple):
-        return any(_foreign(entry) for entry in value)
+        return any(_holds_non_numbers(entry) for entry in value)
     return _masked(value) or isinstance(value, (*_TRUTH, str, bytes))
 
 
@@ -396,7 +398,7 @@ def _check_shape(name: str, value: NDArray[np.generic], shape: tuple[int | None,
         raise InputError(f"{name} must have shape {wanted}; got {value.shape}.")
 
 
-def _in(unit: str) -> str:
+def _unit_text(unit: str) -> str:
     return f" (in {unit})" if unit else ""
 
 
@@ -409,7 +411,7 @@ def checked_by(check: Callable[..., object], *others: object) -> Mapping[str, Ch
     return {"check": lambda name, value: check(name, value, *others)}
 
 
-class Checked(Given):
+class Checked(FieldsRepr):
     """Base of frozen dataclasses whose fields say by which function they are checked.
 
     A field with the default None may be None.

@@ -1,8 +1,8 @@
 """The errors antiosc raises: one sentence with the number, the rule and the remedy.
 
-Wrong calls of public names raise them too (`checked`), because Python's own TypeError names no
-argument that is meant. The arguments are compared with the signature only after a call has failed,
-so that sound calls cost nothing.
+Wrong calls of public names raise them too (`with_call_errors`), because Python's own TypeError
+names no argument that is meant. The arguments are compared with the signature only after a call has
+failed, so that sound calls cost nothing.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ class AccuracyWarning(AntioscWarning):
 
 
 #: what takes antiosc's warnings of this thread; None: Python's own filters
-_taker: ContextVar[Callable[[str], None] | None] = ContextVar("antiosc_warnings", default=None)
+_receiver: ContextVar[Callable[[str], None] | None] = ContextVar("antiosc_warnings", default=None)
 
 
 def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
     """Warn at the line of the caller's own code, however deep in the library this is called."""
-    taker = _taker.get()
+    taker = _receiver.get()
     if taker is not None:
         taker(message)
         return
@@ -73,7 +73,7 @@ def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
 
 
 #: Packages whose frames may lie between the caller's code and `warn`, besides Python's own.
-_BETWEEN = {"antiosc", "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "slepc4py"}
+_LIBRARIES = {"antiosc", "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "slepc4py"}
 
 
 def _frames_to_caller() -> int:
@@ -81,7 +81,7 @@ def _frames_to_caller() -> int:
     frame, count = sys._getframe(1), 0
     while frame.f_back is not None:
         package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
-        if package not in _BETWEEN and package not in sys.stdlib_module_names:
+        if package not in _LIBRARIES and package not in sys.stdlib_module_names:
             return count
         frame, count = frame.f_back, count + 1
     return count
@@ -94,11 +94,11 @@ def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
     `warnings.catch_warnings` changes the filters of all threads, and leaves those of another thread
     if two blocks overlap.
     """
-    token = _taker.set(take)
+    token = _receiver.set(take)
     try:
         yield
     finally:
-        _taker.reset(token)
+        _receiver.reset(token)
 
 
 def without_warnings() -> AbstractContextManager[None]:
@@ -128,7 +128,7 @@ FEW = 12
 NEAREST = 5
 
 
-def known(asked: object, names: Iterable[str], what: str) -> str:
+def name_list(asked: object, names: Iterable[str], what: str) -> str:
     """ "its groups are: 'a', 'b'", or of many "the nearest of its groups (90) are: 'a', 'b'".
 
     `what` : the noun, as "its groups".
@@ -150,8 +150,8 @@ class CallError(InputError, TypeError):
     """Arguments that a constructor or a function does not take, or lacks."""
 
 
-def checked(value: object) -> object:
-    """A public class or function whose wrong calls raise a CallError; other objects as they are."""
+def with_call_errors(value: object) -> object:
+    """Make wrong calls of a public class or function raise CallError; other objects stay."""
     if isinstance(value, FunctionType) and not hasattr(value, "checks_calls"):
         wrapped = _guarded(value, value.__name__, 0)
         # pickle finds a function by its name in its module
@@ -178,9 +178,9 @@ def _check_class(kind: Any) -> None:
 
 
 def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
-    """`function`, whose calls with wrong arguments raise InputError.
+    """Wrap `function` so that wrong arguments raise InputError.
 
-    The caller does not write the first `own` arguments, as `self`.
+    `own` is the number of leading arguments that the caller does not write, such as self.
     """
     # that of a base class tells the name of the base
     inner: Callable[P, T] = getattr(function, "__wrapped__", function)
@@ -193,7 +193,7 @@ def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
             try:
                 return inner(*args, **kwargs)
             except TypeError:
-                said = misfit(inner, name, own, args, kwargs)
+                said = call_error(inner, name, own, args, kwargs)
                 if said is None:
                     raise
                 raise CallError(said) from None
@@ -205,14 +205,14 @@ def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
     return called
 
 
-def misfit(
+def call_error(
     function: Callable[..., object],
     name: str,
     own: int,
     args: tuple[object, ...],
     kwargs: Mapping[str, object],
 ) -> str | None:
-    """Why the arguments do not fit the signature; None if they do."""
+    """The sentence on arguments that do not fit the signature; None if they fit."""
     signature = inspect.signature(function)
     try:
         signature.bind(*args, **kwargs)
@@ -220,14 +220,14 @@ def misfit(
         names = list(signature.parameters)[own:]
         unknown = sorted(kwargs.keys() - set(names))
         what = f" takes no argument {unknown[0]!r}" if unknown else f": {error}"
-        return f"{name}{what}; {known((unknown or [''])[0], names, 'its arguments')}."
+        return f"{name}{what}; {name_list((unknown or [''])[0], names, 'its arguments')}."
     return None
 
 
-def takes(name: str, function: Callable[..., object], names: Iterable[str]) -> None:
-    """InputError if a function of the caller's cannot be called with arguments of these names."""
+def check_signature(name: str, function: Callable[..., object], names: Iterable[str]) -> None:
+    """InputError unless a user's function accepts arguments of these names."""
     try:
-        said = misfit(function, name, 0, (), dict.fromkeys(names))
+        said = call_error(function, name, 0, (), dict.fromkeys(names))
     except (TypeError, ValueError):  # its signature is not known
         return
     if said is not None:

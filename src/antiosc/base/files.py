@@ -28,33 +28,22 @@ _SUFFIX = 20
 
 
 @contextlib.contextmanager
-def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[Path]:
+def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterator[Path]:
     """Context manager: a temporary file with the suffix of `path`, renamed to `path` at the end.
 
     An existing file keeps its permissions and its owner. If `path` is a symbolic link, its target
-    is written. If the block raises, nothing changes.
-
-    Parameters
-    ----------
-    path : str or Path
-        In a folder that exists.
-    what : str
-        What is written, for messages.
-
-    Raises
-    ------
-    InputError
-        `path` cannot be a file, or the system refuses to write there (also in the block).
+    is written. If the block raises, nothing changes. `what` names the content for messages.
+    InputError if `path` cannot be a file, or the system refuses to write there (also in the block).
     """
     try:
         target = Path(os.path.realpath(checks.path("path", path)))
-        old = _regular(target, path, what)
-        part = _beside(target, old)
+        old = _regular_status(target, path, what)
+        part = _temporary(target, old)
         try:
             yield part
-            _to_disk(part)
+            _sync(part)
             os.replace(part, target)
-            _to_disk(target.parent)
+            _sync(target.parent)
         except BaseException:
             part.unlink(missing_ok=True)
             raise
@@ -63,8 +52,10 @@ def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[P
 
 
 def check_readable(path: Path, what: str) -> None:
-    """InputError unless `path` is a regular file of 1 to 100 MB: a pipe could block, a device never
-    end. `what` it holds, for messages."""
+    """InputError unless `path` is a regular file of 1 to 100 MB; `what` names its content.
+
+    A pipe could block, and a device never end.
+    """
     try:
         if not path.is_file():
             raise InputError(f"there is no regular file {checks.shown(os.fspath(path))}.")
@@ -79,8 +70,8 @@ def check_readable(path: Path, what: str) -> None:
 
 
 def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") -> None:
-    """Write a text in UTF-8, completely or not at all; InputError as `complete`."""
-    with complete(path, what) as part:
+    """Write a text in UTF-8, completely or not at all; InputError as `atomic_file`."""
+    with atomic_file(path, what) as part:
         part.write_text(text, encoding="utf-8")
 
 
@@ -95,7 +86,7 @@ def table_text(text: str) -> str:
 def write_through(path: Path, content: bytes) -> None:
     """Write a file, and wait until it is on the disk; for folders that nobody reads from yet."""
     path.write_bytes(content)
-    _to_disk(path)
+    _sync(path)
 
 
 def replace_folder(new: Path, target: Path) -> None:
@@ -126,7 +117,7 @@ def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> I
     return InputError(f"cannot write {what} to {os.fspath(path)!r}: {reason.rstrip('.')}.")
 
 
-def _regular(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_result | None:
+def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_result | None:
     """The status of the file at `target`; None if there is none."""
     try:
         old = target.lstat()  # links are resolved: a remaining one is circular
@@ -142,7 +133,7 @@ def _regular(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_r
     return old
 
 
-def _beside(target: Path, old: os.stat_result | None) -> Path:
+def _temporary(target: Path, old: os.stat_result | None) -> Path:
     """An empty file in the folder of `target`, with the permissions of the file to be written."""
     suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
     part = target.with_name(f".antiosc-{secrets.token_hex(6)}{suffix}")
@@ -158,7 +149,7 @@ def _beside(target: Path, old: os.stat_result | None) -> Path:
     return part
 
 
-def _to_disk(path: Path) -> None:
+def _sync(path: Path) -> None:
     """Wait until the file, or the list of names in a folder, is on the disk."""
     if os.name == "nt":  # Windows has no such call for folders, nor for files open to be read
         return

@@ -22,6 +22,7 @@ from ctypes import (
     c_void_p,
 )
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,29 +57,34 @@ ADVANCE = FORCE
 WORK = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double))
 
 
+_Scalar: TypeAlias = type[c_int] | type[c_int64] | type[c_double] | type[c_void_p]
+_TYPES: dict[str, _Scalar] = {
+    "int": c_int,
+    "int64": c_int64,
+    "double": c_double,
+    "pointer": c_void_p,
+}
+
+
+def _fields(declarations: str) -> list[tuple[str, _Scalar]]:
+    """Fields of a structure, declared as in C: "double time, end; int64 steps"."""
+    groups = [group.split(maxsplit=1) for group in declarations.split(";")]
+    return [(name.strip(), _TYPES[kind]) for kind, names in groups for name in names.split(",")]
+
+
 class UserLaw(Structure):
     """`aom_user_law`"""
 
     _fields_ = [
-        ("context", c_void_p),
-        ("n_state", c_int),
-        ("rated", c_int),
-        ("force", FORCE),
-        ("touch", TOUCHED),
-        ("advance", ADVANCE),
-        ("work", WORK),
+        *_fields("pointer context; int n_state, rated"),
+        *(("force", FORCE), ("touch", TOUCHED), ("advance", ADVANCE), ("work", WORK)),
     ]
 
 
 class Law(Structure):
     """`aom_law`"""
 
-    _fields_ = [
-        ("kind", c_int),
-        ("n_params", c_int),
-        ("params", c_void_p),
-        ("user", c_void_p),
-    ]
+    _fields_ = _fields("int kind, n_params; pointer params, user")
 
 
 class Contact(Structure):
@@ -86,11 +92,9 @@ class Contact(Structure):
 
     _fields_ = [
         ("law", Law),
-        *((name, c_double) for name in ("friction", "tangential_stiffness")),
-        *((name, c_int) for name in ("first_tangential", "n_tangential")),
-        *((name, c_double) for name in ("mass", "expected_depth", "expected_speed")),
-        *((name, c_double) for name in ("slowest", "preload")),
-        *(("state", c_void_p), ("closed", c_int)),
+        *_fields("double friction, tangential_stiffness; int first_tangential, n_tangential"),
+        *_fields("double mass, expected_depth, expected_speed, slowest, preload"),
+        *_fields("pointer state; int closed"),
     ]
 
 
@@ -98,11 +102,8 @@ class System(Structure):
     """`aom_system`"""
 
     _fields_ = [
-        *((name, c_int) for name in ("n_modes", "n_rows", "n_contacts", "n_breaks")),
-        *((name, c_void_p) for name in ("omega", "decay", "beta", "residual")),
-        *((name, c_void_p) for name in ("breaks", "loads", "offsets", "contacts", "q", "v")),
-        ("stored", c_double),
-        ("gamma", c_void_p),
+        *_fields("int n_modes, n_rows, n_contacts, n_breaks; pointer omega, decay, beta, residual"),
+        *_fields("pointer breaks, loads, offsets, contacts, q, v; double stored; pointer gamma"),
     ]
 
 
@@ -110,9 +111,8 @@ class Options(Structure):
     """`aom_options`"""
 
     _fields_ = [
-        *((name, c_double) for name in ("duration", "rel_tol", "force_scale", "step")),
-        ("resolution", c_double),
-        *((name, c_int64) for name in ("max_contacts", "max_steps", "max_runs")),
+        *_fields("double duration, rel_tol, force_scale, step, resolution"),
+        *_fields("int64 max_contacts, max_steps, max_runs"),
     ]
 
 
@@ -120,58 +120,48 @@ class Record(Structure):
     """`aom_record`"""
 
     _fields_ = [
-        *((name, c_int64) for name in ("max_nodes", "max_states", "max_events")),
-        *((name, c_int64) for name in ("n_nodes", "n_states", "n_events", "every")),
-        *((name, c_void_p) for name in ("time", "force", "depth", "states", "events")),
-        *((name, c_int64) for name in ("max_exits", "n_exits")),
-        ("exits", c_void_p),
+        *_fields("int64 max_nodes, max_states, max_events, n_nodes, n_states, n_events, every"),
+        *_fields("pointer time, force, depth, states, events; int64 max_exits, n_exits"),
+        *_fields("pointer exits"),
     ]
 
 
 class Goal(Structure):
     """`aom_goal`"""
 
-    _fields_ = [
-        ("n_readings", c_int64),
-        *((name, c_void_p) for name in ("readings", "weights", "force", "time")),
-    ]
+    _fields_ = _fields("int64 n_readings; pointer readings, weights, force, time")
 
 
 class Slopes(Structure):
     """`aom_slopes`"""
 
     _fields_ = [
-        *((name, c_void_p) for name in ("square", "decay", "beta", "residual", "loads", "offsets")),
-        *((name, c_void_p) for name in ("laws", "friction", "q", "v", "preload", "gamma")),
-        ("grazing", c_double),
+        *_fields("pointer square, decay, beta, residual, loads, offsets, laws, friction, q, v"),
+        *_fields("pointer preload, gamma; double grazing"),
     ]
 
 
 class Summary(Structure):
     """`aom_summary`"""
 
-    _fields_ = [
-        *((name, c_double) for name in ("time", "force_scale", "highest", "gained", "work")),
-        *((name, c_int64) for name in ("steps", "attempts", "touches", "refused")),
-    ]
+    _fields_ = _fields(
+        "double time, force_scale, highest, gained, work; int64 steps, attempts, touches, refused"
+    )
 
 
 class Difference(Structure):
     """`aom_difference`"""
 
-    _fields_ = [(name, c_double) for name in ("force", "peak", "until")]
+    _fields_ = _fields("double force, peak, until")
 
 
 class Solution(Structure):
     """`aom_solution`"""
 
     _fields_ = [
-        *((name, c_int) for name in ("best", "answer")),
-        *((name, c_double) for name in ("force", "peak", "certain", "share")),
+        *_fields("int best, answer; double force, peak, certain, share"),
         ("summary", Summary),
-        *((name, c_int) for name in ("present", "before", "runs", "worse", "failed")),
-        ("used", c_int64),
-        *((name, c_double) for name in ("finer", "scale")),
+        *_fields("int present, before, runs, worse, failed; int64 used; double finer, scale"),
         ("earlier", Summary),
     ]
 
@@ -179,63 +169,48 @@ class Solution(Structure):
 class Numbers(Structure):
     """`aom_numbers`"""
 
-    _fields_ = [
-        *((name, c_double) for name in ("peak", "impulse", "contact_time", "restitution")),
-        ("closed", c_double),
-        ("steps", c_int64),
-    ]
+    _fields_ = _fields("double peak, impulse, contact_time, restitution, closed; int64 steps")
 
 
 class Impact(Structure):
     """`aom_impact`"""
 
     _fields_ = [
-        *((name, c_int) for name in ("n_modes", "n_turning")),
-        *((name, c_void_p) for name in ("omega", "decay", "beta", "v", "load", "turning")),
+        *_fields("int n_modes, n_turning; pointer omega, decay, beta, v, load, turning"),
         ("law", Law),
-        *((name, c_double) for name in ("residual", "gap", "mass", "duration", "rel_tol")),
-        *((name, c_int64) for name in ("max_contacts", "max_steps")),
+        *_fields("double residual, gap, mass, duration, rel_tol; int64 max_contacts, max_steps"),
     ]
 
 
 class Expected(Structure):
     """`aom_expected`"""
 
-    _fields_ = [(name, c_double) for name in ("depth", "speed", "time")]
+    _fields_ = _fields("double depth, speed, time")
 
 
 class Outcome(Structure):
     """`aom_outcome`"""
 
     _fields_ = [
-        *((name, c_int64) for name in ("status", "contacts", "touches", "open", "n_nodes", "body")),
+        *_fields("int64 status, contacts, touches, open, n_nodes, body"),
         ("numbers", Numbers),
-        *((name, c_double) for name in ("force_error", "peak_error", "certain")),
-        *((name, c_double) for name in ("time", "lasting", "gained", "highest", "turned")),
+        *_fields("double force_error, peak_error, certain, time, lasting, gained, highest, turned"),
     ]
 
 
 class PulseNodes(Structure):
     """`aom_pulse_nodes`"""
 
-    _fields_ = [
-        *((name, c_int64) for name in ("max_nodes", "n_nodes")),
-        *((name, c_void_p) for name in ("time", "force")),
-    ]
+    _fields_ = _fields("int64 max_nodes, n_nodes; pointer time, force")
 
 
 class Model(Structure):
     """`axm_model` of `csrc/export/antiosc_model.h`"""
 
     _fields_ = [
-        ("system", System),
-        ("options", Options),
-        ("n_sites", c_int),
-        *((name, c_void_p) for name in ("site_modes", "site_forces", "site_shifts")),
-        ("n_parameters", c_int),
-        *((name, c_void_p) for name in ("parameters", "start")),
-        ("n_outputs", c_int),
-        ("outputs", c_void_p),
+        *(("system", System), ("options", Options)),
+        *_fields("int n_sites; pointer site_modes, site_forces, site_shifts; int n_parameters"),
+        *_fields("pointer parameters, start; int n_outputs; pointer outputs"),
     ]
 
 

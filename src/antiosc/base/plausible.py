@@ -195,11 +195,8 @@ def of_model(*models: object) -> list[str]:
 def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str:
     """What is implausible of a blow on a model; "" for nothing. InputError for the impossible.
 
-    Parameters
-    ----------
-    model : what is struck; its `info` tells √(E/ρ) of its material where it was extracted.
-    movers : bodies with a velocity.
-    velocities : further ones [m/s]: numbers, arrays or a `Motion`.
+    `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
+    velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
     """
     given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
     speed = max(map(_fastest, given), default=0.0)
@@ -243,14 +240,9 @@ def _fastest(velocity: object) -> float:
     return float(finite.max(initial=0.0))
 
 
-def tell(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Warn of each sentence that is not empty, once; return them."""
-    told = tuple(dict.fromkeys(filter(None, sentences)))
-    for sentence in told:
+def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
+    """Warn once of each non-empty sentence; returns the sentences."""
+    given = tuple(dict.fromkeys(filter(None, sentences)))
+    for sentence in given:
         warn(sentence)
-    return told
-
-
-def first(doubts: Iterable[str], sentence: str) -> str:
-    """An error's sentence behind what was implausible from the start."""
-    return " ".join([*doubts, sentence])
+    return given

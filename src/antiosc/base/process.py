@@ -108,9 +108,9 @@ def _level(name: str) -> int | None:
 
 @contextmanager
 def quiet(*names: str) -> Iterator[None]:
-    """Keep what this thread reports below WARNING to the named loggers from all handlers."""
+    """Hide messages below WARNING that this thread sends to the named loggers."""
     loggers = [logging.getLogger(name) for name in names]
-    filters = _Below()
+    filters = _BelowWarning()
     for logger in loggers:
         logger.addFilter(filters)
     try:
@@ -120,7 +120,7 @@ def quiet(*names: str) -> Iterator[None]:
             logger.removeFilter(filters)
 
 
-class _Below(logging.Filter):
+class _BelowWarning(logging.Filter):
     def __init__(self) -> None:
         super().__init__()
         self.thread = threading.get_ident()
@@ -193,12 +193,12 @@ VARIABLES = (
 #: Operations of a front for each thread: with fewer, threads spend their time on waiting.
 WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
-PAYS = 0.8
+WORTHWHILE = 0.8
 #: Looks at what runs on this machine, of which the median counts, and seconds between them.
 LOOKS, LOOK_PAUSE = 5, 0.004
 
 
-def chosen() -> tuple[str, str] | None:
+def user_threads() -> tuple[str, str] | None:
     """(variable, number of threads) set by the user in the environment, or None."""
     return next(((name, os.environ[name]) for name in VARIABLES if os.environ.get(name)), None)
 
@@ -231,7 +231,7 @@ def free_cores() -> int:
 
 def threads() -> int:
     """Number of threads for work that is divided among any: the user's choice, or idle cores."""
-    own = chosen()
+    own = user_threads()
     return max(1, int(own[1])) if own and own[1].isdecimal() else free_cores()
 
 
@@ -260,14 +260,14 @@ def _text(path: str | Path) -> str:
         return ""
 
 
-def worth(fronts: Array, free: int) -> int:
+def useful_threads(fronts: Array, free: int) -> int:
     """Useful number of threads, at most `free`, for dense fronts of these operation counts."""
 
     def cost(threads: int) -> float:
         return float(np.sum(fronts / np.clip(fronts / WORK_PER_THREAD, 1, threads)))
 
     threads = 1
-    while threads < free and cost(min(2 * threads, free)) < PAYS * cost(threads):
+    while threads < free and cost(min(2 * threads, free)) < WORTHWHILE * cost(threads):
         threads = min(2 * threads, free)
     return threads
 
@@ -307,15 +307,15 @@ class _Blas:
 
 def _blas() -> _Blas | None:
     """The same for all Python threads; None where threadpoolctl is not installed."""
-    with _making:
-        return _made()
+    with _blas_lock:
+        return _blas_once()
 
 
-_making = Lock()
+_blas_lock = Lock()
 
 
 @cache
-def _made() -> _Blas | None:
+def _blas_once() -> _Blas | None:
     try:
         with restored():
             from threadpoolctl import ThreadpoolController
@@ -335,7 +335,7 @@ def pools() -> list[Pool] | None:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Use one BLAS thread inside the block or the decorated function."""
-    blas = None if chosen() else _blas()
+    blas = None if user_threads() else _blas()
     if blas is None:
         yield
         return
@@ -347,21 +347,21 @@ def one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def as_many_as_pay(fronts: Array) -> Iterator[int | None]:
-    """Use the useful number of threads for dense fronts with these numbers of operations.
+def blas_threads(fronts: Array) -> Iterator[int | None]:
+    """Use the useful number of BLAS threads for dense fronts with these operation counts.
 
     Never more than at the start of the process, and one if another calculation of this process is
     running. Yields the number, or None if the user has chosen it.
     """
-    blas = None if chosen() else _blas()
+    blas = None if user_threads() else _blas()
     if blas is None:
         yield None
         return
     with one_thread():
         most = min(blas.before, cores()) if len(blas.users) == 1 else 1
-        threads = worth(fronts, most)
+        threads = useful_threads(fronts, most)
         if threads > 1:
-            threads = worth(fronts, min(most, free_cores()))
+            threads = useful_threads(fronts, min(most, free_cores()))
         with blas.controller.limit(limits=threads, user_api="blas"):
             yield threads
 
@@ -380,9 +380,9 @@ CONTAINERS = (
     ),
 )
 #: Bytes below which the free memory is not looked up: that takes longer than a short run.
-UNNOTICED = 1 << 26
+NEGLIGIBLE = 1 << 26
 #: Remedy where a run needs too much.
-SMALLER = "use a coarser mesh or order=1, or free some memory"
+MEMORY_REMEDY = "use a coarser mesh or order=1, or free some memory"
 
 
 def free_memory() -> float:
@@ -396,17 +396,17 @@ def free_memory() -> float:
         if most and used and most[0].isdigit():
             cached = [line.split()[1] for line in _lines(stat) if line.startswith("inactive_file ")]
             free = min(free, float(most[0]) - float(used[0]) + float((cached or ["0"])[0]))
-    return min(free, _left_of_process())
+    return min(free, _process_limit())
 
 
-def give_back() -> None:
+def trim_heap() -> None:
     """Return freed memory, which glibc keeps for itself, to the system, so that it counts."""
     trim = getattr(ctypes.CDLL(None) if os.name == "posix" else None, "malloc_trim", None)
     if trim is not None:
         trim(0)
 
 
-def _left_of_process() -> float:
+def _process_limit() -> float:
     """What the limit of this process (ulimit -v) leaves it, in bytes."""
     try:
         import resource
@@ -420,16 +420,12 @@ def _left_of_process() -> float:
 
 
 def require(need: float, what: str, remedy: str, free: float | None = None) -> None:
-    """OutOfMemoryError unless `need` bytes fit in the free memory.
+    """OutOfMemoryError unless `need` bytes fit in the free memory; less than `NEGLIGIBLE` passes.
 
-    Parameters
-    ----------
-    what, remedy : parts of the sentence "`what` needs 3 GB and 2 GB are free: `remedy`."
-    free : bytes, where they are known from before.
-
-    Less than `UNNOTICED` passes.
+    The sentence is "`what` needs 3 GB and 2 GB are free: `remedy`."; `free` [bytes] is looked up
+    unless it is given.
     """
-    if free is None and need < UNNOTICED:
+    if free is None and need < NEGLIGIBLE:
         return
     free = free_memory() if free is None else free
     if need > MEMORY_SHARE * free:
@@ -441,8 +437,8 @@ def shortage(what: str, need: float, free: float) -> str:
     return f"{what} needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are free"
 
 
-def ran_out(
-    what: str, error: BaseException | None = None, remedy: str = SMALLER
+def allocation_failed(
+    what: str, error: BaseException | None = None, remedy: str = MEMORY_REMEDY
 ) -> OutOfMemoryError:
     """The error for an allocation that failed in `what`."""
     said = "" if error is None else f" ({str(error) or 'Python itself'})"
@@ -460,7 +456,7 @@ def within_memory(function: Callable[P, T]) -> Callable[P, T]:
         except OutOfMemoryError:
             raise
         except MemoryError as error:
-            raise ran_out(name, error) from error
+            raise allocation_failed(name, error) from error
 
     return guarded
 

@@ -1,6 +1,6 @@
 """The progress of long work on one line of the terminal, which is erased at the end.
 
-Where the amount of work is known, the line tells what remains of it (by tqdm, if installed).
+Where the amount of work is known, the line tells what remains of it.
 
 A notebook shows the line below the cell, and in the end how long the work took. Nothing is written
 to files and pipes, and on MPI ranks other than the first.
@@ -16,7 +16,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from typing import Any, TextIO
 
 #: Carriage return, and the sequence that clears the line.
@@ -25,9 +24,7 @@ CLEAR = "\r\x1b[2K"
 #: Seconds between two changes of a count.
 REFRESH = 0.1
 #: Seconds of work from which a notebook keeps the line that tells them.
-TOLD = 1.0
-#: Columns of tqdm's bar, where tqdm is installed.
-BAR = 50
+KEPT_FROM = 1.0
 
 #: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
 RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
@@ -49,7 +46,7 @@ _lines = _Lines()
 
 @contextmanager
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
-    """Show `text` while the block runs; call the function it gives to add how far it is."""
+    """Show `text` while the block runs; yields a function that appends a note to it."""
     lines = _lines.texts
     index = len(lines)
     lines.append(text)
@@ -68,8 +65,7 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show how many of `total` are done and what remains; call the function it gives with the
-    number that is done."""
+    """Show how many of `total` are done and what remains; the function takes the number done."""
     started = shown = time.monotonic()
     with doing(text, rank) as further:
 
@@ -78,29 +74,17 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
             now = time.monotonic()
             if now - shown >= REFRESH or count >= total:
                 shown = now
-                further(share(count, total, now - started))
+                further(progress_text(count, total, now - started))
 
         yield done
 
 
-def share(count: int, total: int, elapsed: float) -> str:
+def progress_text(count: int, total: int, elapsed: float) -> str:
     """How many of `total` are done after `elapsed` seconds, and how long the others will take."""
-    tqdm = _tqdm()
-    if tqdm is not None:
-        return str(tqdm.format_meter(count, total, elapsed, ncols=BAR))
     text = f"{count} of {total}"
     if 0 < count < total:
         text += f", about {_seconds(elapsed * (total - count) / count)} left"
     return text
-
-
-@cache  # a search for what is missing takes as long as some impacts
-def _tqdm() -> Any:
-    """tqdm's class, or None where it is not installed."""
-    try:
-        return importlib.import_module("tqdm").tqdm
-    except Exception:  # an installed package may fail in any way: the plain text does as well
-        return None
 
 
 def _seconds(left: float) -> str:
@@ -138,7 +122,7 @@ def _in_notebook() -> bool:
 
 
 def _write_in_notebook() -> None:
-    """The innermost work below the cell; in the end what was done, and how long it took."""
+    """Show the innermost work below the cell, and at the end the work and its duration."""
     now = time.monotonic()
     if _lines.shown is None:
         if not _lines.texts:
@@ -152,7 +136,7 @@ def _write_in_notebook() -> None:
         if _lines.texts
         else f"antiosc: {_lines.work}: {elapsed:.1f} s"
     )
-    line = {"text/plain": text if _lines.texts or elapsed >= TOLD else ""}
+    line = {"text/plain": text if _lines.texts or elapsed >= KEPT_FROM else ""}
     if _lines.shown is None:
         display = importlib.import_module("IPython.display").display
         _lines.shown = display(line, raw=True, display_id=True)

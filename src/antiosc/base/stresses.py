@@ -118,7 +118,7 @@ def tensors(name: str, value: object) -> Array:
             raise InputError(f"{name} must be symmetric.")
         return given
     if given.ndim and given.shape[-1] == 6:
-        return full(given)
+        return tensors_of(given)
     raise InputError(
         f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
         f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {given.shape}."
@@ -158,7 +158,7 @@ def extreme_principal(components: Array) -> Array:
     return np.maximum(np.abs(highest), np.abs(lowest))
 
 
-def full(components: Array) -> Array:
+def tensors_of(components: Array) -> Array:
     """Tensors (..., 3, 3) of their components 11, 22, 33, 23, 13, 12 (..., 6)."""
     result = np.empty((*components.shape[:-1], 3, 3))
     for k, (i, j) in enumerate(PAIRS):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.charts import finished, new_figure
+from antiosc.base.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
@@ -24,10 +24,10 @@ GREY = "0.75"
 LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
 
 #: Share of the axes that a part may fill, whose edge would cut it.
-WITHIN = 0.97
+LARGEST_EXTENT = 0.97
 
 
-def space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
+def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
     """A figure with axes in space, and the scale and name of the unit of its coordinates."""
     figure = new_figure((6.5, 5.0), shown)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
@@ -82,7 +82,7 @@ def colour_scale(value: Array) -> ScalarMappable:
     return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), colours)
 
 
-def frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
+def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
     low, high = x.min(axis=0), x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
@@ -91,11 +91,11 @@ def frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
         ticks = max(1, round(4 * length / side.max()))
         getattr(axes, f"{name}axis").get_major_locator().set_params(nbins=ticks)
     axes.set_box_aspect(side, zoom=zoom)
-    axes.set_box_aspect(side, zoom=zoom * min(1.0, WITHIN / _reach(axes, x)))
+    axes.set_box_aspect(side, zoom=zoom * min(1.0, LARGEST_EXTENT / _extent_seen(axes, x)))
 
 
-def _reach(axes: Axes3D, x: Array) -> float:
-    """How far the points (P, 3) are seen from the middle of the axes, 1 at their edge."""
+def _extent_seen(axes: Axes3D, x: Array) -> float:
+    """Largest distance of the drawn points (P, 3) from the middle of the axes; 1 is the edge."""
     from mpl_toolkits.mplot3d import proj3d
 
     axes.apply_aspect()
@@ -103,7 +103,7 @@ def _reach(axes: Axes3D, x: Array) -> float:
     (left, bottom), (right, top) = axes.transAxes.transform([(0, 0), (1, 1)])
     pixels = axes.transData.transform(np.column_stack(seen))
     share = 2 * (pixels - (left, bottom)) / (right - left, top - bottom) - 1
-    return float(np.abs(share).max(initial=WITHIN))
+    return float(np.abs(share).max(initial=LARGEST_EXTENT))
 
 
 #: Motions are drawn this share of the part's largest dimension.
@@ -132,8 +132,8 @@ class Deformed:
 
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
-        """The part deformed by displacements (P, 3) [m], enlarged to suit the largest one [m]."""
-        shown, factor = largest or 1.0, enlarged(points, largest)
+        """The part with displacements (P, 3) [m], magnified according to the largest one [m]."""
+        shown, factor = largest or 1.0, magnification(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)
         label = f"displacement ({unit}), drawn × {factor:g}"
@@ -145,25 +145,9 @@ class Deformed:
         return np.array([point - length * direction / np.linalg.norm(direction), point])
 
 
-def enlarged(points: Array, largest: float) -> float:
+def magnification(points: Array, largest: float) -> float:
     """The factor by which displacements are drawn larger, of which the largest one is this [m]."""
     return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
-
-
-def draw_deformed(
-    found: Deformed,
-    path: str | os.PathLike[str] | None,
-    *,
-    arrow: tuple[Array, Array] | None = None,
-    view: Array | None = None,
-    whole_scale: bool = False,
-    mark: int | None = None,
-) -> Figure | Path:
-    """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
-    figure = deformed_figure(
-        found, arrow=arrow, view=view, whole_scale=whole_scale, mark=mark, shown=path is None
-    )
-    return finished(figure, path)
 
 
 def deformed_figure(
@@ -182,7 +166,7 @@ def deformed_figure(
     whole_scale : colours from zero to the largest of all times, in the box of the part at rest.
     mark : number of a point that gets a ring and its value.
     """
-    figure, axes, scale, _ = space(found.points, shown)
+    figure, axes, scale, _ = axes_in_space(found.points, shown)
     corners = scale * found.moved[found.faces]
     values = found.values[found.faces].mean(axis=1)
     colours = colour_scale(np.array([0.0, found.largest]) if whole_scale else values)
@@ -202,13 +186,13 @@ def deformed_figure(
         axes.text(*x, f"  {found.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
     if view is not None:
         axes.view_init(elev=view[0], azim=view[1])
-    frame(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)
+    fit_limits(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)
     axes.set_axis_off()
     return figure
 
 
 #: Share of the faces whose values are within the colours: a few at the site are far larger.
-SHOWN = 0.98
+COLOUR_QUANTILE = 0.98
 
 
 def draw_design(
@@ -218,9 +202,9 @@ def draw_design(
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    top = float(np.nanquantile(np.abs(value), SHOWN)) or 1.0
+    top = float(np.nanquantile(np.abs(value), COLOUR_QUANTILE)) or 1.0
     scale = ScalarMappable(Normalize(-top, top), "RdBu_r")
-    figure, axes, unit, name = space(corners.reshape(-1, 3), shown=path is None)
+    figure, axes, unit, name = axes_in_space(corners.reshape(-1, 3), shown=path is None)
     around = [0, 1, 3, 2] if corners.shape[1] == 4 else list(range(corners.shape[1]))
     draw = draw_lines if corners.shape[1] < 3 else draw_faces
     draw(figure, axes, unit * corners[:, around], value, label, scale)
@@ -228,7 +212,7 @@ def draw_design(
     plane = np.ptp(corners[..., 2]) == 0.0  # it is seen from above, and its labels stand beside it
     if plane:
         axes.view_init(elev=90, azim=-90)
-    frame(axes, unit * corners.reshape(-1, 3), zoom=0.85 if plane else 1.0)
+    fit_limits(axes, unit * corners.reshape(-1, 3), zoom=0.85 if plane else 1.0)
     if plane:
         axes.set(zticks=[], zlabel="")
-    return finished(figure, path)
+    return figure_or_path(figure, path)

@@ -1,6 +1,6 @@
 """Objects and numbers as short texts.
 
-`ReprMixin` shows a result in a few lines, `Given` what a user makes in one; `engineering` writes a
+`ReprMixin` shows a result in a few lines, `FieldsRepr` an input in one; `engineering` writes a
 number as engineers do: 82.7 µs, 2.20 kN ± 2 %.
 """
 
@@ -35,49 +35,51 @@ class ReprMixin:
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
             if f.repr and not f.name.startswith("_")
         ]
-        told = [(name, text) for name, value in fields if (text := short(value))]
-        if len(told) <= LINES:
-            return told
-        rest = ", ".join(name for name, _ in told[LINES - 1 :])
-        return [*told[: LINES - 1], ("and", rest)]
+        facts = [(name, text) for name, value in fields if (text := value_text(value))]
+        if len(facts) <= LINES:
+            return facts
+        rest = ", ".join(name for name, _ in facts[LINES - 1 :])
+        return [*facts[: LINES - 1], ("and", rest)]
 
-    def _known(self) -> list[tuple[str, str]]:
+    def _shown_facts(self) -> list[tuple[str, str]]:
         try:
-            return [(name, _cut(text)) for name, text in self._facts()]
+            return [(name, _truncated(text)) for name, text in self._facts()]
         except (AntioscError, AttributeError):  # an object of which not everything is known
             return []
 
     def __repr__(self) -> str:
-        facts = self._known()[:LINES]
+        facts = self._shown_facts()[:LINES]
         width = max((len(name) for name, _ in facts), default=0)
         rows = [f"  {name:<{width}}  {value}" for name, value in facts]
         return "\n".join([type(self).__name__, *rows])
 
     def _repr_html_(self) -> str:
-        return _table(self, self._known())
+        return _table(self, self._shown_facts())
 
 
-class Given:
-    """Gives a dataclass a `repr` of one line and a table: what differs from the defaults."""
+class FieldsRepr:
+    """Give a dataclass a one-line `repr` and a table of fields that differ from their defaults."""
 
     def __init_subclass__(cls, **options: object) -> None:
         super().__init_subclass__(**options)
         if "__repr__" not in cls.__dict__ and not issubclass(cls, ReprMixin):
-            cls.__repr__ = Given.__repr__  # type: ignore[method-assign]
+            cls.__repr__ = FieldsRepr.__repr__  # type: ignore[method-assign]
 
-    def _told(self) -> list[tuple[str, str]]:
+    def _changed_fields(self) -> list[tuple[str, str]]:
         return [
-            (f.name, _given(getattr(self, f.name, None)))
+            (f.name, _field_text(getattr(self, f.name, None)))
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
-            if f.repr and not f.name.startswith("_") and not _usual(f, getattr(self, f.name, None))
+            if f.repr
+            and not f.name.startswith("_")
+            and not _is_default(f, getattr(self, f.name, None))
         ]
 
     def __repr__(self) -> str:
-        told = (f"{name}={value}" for name, value in self._told())
+        told = (f"{name}={value}" for name, value in self._changed_fields())
         return f"{type(self).__name__}({', '.join(told)})"
 
     def _repr_html_(self) -> str:
-        return _table(self, self._told())
+        return _table(self, self._changed_fields())
 
 
 def _table(one: object, facts: list[tuple[str, str]]) -> str:
@@ -90,7 +92,7 @@ def _table(one: object, facts: list[tuple[str, str]]) -> str:
     return f"<b>{escape(type(one).__name__)}</b><table>{rows}</table>"
 
 
-def _usual(field: dataclasses.Field[object], value: object) -> bool:
+def _is_default(field: dataclasses.Field[object], value: object) -> bool:
     """Whether a field has its default."""
     if field.default is dataclasses.MISSING:
         return field.default_factory is not dataclasses.MISSING and not np.size(np.asarray(value))
@@ -98,16 +100,16 @@ def _usual(field: dataclasses.Field[object], value: object) -> bool:
     return value is field.default or (plain and bool(value == field.default))
 
 
-def _given(value: object) -> str:
+def _field_text(value: object) -> str:
     """A value of a field in one short piece."""
     if isinstance(value, float) and float(f"{value:g}") == value:
         return f"{value:g}"
     if isinstance(value, np.ndarray):
-        return f"[{ranged(value)}]"
+        return f"[{array_text(value)}]"
     if isinstance(value, dict):
         return "{" + ", ".join(map(str, value)) + "}"
     if isinstance(value, list | tuple):
-        text = ", ".join(map(_given, value))
+        text = ", ".join(map(_field_text, value))
         return f"({text})" if len(text) <= WIDTH else f"({len(value)} entries)"
     if isinstance(value, ReprMixin) or callable(value):
         return getattr(value, "__name__", type(value).__name__)
@@ -115,12 +117,12 @@ def _given(value: object) -> str:
     return text if len(text) <= WIDTH and "\n" not in text else type(value).__name__
 
 
-def _cut(text: str) -> str:
+def _truncated(text: str) -> str:
     """A text of at most `WIDTH` characters."""
     return text if len(text) <= WIDTH else text[: WIDTH - 1] + "…"
 
 
-def short(value: object) -> str:
+def value_text(value: object) -> str:
     """A value in one short line; "" for None and what is empty."""
     if value is None or (isinstance(value, np.ndarray) and not value.size):
         return ""
@@ -131,14 +133,14 @@ def short(value: object) -> str:
     if isinstance(value, float | int | np.number):
         return f"{value:.6g}"
     if isinstance(value, np.ndarray):
-        return ranged(value)
+        return array_text(value)
     if isinstance(value, dict | list | tuple):
         names = ", ".join(map(str, value)) if isinstance(value, dict) else ""
         return names or f"{len(value)} entries"
     return type(value).__name__
 
 
-def ranged(values: NDArray[np.generic]) -> str:
+def array_text(values: NDArray[np.generic]) -> str:
     """An array by its shape and range, or its numbers if they are few."""
     if values.dtype.kind not in "fiub":
         return f"array {values.shape}"
@@ -172,14 +174,14 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     return f"{shown} {PREFIXES[power]}{unit}".rstrip()
 
 
-def place(point: Iterable[float]) -> str:
+def point_text(point: Iterable[float]) -> str:
     """A place: "(20, 40, 75) mm"."""
     own = [float(x) for x in point]
     rounding = 1e-9 * max(map(abs, own), default=0.0)
     return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in own)}) mm"
 
 
-def span(low: float, high: float, unit: str = "") -> str:
+def range_text(low: float, high: float, unit: str = "") -> str:
     """A range: "1.100 kN to 2.204 kN"."""
     return " to ".join(engineering(end, unit, 4) for end in (low, high))
 

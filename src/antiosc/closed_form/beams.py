@@ -84,7 +84,7 @@ class UniformBeam:
     def __post_init__(self) -> None:
         for name, unit in (("EI", "N m^2"), ("rhoA", "kg/m"), ("length", "m")):
             checks.store(self, **{name: checks.positive(name, getattr(self, name), unit)})
-        if not checks.rigid(self.kGA):
+        if not checks.is_rigid(self.kGA):
             checks.store(self, kGA=checks.positive("kGA", self.kGA, "N"))
         checks.store(self, rhoI=checks.nonnegative("rhoI", self.rhoI, "kg m"))
 

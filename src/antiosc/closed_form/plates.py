@@ -126,7 +126,7 @@ class SupportedPlate:
     def wave_number_squared(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
         """π²(m²/a² + n²/b²), 1/m²."""
         m, n = checks.array("m", m, None), checks.array("n", n, None)
-        if m.ndim and n.ndim and not checks.broadcast(m, n):
+        if m.ndim and n.ndim and not checks.can_broadcast(m, n):
             raise InputError(
                 f"m and n must be numbers, or arrays of shapes that fit; got {m.shape}, {n.shape}."
             )
@@ -155,7 +155,7 @@ class SupportedPlate:
         The transform of √(1 − r²/r0²), of unit integral, is 3 (sin q − q cos q)/q³ with q = |k| r0.
         `terms` per direction must resolve the patch: terms ≫ a/radius.
         """
-        x, y = self._inside(x, y)
+        x, y = self._checked_point(x, y)
         radius = checks.positive("radius", radius, "m")
         terms = checks.whole("terms", terms, most=MOST_TERMS)
         m = np.arange(1, terms + 1)
@@ -170,7 +170,7 @@ class SupportedPlate:
     @checks.within_range
     def observable(self, x: float, y: float, n: int) -> Observable:
         """The `n` lowest natural frequencies of the thin plate that are observable at (x, y)."""
-        x, y = self._inside(x, y)
+        x, y = self._checked_point(x, y)
         n = checks.whole("n", n, most=MOST_MODES)
         count = 4 * int(np.sqrt(n)) + 8
         while True:
@@ -198,26 +198,26 @@ class SupportedPlate:
     @checks.within_range
     def receptance(self, x: float, y: float, omega2: complex) -> complex:
         """H = displacement/force of the thin plate at (x, y), m/N, at ω² = `omega2` ≠ 0."""
-        x, y = self._inside(x, y)
+        x, y = self._checked_point(x, y)
         given = checks.spectrum("omega2", omega2)
         if given.ndim or given == 0:
             raise InputError(f"omega2 must be one number, not 0; got {checks.shown(omega2)}.")
         omega2 = complex(given)
         alpha = np.arange(1, TERMS + 1) * np.pi / self.a
         k2 = np.sqrt(omega2 * self.surface_density / self.D + 0j)
-        terms = (self._line(alpha**2 - k2, y) - self._line(alpha**2 + k2, y)) / (2 * k2)
+        terms = (self._levy_term(alpha**2 - k2, y) - self._levy_term(alpha**2 + k2, y)) / (2 * k2)
         total = np.sum(np.sin(alpha * x) ** 2 * terms)
-        return 2 / (self.a * self.D) * (total + self._tail())
+        return 2 / (self.a * self.D) * (total + self._series_tail())
 
     @checks.within_range
     def compliance(self, x: float, y: float) -> float:
         """Static compliance of the thin plate at (x, y), m/N."""
-        x, y = self._inside(x, y)
+        x, y = self._checked_point(x, y)
         alpha = np.arange(1, TERMS + 1) * np.pi / self.a
         step = 1e-20 * alpha**2  # a complex step: the derivative to rounding
-        terms = -self._line(alpha**2 + 1j * step, y).imag / step
+        terms = -self._levy_term(alpha**2 + 1j * step, y).imag / step
         total = np.sum(np.sin(alpha * x) ** 2 * terms)
-        return float(2 / (self.a * self.D) * (total + self._tail()))
+        return float(2 / (self.a * self.D) * (total + self._series_tail()))
 
     @checks.within_range
     def anti_oscillators(self, x: float, y: float, n: int) -> AntiOscillators:
@@ -228,7 +228,7 @@ class SupportedPlate:
         InputError
             A point outside the plate or on its edge.
         """
-        x, y = self._inside(x, y)
+        x, y = self._checked_point(x, y)
         n = checks.whole("n", n, least=0, most=MOST_MODES)
         C = self.compliance(x, y)
         poles = self.observable(x, y, n + 1).omega ** 2
@@ -258,18 +258,18 @@ class SupportedPlate:
             )
         return float(brentq(value, low, high, xtol=1e-13 * high, rtol=1e-13))
 
-    def _line(self, p2: Numbers, y: float) -> Numbers:
+    def _levy_term(self, p2: Numbers, y: float) -> Numbers:
         """g(p²), without overflow, for complex p² too."""
         p = np.sqrt(p2 + 0j)
         p = np.where(np.abs(p) * self.b < 1e-6, 1e-6 / self.b, p)  # g is even and smooth there
         rise = np.expm1(-2 * p * y) * np.expm1(-2 * p * (self.b - y))
         return np.asarray(rise / (2 * p * -np.expm1(-2 * p * self.b)))
 
-    def _tail(self) -> float:
+    def _series_tail(self) -> float:
         """Σ sin²(αx)/(4α³) beyond TERMS, with sin² at its mean."""
         return float((self.a / np.pi) ** 3 / 8 / (2 * (TERMS + 0.5) ** 2))
 
-    def _inside(self, x: object, y: object) -> tuple[float, float]:
+    def _checked_point(self, x: object, y: object) -> tuple[float, float]:
         x, y = checks.number("x", x, "m"), checks.number("y", y, "m")
         if not (0 < x < self.a and 0 < y < self.b):
             raise InputError(
@@ -318,11 +318,11 @@ class SupportedLaminate:
     @checks.within_range
     def __post_init__(self) -> None:
         for name, shape in (("A", (3, 3)), ("B", (3, 3)), ("D", (3, 3)), ("S", (2, 2))):
-            value = checks.kept(checks.array(name, getattr(self, name), shape))
+            value = checks.read_only(checks.array(name, getattr(self, name), shape))
             if name != "B" and value.max() <= 0:
                 raise InputError(f"{name} must be positive definite; no entry of it is > 0.")
             checks.store(self, **{name: value})
-        inertia = checks.kept(checks.array("inertia", self.inertia, (3,)))
+        inertia = checks.read_only(checks.array("inertia", self.inertia, (3,)))
         if inertia[0] <= 0:
             raise InputError(f"inertia must begin with a mass per area > 0; got {inertia[0]:g}.")
         checks.store(

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping import DampingMatrix
 from antiosc.models.modal import ModalBody
@@ -25,7 +25,7 @@ LIGHT = 1e-6
 
 
 @dataclass(frozen=True)
-class SoilCone(Given):
+class SoilCone(FieldsRepr):
     """The soil under a footing.
 
     Attributes

@@ -180,12 +180,12 @@ class StruckBeam:
         Constraint modes that carry no mass are not counted. The model's `field` gives the
         deflections at the points `x` (m), Article (8).
         """
-        points = self._points(x)
+        points = self._checked_points(x)
         omega, m, psi, moved = self._constraint_modes(
             checks.whole("n", n, most=MOST_FREQUENCIES), points
         )
         psi0, moved0 = self._static_shape(points), self._static.moved
-        hidden, carried = self._hidden(points)
+        hidden, carried = self._hidden_motions(points)
         inertia = self._inertia(np.vstack((moved0, moved, carried)))
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
@@ -206,7 +206,7 @@ class StruckBeam:
         Of several rigid-body modes one moves the site, φ_st/√m_st. With `static_correction` the
         static deflection of the truncated modes is included.
         """
-        points = self._points(x)
+        points = self._checked_points(x)
         rigid = min(self.rigid_modes, 1)
         n = checks.whole("n", n, most=MOST_FREQUENCIES)
         checks.flag("static_correction", static_correction)
@@ -229,7 +229,7 @@ class StruckBeam:
             r, residual = self._compliance(points)
             modal = b[rigid:] / omega[rigid:] ** 2
             r, residual = r - modal @ b[rigid:], residual - modal @ shapes[rigid:]
-        hidden, carried = self._hidden(points)
+        hidden, carried = self._hidden_motions(points)
         inertia = self._inertia(np.vstack((carried, moved)))
         return BeamModes(
             omega, b, moved[:, 0], max(r, 0.0), points, shapes, residual, hidden.T, inertia
@@ -269,7 +269,7 @@ class StruckBeam:
         site = float(np.sum(m / omega**2)) / total**2
         return site, site * self._static_shape(x) - omega**-2.0 @ psi / total
 
-    def _points(self, x: ArrayLike) -> Array:
+    def _checked_points(self, x: ArrayLike) -> Array:
         points = checks.array("x", x, (None,))
         if points.size and not (points.min() >= 0 and points.max() <= self.beam.length):
             raise InputError(f"x must lie on the beam, 0 to {self.beam.length:g} m.")
@@ -288,7 +288,7 @@ class StruckBeam:
         unit = self.beam.EI / self.beam.length**3
         return _Static(stiffness * unit, mass * self.beam.mass, moved * self.beam.mass)
 
-    def _hidden(self, x: Array) -> tuple[Array, Array]:
+    def _hidden_motions(self, x: Array) -> tuple[Array, Array]:
         """Rigid motions of unit mass that leave the site at rest: (len(x), h) at x (m), (h, 2)."""
         at_site = np.array([[1, self.site / self.beam.length]]) @ self._unit.rigid
         motions = self._unit.rigid @ (null_space(at_site) if at_site.size else np.zeros((0, 0)))

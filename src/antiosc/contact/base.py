@@ -146,7 +146,7 @@ class ContactLaw(ABC):
         return trial
 
 
-_Three = c_double * 3
+_ThreeDoubles = c_double * 3
 
 
 class Compiled(Checked, ContactLaw):
@@ -156,10 +156,12 @@ class Compiled(Checked, ContactLaw):
     kind: ClassVar[int]
     #: numbers of the state
     size: ClassVar[int] = 0
+    #: parameters as the library takes them, where they are not the fields
+    _parameters: list[float] | None = None
 
     def parameters(self) -> list[float]:
-        """Parameters as the library takes them: the fields of a dataclass."""
-        return [getattr(self, one.name) for one in fields(self)]
+        """Parameters as the library takes them."""
+        return self._parameters or [getattr(self, one.name) for one in fields(self)]
 
     @cached_property
     def kernel(self) -> tuple[march.Law, Array]:
@@ -175,18 +177,18 @@ class Compiled(Checked, ContactLaw):
         return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
 
     def force(self, delta: float, rate: float, state: State) -> float:
-        out = _Three()
-        march.library.aom_law_force(self._at, delta, rate, _Three(*(state or ())[:3]), out)
+        out = _ThreeDoubles()
+        march.library.aom_law_force(self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), out)
         return out[0]
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        out = _Three()
-        march.library.aom_law_force(self._at, delta, rate, _Three(*(state or ())[:3]), out)
+        out = _ThreeDoubles()
+        march.library.aom_law_force(self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), out)
         return out[1], out[2]
 
     def energy(self, delta: float, state: State) -> float:
         out = c_double()
-        at = byref(c_double(delta)), _Three(*state[:3]), byref(out)
+        at = byref(c_double(delta)), _ThreeDoubles(*state[:3]), byref(out)
         march.library.aom_law_energies(self._at, 1, *at)
         return out.value
 
@@ -196,7 +198,11 @@ class Compiled(Checked, ContactLaw):
     def energies(self, delta: Array, state: State) -> Array:
         depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
         march.library.aom_law_energies(
-            self._at, depth.size, march.address(depth), _Three(*state[:3]), march.address(out)
+            self._at,
+            depth.size,
+            march.address(depth),
+            _ThreeDoubles(*state[:3]),
+            march.address(out),
         )
         return out
 
@@ -204,7 +210,11 @@ class Compiled(Checked, ContactLaw):
         """Forces (n,) [N] at indentations (n,) [m] that do not change."""
         depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
         march.library.aom_law_forces(
-            self._at, depth.size, march.address(depth), _Three(*state[:3]), march.address(out)
+            self._at,
+            depth.size,
+            march.address(depth),
+            _ThreeDoubles(*state[:3]),
+            march.address(out),
         )
         return out
 
@@ -215,21 +225,21 @@ class Compiled(Checked, ContactLaw):
     def touch(self, speed: float, state: State | None = None) -> State:
         if not self.size:
             return ()
-        now = _Three(*(state or ())[:3])
+        now = _ThreeDoubles(*(state or ())[:3])
         march.library.aom_law_touch(self._at, speed, state is None, now)
         return tuple(now[: self.size])
 
     def advance(self, delta: float, rate: float, state: State) -> State:
         if not self.has_memory:
             return state
-        now = _Three(*state[:3])
+        now = _ThreeDoubles(*state[:3])
         march.library.aom_law_advance(self._at, delta, now)
         return tuple(now)
 
     def origin(self, state: State) -> float:
         if not self.has_memory:
             return 0.0
-        return float(march.library.aom_law_origin(self._at, _Three(*state[:3])))
+        return float(march.library.aom_law_origin(self._at, _ThreeDoubles(*state[:3])))
 
     def lost(self, state: State) -> float:
         return state[2] if self.has_memory else 0.0
@@ -241,10 +251,10 @@ class Compiled(Checked, ContactLaw):
 
 
 def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
-    """Whether the library knows the law: a subclass made elsewhere may have other methods."""
-    return _knows(type(law))
+    """Whether the C library has this law; a subclass defined elsewhere may override methods."""
+    return _is_compiled_type(type(law))
 
 
 @lru_cache(maxsize=64)
-def _knows(kind: type) -> bool:
+def _is_compiled_type(kind: type) -> bool:
     return issubclass(kind, Compiled) and kind.__module__.startswith("antiosc.contact.")

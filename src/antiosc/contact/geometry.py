@@ -24,10 +24,10 @@ def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None
     """E* [Pa] with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2; E2 None or infinite: rigid body 2."""
     moduli = [checks.positive("E1", E1, "Pa")]
     compliance = (1 - checks.poisson(nu1) ** 2) / moduli[0]
-    if E2 is not None and not checks.rigid(E2):
+    if E2 is not None and not checks.is_rigid(E2):
         moduli.append(checks.positive("E2", E2, "Pa"))
         compliance += (1 - checks.poisson(nu1 if nu2 is None else nu2) ** 2) / moduli[1]
-    plausible.tell(map(plausible.of_modulus, moduli))
+    plausible.warn_each(map(plausible.of_modulus, moduli))
     return 1 / compliance
 
 
@@ -80,7 +80,7 @@ def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
         )
     values = []
     for r in pair:
-        if checks.endless(r):
+        if checks.is_infinite(r):
             values.append(0.0)
             continue
         radius = checks.number(name, r, "m")
@@ -153,7 +153,7 @@ def contact_stress(
     modulus = effective_modulus(own_E, own_nu, E, nu)
     nu = checks.poisson(nu)
     curvature = 1 / checks.positive("the radius of the impactor", own, "m")
-    if not checks.endless(radius):
+    if not checks.is_infinite(radius):
         radius = checks.number("radius", radius, "m")
         if radius == 0:
             raise InputError("radius must not be 0; inf is a flat surface.")

@@ -34,9 +34,9 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.checks import checked_by
-from antiosc.base.errors import InputError, NotConvergedError
+from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
-from antiosc.contact.base import Compiled, State
+from antiosc.contact.base import Compiled
 from antiosc.contact.geometry import Radii, effective_modulus, hertz_stiffness, relative_curvatures
 
 
@@ -74,17 +74,6 @@ class Linear(Compiled):
 
     kind: ClassVar[int] = march.LINEAR
 
-    def implicit(
-        self,
-        delta: float,
-        alpha: float,
-        rate: float,
-        alpha_rate: float,
-        state: State,
-        guess: float = 0.0,
-    ) -> float:
-        return self.stiffness * delta / (1.0 + self.stiffness * alpha) if delta > 0 else 0.0
-
 
 @dataclass(frozen=True)
 class Hertz(Compiled):
@@ -115,19 +104,15 @@ class Hertz(Compiled):
     #: rho at which the law with a compliance ends
     END: ClassVar[float] = 0.7
 
-    # with s = F^(1/3): delta = a s^2 - c s^3 up to s = end, a straight line beyond
-    _a: float = field(init=False, repr=False, compare=False)
-    _end: float = field(init=False, repr=False, compare=False)
-    _end_slope: float = field(init=False, repr=False, compare=False)
-
     @checks.within_range
     def __post_init__(self) -> None:
         super().__post_init__()
+        # with s = F^(1/3): delta = a s^2 - c s^3 up to s = end, a straight line beyond
         k, c = self.stiffness, self.compliance
         a = k ** (-2 / 3)
-        s = self.END * 2 * a / (3 * c) if c > 0 else inf
-        slope = (2 / 3) * a / s - c if c > 0 else 0.0
-        checks.store(self, _a=a, _end=s, _end_slope=slope, valid_force=s**3)
+        end = self.END * 2 * a / (3 * c) if c > 0 else inf
+        slope = (2 / 3) * a / end - c if c > 0 else 0.0
+        checks.store(self, valid_force=end**3, _parameters=[k, c, a, end, slope])
 
     @classmethod
     @checks.within_range
@@ -173,42 +158,6 @@ class Hertz(Compiled):
             f" radius); {remedy}"
         )
 
-    def implicit(
-        self,
-        delta: float,
-        alpha: float,
-        rate: float,
-        alpha_rate: float,
-        state: State,
-        guess: float = 0.0,
-    ) -> float:
-        """Newton on a s^2 + (alpha - c) s^3 = delta with s = F^(1/3) and a = k_H^(-2/3)."""
-        if delta <= 0.0:
-            return 0.0
-        a, end = self._a, self._end
-        cubic = alpha - self.compliance
-        if self.compliance > 0.0:
-            reach = (a + cubic * end) * end * end
-            if delta >= reach:
-                return self.valid_force + (delta - reach) / (self._end_slope + alpha)
-        if guess > 0.0 and cubic > 0.0:  # convex: from above the iteration falls to the root
-            s = guess ** (1 / 3)
-        else:
-            s = sqrt(delta / a)
-            if cubic > 0.0:
-                s = min(s, (delta / cubic) ** (1 / 3))
-        for _ in range(100):
-            bend = cubic * s
-            step = ((a + bend) * s * s - delta) / ((2.0 * a + 3.0 * bend) * s)
-            s -= step
-            if s > end:
-                s = end
-            if abs(step) <= 1e-8 * s:  # the error left is the square of that
-                return s * s * s
-        raise NotConvergedError(
-            f"Hertz's force at the indentation {delta:g} m has not converged after 100 steps."
-        )
-
 
 def _checked_restitution(name: str, value: object) -> float:
     e = checks.number(name, value)
@@ -242,15 +191,13 @@ class _Damped(Compiled):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.store(self, factor=self._factor(self.restitution))
+        factor = self._factor(self.restitution)
+        checks.store(self, factor=factor, _parameters=[self.stiffness, self.exponent, factor])
 
     @staticmethod
     @abstractmethod
     def _factor(e: float) -> float:
         """d for a coefficient of restitution e."""
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.exponent, self.factor]
 
 
 class HuntCrossley(_Damped):
@@ -485,21 +432,18 @@ class Tabulated(Hysteretic):
         if unloading is not None:
             self._check_loss(x)
 
-    def _told(self) -> list[tuple[str, str]]:
+    def _changed_fields(self) -> list[tuple[str, str]]:
         told = [("points", str(self._points)), ("up to", self._reach)]
         return told if self.elastic else [*told, ("unloading", "given")]
 
     def __repr__(self) -> str:
-        return f"Tabulated({', '.join(' '.join(fact) for fact in self._told())})"
+        return f"Tabulated({', '.join(' '.join(fact) for fact in self._changed_fields())})"
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
         return (
             f"the peak force {peak:.4g} N exceeds the table's last point,"
             f" {self.valid_force:.4g} N; measure or extrapolate the curve further"
         )
-
-    def parameters(self) -> list[float]:
-        return self._parameters
 
     def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:

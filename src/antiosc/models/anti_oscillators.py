@@ -28,9 +28,9 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin, engineering
 from antiosc.models import model_file, parameters, reduced_modes
-from antiosc.models.body import ModelInfo, several_contact_points
-from antiosc.models.damping import DampingMatrix, along
-from antiosc.models.driving_point import with_slide
+from antiosc.models.body import ModelInfo, several_sites_message
+from antiosc.models.damping import DampingMatrix, in_coordinates
+from antiosc.models.driving_point import with_rigid_slide
 from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.model_file import ReducedMatrices, reduced_matrices
 from antiosc.models.parameters import (
@@ -168,7 +168,7 @@ class AntiOscillators(ReprMixin, Parameters):
             hung = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
         if self.slide is not None:
             x = x[..., np.newaxis, np.newaxis]
-            return with_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
+            return with_rigid_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
         return np.asarray(self.k0 - x * (self.m0 + hung))
 
     def truncated(self, n: int) -> AntiOscillators:
@@ -176,12 +176,12 @@ class AntiOscillators(ReprMixin, Parameters):
         n = checks.whole("n", n, least=0)
         if n > self.n:
             raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
-        lead = self.lead
-        left_out = np.arange(lead + n, lead + self.n)
+        n_sites = self.n_sites
+        left_out = np.arange(n_sites + n, n_sites + self.n)
         damping = self.damping
         if isinstance(damping, DampingMatrix):
             kept = np.delete(np.arange(damping.n), left_out)
-            damping = along(damping, np.eye(damping.n)[:, kept])
+            damping = in_coordinates(damping, np.eye(damping.n)[:, kept])
         p, shapes, inertia = self.participation, self.shapes, self.inertia
         E, misfit = self.strain_error, self.strain_misfit
         if p is not None:
@@ -196,7 +196,7 @@ class AntiOscillators(ReprMixin, Parameters):
             omega=self.omega[:n],
             damping=damping,
             participation=p,
-            shapes=None if shapes is None else shapes[:, : lead + n],
+            shapes=None if shapes is None else shapes[:, : n_sites + n],
             inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),
             strain_error=None if E is None else E[: n + 1, : n + 1],
             strain_misfit=None if misfit is None else misfit[: n + 1, : n + 1],
@@ -222,7 +222,7 @@ class AntiOscillators(ReprMixin, Parameters):
         Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest. Several
         sites: for u and the amplitudes of the constraint modes of unit mass, (..., p + N).
         """
-        size = self.lead + self.n
+        size = self.n_sites + self.n
         x = checks.array("coordinates", coordinates, None)
         hidden = self.hidden_count
         if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
@@ -253,7 +253,7 @@ class AntiOscillators(ReprMixin, Parameters):
         Its coordinates are lambda_0 ... lambda_N, then the amplitudes of the hidden motions.
         """
         if self.sites:
-            raise InputError(several_contact_points("this model", self.sites))
+            raise InputError(several_sites_message("this model", self.sites))
         assert isinstance(self.free_modes, ModalBody)
         return self.free_modes
 
@@ -297,7 +297,7 @@ class AntiOscillators(ReprMixin, Parameters):
         InputError
             Numbers that do not fit the sites, or sites that depend on each other.
         """
-        if self.dependence is not None and len(self.dependence) != self.lead:
+        if self.dependence is not None and len(self.dependence) != self.n_sites:
             raise InputError(
                 "some sites follow from others: extract a model without them for its matrices."
             )
@@ -321,4 +321,4 @@ class AntiOscillators(ReprMixin, Parameters):
         try:
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
-            raise model_file.damaged(path, error) from error
+            raise model_file.damaged_file(path, error) from error

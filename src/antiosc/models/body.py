@@ -262,13 +262,15 @@ def resolved_frequency(source: Any) -> float:
     return float(omega[count - 1]) / (2 * np.pi) if count else 0.0
 
 
-def strip(width: float, thickness: float, E: float, nu: float, rho: float) -> float:
+def strip_bending_frequency(
+    width: float, thickness: float, E: float, nu: float, rho: float
+) -> float:
     """Lowest bending frequency across a free strip of this width [Hz], where a beam fails."""
     wave = sqrt(E * thickness**2 / (12 * rho * (1 - nu**2)))
     return 22.373 / (2 * pi * width**2) * wave
 
 
-def thickness_shear(thickness: float, E: float, nu: float, rho: float) -> float:
+def thickness_shear_frequency(thickness: float, E: float, nu: float, rho: float) -> float:
     """First thickness-shear frequency [Hz], where a shell fails."""
     return sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness)
 
@@ -309,8 +311,8 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class InModes(Body):
-    """A body that is given by its free modes."""
+class ModalModel(Body):
+    """A body given by its free modes."""
 
     modes: ModalBody
     local_compliance: float = 0.0
@@ -324,8 +326,8 @@ class InModes(Body):
         return self.modes
 
 
-class _Foreign(Body):
-    """A foreign body: what it says of itself, checked, and the defaults for the rest."""
+class _ForeignBody(Body):
+    """A user's body: its checked attributes, and the defaults for others."""
 
     def __init__(self, name: str, body: LinearBody) -> None:
         self._body = body
@@ -351,23 +353,23 @@ class _Foreign(Body):
 
 
 def checked_body(name: str, body: object) -> Body:
-    """`body` as a `Body` of one contact point, a foreign one with the defaults.
+    """Return `body` as a `Body` of one contact point; a user's body gets the defaults.
 
     InputError for one without a modal() method, and for one with several contact points.
     """
     if isinstance(body, Body):
         if body.sites:
-            raise InputError(several_contact_points(name, body.sites))
+            raise InputError(several_sites_message(name, body.sites))
         return body
     if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
-        return _Foreign(name, body)
+        return _ForeignBody(name, body)
     raise InputError(
         f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
         f"RigidMass and a Sphere have; got {checks.shown(body)}."
     )
 
 
-def places_of(body: object) -> dict[str, tuple[float, ...]]:
+def site_points(body: object) -> dict[str, tuple[float, ...]]:
     """Points of the sites of an extracted body [m], by name; "" is the name of a single site."""
     info = info_of(body)
     named = {"": info.point} if info.points is None else info.points
@@ -378,7 +380,7 @@ def places_of(body: object) -> dict[str, tuple[float, ...]]:
     }
 
 
-def several_contact_points(name: str, sites: tuple[str, ...]) -> str:
+def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
     """Message for a body of several sites where one is needed."""
     return (
         f"{name} has the sites {', '.join(sites)}: pose its impact as a Scene, with ends such as "

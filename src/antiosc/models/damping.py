@@ -93,7 +93,7 @@ class DampingMatrix(ReprMixin):
                 )
             own = _factor("the matrix of a branch", branch[0], factor.shape[1])
             found.append((own, checks.positive("tau", branch[1], "s")))
-        _keep(self, factor, found)
+        _store_factors(self, factor, found)
 
     def _facts(self) -> list[tuple[str, str]]:
         return [("matrix", f"{self.matrix.shape}"), ("branches", f"{len(self.branches)}")]
@@ -115,7 +115,7 @@ class DampingMatrix(ReprMixin):
         return np.asarray(total)
 
     def as_dict(self) -> dict[str, object]:
-        """Arguments of `of_factors` as JSON values, and the number of coordinates."""
+        """Arguments of `from_factors` as JSON values, and the number of coordinates."""
         return {
             "n": self.n,
             "factor": self.factor.tolist(),
@@ -123,25 +123,27 @@ class DampingMatrix(ReprMixin):
         }
 
 
-def of_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
-    """C = factor' factor, factor (r, n), and the branches likewise: semidefinite as it is."""
+def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
+    """Damping of C = factor' factor, factor (r, n), and of branches likewise: semidefinite."""
     found = object.__new__(DampingMatrix)
-    _keep(found, factor, branches)
+    _store_factors(found, factor, branches)
     return found
 
 
-def along(damping: DampingMatrix, turn: Array) -> DampingMatrix:
-    """The same damping in the coordinates y of x = turn y, turn (n, m)."""
-    return of_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
+def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
+    """Transform damping to the coordinates y of x = turn y, turn (n, m)."""
+    return from_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
 
 
-def _keep(of: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, float]]) -> None:
+def _store_factors(
+    of: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, float]]
+) -> None:
     checks.store(
         of,
         factor=factor,
         factors=tuple(branches),
-        matrix=checks.kept(factor.T @ factor),
-        branches=tuple((checks.kept(L.T @ L), tau) for L, tau in branches),
+        matrix=checks.read_only(factor.T @ factor),
+        branches=tuple((checks.read_only(L.T @ L), tau) for L, tau in branches),
     )
 
 
@@ -151,7 +153,7 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     if found.shape[0] != found.shape[1]:
         raise InputError(f"{name} must be square; got shape {found.shape}.")
     scale = np.sqrt(np.maximum(found.diagonal(), 0.0))
-    unit, uneven = checks.in_units(found, scale)
+    unit, uneven = checks.scaled_symmetric(found, scale)
     values, vectors = np.linalg.eigh(unit)
     least = float(values.min(initial=0.0))
     if uneven > ROUNDING or least < -ROUNDING or np.any(found[scale == 0]):
@@ -166,13 +168,13 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
 #: Share of the largest damping of a mode below which a mode has none.
 UNDAMPED = 1e-24
 #: The same, of a combination of rigid-body motions.
-UNBRAKED = 1e-12
+UNDAMPED_RIGID = 1e-12
 #: Poles closer than this, relatively, are one repeated pole.
 REPEATED = 1e-10
 #: Errors of the receptance, relative: one that serves, and the largest.
 EXACT, INEXACT = 1e-7, 1e-4
 #: Relative change of a damping whose poles fall together.
-NUDGE = 1e-7
+DAMPING_CHANGE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +193,7 @@ class FirstOrder:
     decay: Array
     at_q: Array
     at_v: Array
-    brake: Array
+    deceleration: Array
     inverse: Array
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
@@ -207,7 +209,7 @@ class FirstOrder:
 
 
 @dataclass(eq=False)
-class SideBySide:
+class StackedModes:
     """The modes of several bodies, of which some have first-order modes.
 
     Attributes
@@ -236,30 +238,30 @@ class SideBySide:
             j, i = j + w.size, i + size
 
     def rows(self, values: Array) -> Array:
-        """(n, 2 I) of values (n, J) on the displacements of the free modes."""
+        """Project values (n, J) on the displacements of the free modes to the states: (n, 2 I)."""
         size = self.omega.size
         found = np.zeros((len(values), 2, size))
         for free, own, _, first in self._spans():
             if first is None:
                 found[:, 0, own] = values[:, free]
             else:
-                moved = values[:, free] @ first.at_q
-                found[:, :, own] = moved.reshape(-1, 2, first.omega.size)
+                projected = values[:, free] @ first.at_q
+                found[:, :, own] = projected.reshape(-1, 2, first.omega.size)
         return found.reshape(len(values), 2 * size)
 
-    def seen(self, by_q: Array, by_v: Array) -> Array:
-        """(n, 2 I) derivatives by (a, b), from those by displacements and velocities (n, J)."""
+    def state_gradient(self, by_q: Array, by_v: Array) -> Array:
+        """Derivatives (n, 2 I) by the states (a, b), from those by q and v (n, J)."""
         found = self.rows(by_q).reshape(-1, 2, self.omega.size)
         for free, own, _, first in self._spans():
             if first is None:
                 found[:, 1, own] += by_v[:, free]
             else:
-                moved = by_v[:, free] @ first.at_v
-                found[:, :, own] += moved.reshape(-1, 2, first.omega.size)
+                projected = by_v[:, free] @ first.at_v
+                found[:, :, own] += projected.reshape(-1, 2, first.omega.size)
         return found.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:
-        """(J,) derivatives by the displacements of `state`, from those by its (a, b)."""
+        """Derivatives (J,) by the initial displacements, from those by the (a, b) of `state`."""
         found = np.zeros(self.free)
         for free, own, _, first in self._spans():
             both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
@@ -286,20 +288,24 @@ class SideBySide:
 
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
         """Displacements and velocities of the free modes (n, J), and what brakes them."""
-        q, v, brake = (np.empty((len(a), self.free)) for _ in range(3))
+        q, v, deceleration = (np.empty((len(a), self.free)) for _ in range(3))
         for free, own, d, first in self._spans():
             if first is None:
-                q[:, free], v[:, free], brake[:, free] = a[:, own], b[:, own], 2 * d * b[:, own]
+                q[:, free], v[:, free], deceleration[:, free] = (
+                    a[:, own],
+                    b[:, own],
+                    2 * d * b[:, own],
+                )
                 continue
             both = np.hstack([a[:, own], b[:, own]])
             q[:, free], v[:, free] = both @ first.at_q.T, both @ first.at_v.T
-            brake[:, free] = both @ first.brake.T
-        return q, v, brake
+            deceleration[:, free] = both @ first.deceleration.T
+        return q, v, deceleration
 
     @property
     def undamped(self) -> BoolArray:
         """Whether each free mode (J,) is undamped."""
-        own = [d == 0 if f is None else ~f.brake.any(axis=1) for _, d, f, _ in self.parts]
+        own = [d == 0 if f is None else ~f.deceleration.any(axis=1) for _, d, f, _ in self.parts]
         return np.concatenate(own)
 
 
@@ -310,12 +316,14 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     leaves no such modes.
     """
     least, best = np.inf, None
-    for change in (0.0, NUDGE, -NUDGE):
+    for change in (0.0, DAMPING_CHANGE, -DAMPING_CHANGE):
         root = np.sqrt(1 + change)
-        nudged = of_factors(root * damping.factor, [(root * L, tau) for L, tau in damping.factors])
+        nudged = from_factors(
+            root * damping.factor, [(root * L, tau) for L, tau in damping.factors]
+        )
         with np.errstate(all="ignore"):
-            found = _found(omega, nudged)
-            off = _inexact(found, omega, damping)
+            found = _first_order_modes(omega, nudged)
+            off = _receptance_error(found, omega, damping)
         if off < least:
             least, best = off, found
         if least <= EXACT:
@@ -328,7 +336,7 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     return best
 
 
-def _found(omega: Array, damping: DampingMatrix) -> FirstOrder:
+def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     J = omega.size
     turn = np.eye(J)
     rigid = np.flatnonzero(omega == 0)
@@ -337,9 +345,9 @@ def _found(omega: Array, damping: DampingMatrix) -> FirstOrder:
     own = np.sum((damping.factor @ turn) ** 2, axis=0)
     own += sum((tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J))
     touched = own > UNDAMPED * own.max(initial=0.0)
-    touched[rigid] = values > UNBRAKED * own.max(initial=0.0)
+    touched[rigid] = values > UNDAMPED_RIGID * own.max(initial=0.0)
     coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
-    w, d, S, JS, braked = _modes(omega[coupled], along(damping, turn[:, coupled]))
+    w, d, S, JS, braked = _modes(omega[coupled], in_coordinates(damping, turn[:, coupled]))
     k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
     first = np.concatenate((np.arange(free), both + np.arange(free)))
     second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
@@ -349,18 +357,18 @@ def _found(omega: Array, damping: DampingMatrix) -> FirstOrder:
         dual[half * J + alone, first[(1 - half) * free : (2 - half) * free]] = 1.0
         states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
         dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
-    brake = np.zeros((J, 2 * both))
-    brake[np.ix_(coupled, second)] = braked
+    deceleration = np.zeros((J, 2 * both))
+    deceleration[np.ix_(coupled, second)] = braked
     whole = scipy.linalg.block_diag(turn, turn)
     w, d = np.append(omega[alone], w), np.append(np.zeros(free), d)
     states, dual = whole @ states, whole @ dual
     upper, lower = np.split(dual.T, 2)  # T^-1 of them
     inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
-    return FirstOrder(w, d, states[:J], states[J:], turn @ brake, inverse)
+    return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse)
 
 
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
-    """w, d (I,), S and J S with relaxed branches (2 k, 2 I), `brake` of modes that are all damped.
+    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, decelerations; all modes are damped.
 
     The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
     skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
@@ -402,16 +410,16 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
         column = np.zeros(len(Y))
         column[j], column[2 * k :] = 1.0, L[:, j]
-        brake = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
-        plus.append((0.0, column / np.sqrt(brake)))
+        deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
+        plus.append((0.0, column / np.sqrt(deceleration)))
     found += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
     w, d = np.array([one[0] for one in found]), np.array([one[1] for one in found])
     shapes = [one[2] for one in found] + [one[3] for one in found]
     S = np.array(shapes).reshape(2 * w.size, len(Y)).T
     relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
     JS = np.vstack([relaxed, S[:k]])  # xi = L q
-    brake = damping.matrix @ S[k : 2 * k] + L.T @ (L @ S[:k] - S[2 * k :])
-    return w, d, S[: 2 * k], JS, brake
+    deceleration = damping.matrix @ S[k : 2 * k] + L.T @ (L @ S[:k] - S[2 * k :])
+    return w, d, S[: 2 * k], JS, deceleration
 
 
 def _groups(poles: Numbers) -> list[list[int]]:
@@ -453,7 +461,7 @@ def _pairs(
     return found
 
 
-def _inexact(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
+def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
     """Error of the receptance of the modes at a real s, relative; inf where it is no number."""
     positive = modes.omega[modes.omega > 0]
     s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0

@@ -42,11 +42,10 @@ def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
-    """|change of Z|/|Z| (..., N) at each damped pole if its mass is added to m0 instead.
+    """Share |change of Z|/|Z| (..., N) at each damped pole if its mass is added to m0 instead.
 
-    Of many models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N); poles with m = 0
-    have no share. Z is written with m0, not m_st = m0 + sum(m_i): if an m_i is large, -x m_st and
-    the term of m_i would cancel.
+    Of models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
+    written with m0, not m_st = m0 + sum(m_i), whose -x m_st would cancel the term of a large m_i.
     """
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     weight, poles = np.where(m > 0, m * poles, 0.0), np.where(m > 0, poles, -1.0)
@@ -73,17 +72,9 @@ def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
 
 
 def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
-    """Z = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) at x = omega^2.
+    """Z (..., p, p) = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) [N/m] at x = omega^2.
 
-    Parameters
-    ----------
-    x : of any shape (...), real or complex [rad^2/s^2].
-    k0, m0 : (p, p) [N/m], [kg].
-    P : (N, p) [kg^1/2]; poles : (N,) omega_i^2 [rad^2/s^2].
-
-    Returns
-    -------
-    Z : (..., p, p) [N/m].
+    k0, m0 : (p, p) [N/m], [kg]. P : (N, p) [kg^1/2]. poles : (N,) omega_i^2 [rad^2/s^2].
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = poles / (poles - x[..., None])
@@ -91,7 +82,7 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
     return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
 
 
-def with_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
+def with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
     """Z (..., p, p) at x = omega^2 with the rigid-body motions a = `slide` (p, h) beside.
 
     That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).
@@ -107,8 +98,8 @@ def with_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     """Spectral radius of Z^-1 (change of Z) (N,) at each damped pole if its mass is added to m0.
 
-    Arguments as of `stiffness_at_sites`; a pole <= 0 has no share. The radius is the same whatever
-    units or combinations of the sites are taken.
+    Arguments as of `stiffness_at_sites`; 0 for a pole <= 0. Units and combinations of the sites do
+    not change it.
     """
     share = np.zeros(len(poles))
     real = np.flatnonzero(poles > 0)
@@ -155,12 +146,8 @@ def semidefinite(matrix: Array) -> Array:
 def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:
     """Largest |Z - Z_ref|/|Z_ref| over the band up to `band` [rad/s], with one per cent damping.
 
-    Parameters
-    ----------
-    Z, reference : callable
-        Dynamic stiffness [N/m] of complex circular frequencies, as `model.dynamic_stiffness`.
-    band, lowest : float
-        Limits of the band [rad/s]; it is sampled down to a quarter of `lowest`.
+    Z, reference : dynamic stiffness [N/m] of complex circular frequencies. The band is sampled down
+    to a quarter of `lowest` [rad/s].
     """
     at = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
     exact = reference(at)

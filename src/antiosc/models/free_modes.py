@@ -38,7 +38,7 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.motion import HIDDEN, SMALL_SHARE, with_rigid
+from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, with_rigid_mode
 
 Method = Literal["krylov", "modes"]
 
@@ -125,11 +125,11 @@ def from_free_modes(
     b = checks.array("b", b, (None,))
     C = np.array([checks.positive("compliance", compliance, "m/N")])
     G = None if inertia is None else np.array([checks.positive("inertia", inertia, "kg m^2/N^2")])
-    return at_sites(omega, b[None, :], C, G, n, shift, method).model(0)
+    return site_models(omega, b[None, :], C, G, n, shift, method).model(0)
 
 
 @checks.within_range
-def at_sites(
+def site_models(
     omega: ArrayLike,
     b: ArrayLike,
     compliance: ArrayLike,
@@ -161,29 +161,29 @@ def at_sites(
     result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
     result.omega[:] = np.inf
     for group, part, few in (
-        (share > SMALL_SHARE, b, count),
-        ((share <= SMALL_SHARE) & (share > HIDDEN), elastic, count - 1),
-        (share <= HIDDEN, elastic, count),
+        (share > SMALL_RIGID_SHARE, b, count),
+        ((share <= SMALL_RIGID_SHARE) & (share > HIDDEN_RIGID_SHARE), elastic, count - 1),
+        (share <= HIDDEN_RIGID_SHARE, elastic, count),
     ):
         sites = np.flatnonzero(group)
         for first in range(0, len(sites), SITES_AT_ONCE):
             at = sites[first : first + SITES_AT_ONCE]
             found: tuple[Array, ...] = parameters(omega, part[at], r[at], s[at], few, shift, method)
             if few < count:
-                found = _joined(found, along[at])
+                found = _with_rigid_modes(found, along[at])
             result.k0[at], result.m0[at], result.m_st[at] = found[:3]
             result.omega[at, : found[3].shape[1]], result.m[at, : found[4].shape[1]] = found[3:]
     return result
 
 
-def _joined(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
-    """The elastic parameters of a batch with a rigid-body mode that hardly moves the site."""
+def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
+    """Join the elastic parameters of sites with a rigid-body mode that hardly moves them."""
     k0, m0, _, omega, m = found
     wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
     left = np.zeros_like(m0)
     for i, a in enumerate(along):
         real = m[i] > 0
-        left[i], own, w, _, _ = with_rigid(k0[i], m0[i], m[i, real], omega[i, real], a)
+        left[i], own, w, _, _ = with_rigid_mode(k0[i], m0[i], m[i, real], omega[i, real], a)
         wide[0][i, : len(w)], wide[1][i, : len(w)] = w, own
     return np.zeros_like(k0), left, 1 / along**2, *wide
 
@@ -191,7 +191,10 @@ def _joined(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
 def residual(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
-    """r and s (S,) of the modes left out; s = 0 where they have no mass, r = 0 where none is."""
+    """Compliances r and inertias s (S,) of the modes left out.
+
+    s = 0 where they have no mass, r = 0 where no mode is left out.
+    """
     x = omega**2 + shift
     modal, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
     r = C - modal
@@ -223,7 +226,7 @@ def error_bound(
 
     First by the modes left out (see above), then by keeping only n anti-oscillators; the whole
     error is at most their sum. Z is taken with one per cent of damping; `band` must lie below
-    the last free mode. Other arguments as in `at_sites`, which made the models.
+    the last free mode. Other arguments as in `site_models`, which made the models.
     """
     omega = checks.array("omega", omega, (None,))
     b = checks.array("b", b, (None, omega.size))
@@ -268,13 +271,10 @@ MASSLESS = 1e-12
 def parameters(
     omega: Array, b: Array, r: Array, s: Array, n: int, shift: float, method: str
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """(k0, m0, m_st, omega, m) of S sites: (S,) each, and (S, n).
+    """Parameters of S sites: (k0, m0, m_st) (S,) each, omega and m (S, n).
 
-    Parameters
-    ----------
-    omega, b : free frequencies (J,), and the displacements (S, J) of the sites in the free modes.
-    r, s : (S,) residual compliances and inertias of the modes left out.
-    n, shift, method : as of `antiosc.models.free_modes.from_free_modes`.
+    omega, b : free frequencies (J,), and displacements (S, J) of the sites in the free modes. r, s
+    : (S,) residual compliances and inertias of the modes left out. Others as of `from_free_modes`.
     """
     heavy = s > 0
     above = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
@@ -328,8 +328,8 @@ def _lanczos(
 ) -> tuple[Array, Array, Array]:
     """The n Ritz values of T from the start T phi in the inner product of A; as `_eigenpairs`.
 
-    As `antiosc.fem.extraction.krylov`; a massless residual compliance r takes up b'v, which adds
-    (b'v)^2/r to v'Av, and without one b'v = 0.
+    As `antiosc.fem.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av, and
+    without one b'v = 0.
     """
     y = b / A
     soft = massless > 0

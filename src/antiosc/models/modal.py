@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, warn
-from antiosc.base.texts import Given, ReprMixin
+from antiosc.base.texts import FieldsRepr, ReprMixin
 from antiosc.models.damping import DampingMatrix, FirstOrder, first_order
 from antiosc.models.motion import Inertia, Motion, unit_vector, unit_vectors
 
@@ -42,7 +42,7 @@ Value: TypeAlias = Any
 
 
 @dataclass(frozen=True)
-class Damping(Given):
+class Damping(FieldsRepr):
     """Damping of the free modes: decay d_j = ratio_j omega_j + alpha/2 + beta omega_j^2/2 [1/s].
 
     Parameters
@@ -106,10 +106,10 @@ def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | Non
 
 
 class FreeModes(ReprMixin):
-    """What bodies in free modes with one contact point (`ModalBody`) and with several share.
+    """Common base of bodies with one contact point (`ModalBody`) and with several (`SiteModes`).
 
     The arrays of a `ModalBody` have no axis for its one contact point. `B`, `R`, `columns` and
-    `axes` are those of P >= 1 columns of any body.
+    `axes` describe P >= 1 columns for both.
     """
 
     omega: Array
@@ -168,7 +168,7 @@ class FreeModes(ReprMixin):
 
     @property
     def _size(self) -> int:
-        """Number of own coordinates."""
+        """Number of the body's own coordinates."""
         return len(self.omega) if self.shape is None else len(self.shape)
 
     @property
@@ -223,7 +223,7 @@ class FreeModes(ReprMixin):
         """Displacements (..., n) of the whole body for own coordinates (..., C)."""
         if self.basis is None:
             raise InputError(NO_SHAPES)
-        return combined(self.basis, self.amplitudes(coordinates))
+        return superposed(self.basis, self.amplitudes(coordinates))
 
     def receptance(self, omega: ArrayLike) -> ComplexArray:
         """H(omega) = u/F [m/N], damping included; of several contact points (..., P, P)."""
@@ -238,8 +238,8 @@ class FreeModes(ReprMixin):
         return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
 
     @cached_property
-    def _rigid_along(self) -> tuple[Array, float]:
-        """Displacements (J,) of the one column in the rigid-body modes, and their mobility."""
+    def _rigid_mobility(self) -> tuple[Array, float]:
+        """Rigid-body part (J,) of the displacements of the one column, and its mobility [1/kg]."""
         along = np.where(self.omega == 0, self.B[:, 0], 0.0)
         return along, float(along @ along)
 
@@ -260,7 +260,7 @@ class FreeModes(ReprMixin):
             For a body without such a rigid-body motion.
         """
         if isinstance(velocity, Motion):
-            return self._moving(velocity)
+            return self._rigid_start(velocity)
         velocity = checks.number("velocity", velocity, "m/s")
         if velocity == 0.0:
             return np.zeros(self.omega.size)
@@ -269,7 +269,7 @@ class FreeModes(ReprMixin):
                 f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
                 " a Motion(velocity=(...), spin=(...))."
             )
-        along, mobility = self._rigid_along
+        along, mobility = self._rigid_mobility
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
@@ -277,19 +277,19 @@ class FreeModes(ReprMixin):
             )
         if self.inertia is not None and self.axes is not None:
             translation = np.concatenate((velocity * self.axes[0], np.zeros(3)))
-            start, left = self._projected(self.inertia, translation)
+            start, left = self._rigid_projection(self.inertia, translation)
             if left <= MISSED_ENERGY:
                 return start
         return np.asarray(velocity * along / mobility)
 
-    def _moving(self, motion: Motion) -> Array:
+    def _rigid_start(self, motion: Motion) -> Array:
         if self.inertia is None:
             raise InputError(
                 "the model of this body has no rigid-body inertia (the body is supported, or the "
                 "model was made by hand or from matrices): give its velocity as a number, along "
                 "the direction of impact."
             )
-        start, left = self._projected(self.inertia, motion.at(self.inertia))
+        start, left = self._rigid_projection(self.inertia, motion.at(self.inertia))
         if left > MISSED_ENERGY:
             raise InputError(
                 f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
@@ -298,7 +298,7 @@ class FreeModes(ReprMixin):
             )
         return start
 
-    def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
+    def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
         """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         whole = float(motion @ inertia.matrix @ motion)
@@ -374,14 +374,14 @@ class ModalBody(FreeModes):
         return np.array([self.omega, decay, -self.b])
 
 
-def sound_body(**known: object) -> ModalBody:
-    """A `ModalBody` of numbers that follow from checked ones: they are not checked again."""
+def unchecked_body(**known: object) -> ModalBody:
+    """Create a `ModalBody` without checks, from numbers that follow from checked ones."""
     body = ModalBody.__new__(ModalBody)
     vars(body).update(known)
     return body
 
 
-def combined(basis: tuple[Array, ...], amplitudes: Array) -> Array:
+def superposed(basis: tuple[Array, ...], amplitudes: Array) -> Array:
     """Displacements (..., n) of shapes in blocks (n, .) with amplitudes (..., B)."""
     rest = amplitudes
     total = np.zeros((*rest.shape[:-1], len(basis[0])))

@@ -34,11 +34,11 @@ from scipy.linalg import block_diag
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.io.dof_map import component_of
 from antiosc.io.matrices import matrix_formats, write_matrix_market
 from antiosc.models.body import ModelInfo
-from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters
@@ -64,7 +64,7 @@ def write(path: str | os.PathLike[str], header: Mapping[str, object], arrays: Ar
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"model.info must hold JSON values only: {error}.") from None
-    with files.complete(path, "the model") as part, part.open("wb") as stream:
+    with files.atomic_file(path, "the model") as part, part.open("wb") as stream:
         np.savez(stream, **{"header": np.array(text), **arrays})  # type: ignore[arg-type]
 
 
@@ -74,7 +74,7 @@ def read(
     expected: str = FORMAT,
     largest: int = _LARGEST,
 ) -> tuple[Named, Arrays]:
-    """(header, arrays) of a file of a format that holds the arrays `needed`.
+    """Read a file of format `expected` that has the arrays `needed`; returns header and arrays.
 
     InputError for another file, or one with arrays of more than `largest` bytes.
     """
@@ -205,10 +205,10 @@ def arguments(path: str | os.PathLike[str]) -> Named:
             **{name: header[name] for name in _SCALARS},
         }
     except (InputError, KeyError, TypeError, ValueError) as error:
-        raise damaged(path, error) from error
+        raise damaged_file(path, error) from error
 
 
-def damaged(path: str | os.PathLike[str], error: Exception) -> InputError:
+def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
     """The error for a file whose numbers are no model."""
     return InputError(
         f"{path} contains no valid model; its numbers are damaged or edited: "
@@ -229,7 +229,7 @@ def _damping(given: Named | None) -> Damping | DampingMatrix | None:
         return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
-    return of_factors(factor(given["factor"]), branches)
+    return from_factors(factor(given["factor"]), branches)
 
 
 def _plain(value: object) -> object:
@@ -247,7 +247,7 @@ NAMES = ("KAA", "MAA")
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedMatrices(Given):
+class ReducedMatrices(FieldsRepr):
     """K and M of a reduced model.
 
     Attributes
@@ -269,8 +269,8 @@ class ReducedMatrices(Given):
             matrix = checks.array(name, getattr(self, name), (size, size))
             if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
                 raise InputError(f"{name} must be symmetric.")
-            checks.store(self, **{name: checks.kept(matrix)})
-        checks.store(self, labels=checks.kept(labels.astype(np.int64)))
+            checks.store(self, **{name: checks.read_only(matrix)})
+        checks.store(self, labels=checks.read_only(labels.astype(np.int64)))
 
     def save(self, path: str | os.PathLike[str]) -> list[Path]:
         """Write K and M in the format that the ending of `path` names.
@@ -295,7 +295,7 @@ class ReducedMatrices(Given):
         matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
         every = {one: form for form in matrix_formats() for one in form.endings}
         if (form := every.get(ending)) and form.write:
-            with files.complete(target, "the matrices") as part:
+            with files.atomic_file(target, "the matrices") as part:
                 form.write(part, matrices, self.labels)
             return [target] if form.labelled else [target, self._map(target)]
         if ending != ".mtx":
@@ -305,7 +305,7 @@ class ReducedMatrices(Given):
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):
             one = target.with_name(f"{target.stem}_{letter}.mtx")
-            with files.complete(one, "the matrices") as part, part.open("w") as out:
+            with files.atomic_file(one, "the matrices") as part, part.open("w") as out:
                 write_matrix_market(out, matrix)
             written.append(one)
         return [*written, self._map(target)]
@@ -329,8 +329,8 @@ def reduced_matrices(
 ) -> ReducedMatrices:
     """The matrices of k0, m_st (p, p), P (p, N) and omega (N,).
 
-    `slide` (p, s) are rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
-    `nodes`, `dofs`, `first`: see `AntiOscillators.to_matrices`.
+    slide : (p, s) rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
+    Others as of `AntiOscillators.to_matrices`.
     """
     count = len(stiffness)
     K = block_diag(stiffness, np.diag(omega**2))
@@ -351,9 +351,9 @@ def _labels(
     dofs: int | str | Sequence[int | str],
     first: int | None,
 ) -> IntArray:
-    given = list(range(1, sites + 1)) if nodes is None else _listed(nodes)
+    given = list(range(1, sites + 1)) if nodes is None else _as_list(nodes)
     numbers = [checks.whole("nodes", node, least=1) for node in given]
-    each = _listed(dofs)
+    each = _as_list(dofs)
     each = each * sites if len(each) == 1 else each
     if len(numbers) != sites or len(each) != sites:
         raise InputError(
@@ -373,6 +373,6 @@ def _labels(
     return labels.reshape(-1, 2)
 
 
-def _listed(value: object) -> list[object]:
-    """The items of a list or tuple; any other value is one item."""
+def _as_list(value: object) -> list[object]:
+    """Items of a list, tuple or range; another value is the only item."""
     return list(value) if isinstance(value, list | tuple | range) else [value]

@@ -31,7 +31,7 @@ import numpy as np
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
-from antiosc.base.texts import Given, ReprMixin
+from antiosc.base.texts import FieldsRepr, ReprMixin
 
 #: Share of a body's inertia below which it has none about an axis.
 INERTIALESS = 1e-9
@@ -57,7 +57,7 @@ class Inertia(ReprMixin):
     def __post_init__(self) -> None:
         for name, shape in (("point", (3,)), ("matrix", (6, 6)), ("momentum", (None, 6))):
             value = checks.array(f"inertia.{name}", getattr(self, name), shape)
-            checks.store(self, **{name: checks.kept(value)})
+            checks.store(self, **{name: checks.read_only(value)})
         S = self.matrix
         if S.diagonal().min() < 0 or np.any(np.abs(S - S.T) > 1e-9 * np.abs(S).max()):
             raise InputError("inertia.matrix must be symmetric with a diagonal >= 0.")
@@ -107,7 +107,7 @@ class Inertia(ReprMixin):
 
 
 @dataclass(frozen=True)
-class Motion(Given):
+class Motion(FieldsRepr):
     """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
 
     Parameters
@@ -149,7 +149,7 @@ class Motion(Given):
 
 
 @dataclass(frozen=True, eq=False)
-class ModalState(Given):
+class ModalState(FieldsRepr):
     """The state in which a body of a scene starts, in its mass-normalised modes.
 
     Parameters
@@ -170,7 +170,7 @@ class ModalState(Given):
     def __post_init__(self) -> None:
         q = checks.array("displacements", self.displacements, (None,))
         v = checks.array("velocities", self.velocities, (q.size,))
-        checks.store(self, displacements=checks.kept(q), velocities=checks.kept(v))
+        checks.store(self, displacements=checks.read_only(q), velocities=checks.read_only(v))
         if self.first_order is not None:
             checks.store(self, first_order=checks.array("first_order", self.first_order, (2, None)))
 
@@ -181,7 +181,7 @@ def unit_vector(name: str, value: object) -> Array:
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise InputError(f"{name} must not be the zero vector.")
-    return checks.kept(vector / length)
+    return checks.read_only(vector / length)
 
 
 def unit_vectors(name: str, vectors: Array) -> Array:
@@ -193,25 +193,17 @@ def unit_vectors(name: str, vectors: Array) -> Array:
 
 
 def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Array]:
-    """Free modes of the anti-oscillator model, to full relative precision for any ratio of masses.
+    """Free modes of a model of one site: squared frequencies (J,), modes of unit mass (N + 1, J).
 
-    Parameters
-    ----------
-    k0, m0 : stiffness [N/m] and mass [kg] of the residual system; m0 = 0 removes its mode.
-    m, poles : (N,) masses > 0 [kg] and *distinct* ascending omega_i^2 > 0 [rad^2/s^2].
+    k0, m0 : stiffness [N/m] and mass [kg] of the residual system; m0 = 0 removes its mode (J = N).
+    m, poles : (N,) masses > 0 [kg] and *distinct* ascending omega_i^2 > 0 [rad^2/s^2]. Row 0 of the
+    modes is the site. Precise to rounding for any ratio of masses.
 
-    Returns
-    -------
-    x : (J,) squared free frequencies, J = N + 1, or N if m0 = 0.
-    shape : (N + 1, J) mass-normalised modes; row 0 is the site.
-
-    Notes
-    -----
-    The x_j are the zeros of Z(x) = k0 - x m0 - sum_i m_i x p_i/(p_i - x), which falls from +inf
-    to -inf between two neighbouring poles p_i. Each is sought as a shift from its nearest pole,
-    so that p_i - x_j is never a difference of nearly equal numbers (the device of
-    divide-and-conquer eigensolvers); a dense eigensolver would lose the low modes to the rounding
-    of the highest as m0 -> 0.
+    The x_j are the zeros of Z(x) = k0 - x m0 - sum_i m_i x p_i/(p_i - x), which falls from +inf to
+    -inf between two neighbouring poles p_i. Each is sought as a shift from its nearest pole, so
+    that p_i - x_j is never a difference of nearly equal numbers (the device of divide-and-conquer
+    eigensolvers); a dense eigensolver would lose the low modes to the rounding of the highest as
+    m0 -> 0.
     """
     n = poles.size
     if n == 0:
@@ -232,29 +224,21 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
 
 #: Share of the rigid-body motions in the compliance b'(K + sM)^-1 b, s about a tenth of the first
 #: elastic omega^2, below which the elastic motions are modelled alone and the rigid one is added.
-SMALL_SHARE = 1e-4
+SMALL_RIGID_SHARE = 1e-4
 #: Below this share it cannot be told from the rounding of the compliance: the site is one that no
 #: rigid-body motion moves. The share in |H| at a lower omega^2 = x is this times s/x.
-HIDDEN = 2.0**-52
+HIDDEN_RIGID_SHARE = 2.0**-52
 
 
-def with_rigid(
+def with_rigid_mode(
     k0: float, m0: float, m: Array, omega: Array, a: float
 ) -> tuple[float, Array, Array, Array, Array]:
-    """The elastic anti-oscillators and a rigid-body mode with the displacement a at the site.
+    """The elastic anti-oscillators joined with a rigid-body mode that displaces the site by `a`.
 
-    Parameters
-    ----------
-    k0, m0, m, omega : stiffness [N/m] > 0, residual mass [kg], masses (N,) [kg] and distinct
-        ascending circular frequencies (N,) [rad/s] of the elastic motions alone.
-    a : displacement of the site in the rigid-body mode of unit mass [kg^-1/2], > 0.
-
-    Returns
-    -------
-    m0 : residual mass [kg] of the whole; its k0 is 0.
-    m, omega : (N + 1,) masses and circular frequencies of the whole.
-    residual : (N + 2,) the shape that moves with m0, in terms of r, phi_st, psi_1 ... psi_N.
-    psi : (N + 2, N + 1) the shapes of the anti-oscillators in the same terms.
+    k0, m0, m, omega : of the elastic motions: stiffness [N/m] > 0, residual mass [kg], masses and
+    distinct ascending frequencies (N,). a : > 0 [kg^-1/2], in the rigid-body mode of unit mass.
+    Returns m0 of the whole, whose k0 is 0; m and omega (N + 1,); the residual shape (N + 2,), and
+    the shapes of the anti-oscillators (N + 2, N + 1), in terms of r, phi_st, psi_1 ... psi_N.
     """
     x, v = arrow_modes(a**2 * k0, 1 + a**2 * m0, a**2 * m, omega**2)
     masses = (v[0] / a) ** 2

@@ -29,7 +29,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
 from antiosc.models.body import Body, ModelInfo
-from antiosc.models.damping import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 
@@ -44,12 +44,12 @@ ASYMMETRY = 1e-9
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
 ENERGY_ROUNDING = 1e-8
 #: Share of k0 in k0 + s (m0 + P P'), s the lowest omega_i^2, below which a motion is rigid.
-UNRESISTED = 1e-11
+RIGID_SHARE = 1e-11
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parameters(Body):
-    """The fields of `AntiOscillators`, and the values that one formula gives."""
+    """Fields of `AntiOscillators`, and the values that follow from them by one formula."""
 
     m0: Value
     k0: Value
@@ -79,7 +79,7 @@ class Parameters(Body):
         return int(self.omega.size)
 
     @property
-    def lead(self) -> int:
+    def n_sites(self) -> int:
         """Number of shapes in front of those of the anti-oscillators: of unit displacements."""
         return len(self.k0) if self.sites else 1
 
@@ -128,10 +128,7 @@ class Parameters(Body):
 
 
 def checked_at_one_site(model: Parameters) -> Stored:
-    """The parameters of one site as they are stored; InputError for those outside their range.
-
-    They are sorted by frequency.
-    """
+    """Check the parameters of one site and sort them by frequency; else InputError."""
     for name in OF_SEVERAL:
         given = getattr(model, name)
         empty = name == "columns" and isinstance(given, dict) and not given
@@ -162,46 +159,42 @@ def checked_at_one_site(model: Parameters) -> Stored:
     found: Stored = {
         "m0": m0,
         "k0": k0,
-        "m": checks.kept(m[order]),
-        "omega": checks.kept(omega[order]),
+        "m": checks.read_only(m[order]),
+        "omega": checks.read_only(omega[order]),
         "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
     }
     if model.radius is not None:
         found["radius"] = checks.positive("radius", model.radius, "m")
     if model.strain_error is not None:
-        own = checked_error("strain_error", model.strain_error, columns.size)
-        found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
+        own = checked_energies("strain_error", model.strain_error, columns.size)
+        found["strain_error"] = checks.read_only(own[np.ix_(columns, columns)])
     if model.strain_misfit is not None:
         if model.strain_error is None:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
-        work = checked_symmetric("strain_misfit", model.strain_misfit, columns.size)
-        found["strain_misfit"] = checks.kept(work[np.ix_(columns, columns)])
-    return found | _directed(model, columns, (), ()) | in_space(model, columns)
+        work = checked_energies("strain_misfit", model.strain_misfit, columns.size, False)
+        found["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
+    return (
+        found | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
+    )
 
 
-def checked_error(name: str, given: Array, size: int) -> Array:
-    """`given` (size, size), symmetric and positive semidefinite; InputError otherwise."""
+def checked_energies(name: str, given: Array, size: int, semidefinite: bool = True) -> Array:
+    """`given` (size, size), symmetric, and positive semidefinite if asked; else InputError."""
     E = checks.array(name, given, (size, size))
-    unit, uneven = checks.in_units(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
-    least = np.linalg.eigvalsh(unit).min(initial=0.0)
-    if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
-        raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
-    return checks.kept((E + E.T) / 2)
-
-
-def checked_symmetric(name: str, given: Array, size: int) -> Array:
-    """`given` (size, size), symmetric; InputError otherwise."""
-    E = checks.array(name, given, (size, size))
-    if np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
+    if semidefinite:
+        unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
+        least = np.linalg.eigvalsh(unit).min(initial=0.0)
+        if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
+            raise InputError(
+                f"{name} must be symmetric and positive semidefinite: it holds energies."
+            )
+    elif np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
         raise InputError(f"{name} must be symmetric.")
-    return checks.kept((E + E.T) / 2)
+    return checks.read_only((E + E.T) / 2)
 
 
 def checked_at_sites(model: Parameters) -> Stored:
-    """The parameters of several sites as they are stored; InputError for those outside their range.
-
-    They are sorted by frequency.
-    """
+    """Check the parameters of several sites and sort them by frequency; else InputError."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
@@ -239,35 +232,35 @@ def checked_at_sites(model: Parameters) -> Stored:
     slide = np.zeros((p, hidden)) if model.slide is None else model.slide
     slide = checks.array("slide", slide, (p, None if model.inertia is None else hidden))
     return {
-        "k0": checks.kept(k0),
-        "m0": checks.kept(m0),
-        "m": checks.kept(P.T[:, :, None] * P.T[:, None, :]),
-        "omega": checks.kept(omega),
-        "P": checks.kept(P),
+        "k0": checks.read_only(k0),
+        "m0": checks.read_only(m0),
+        "m": checks.read_only(P.T[:, :, None] * P.T[:, None, :]),
+        "omega": checks.read_only(omega),
+        "P": checks.read_only(P),
         "sites": tuple(columns),
         "columns": columns,
-        "dependence": checks.kept(dependence),
-        "rigid": checks.kept(rigid),
-        "slide": checks.kept(slide),
-        **_of_sites(model, len(columns)),
-        **_directed(model, rows, (len(dependence),), (3,)),
-        **in_space(model, rows, slide.shape[1]),
+        "dependence": checks.read_only(dependence),
+        "rigid": checks.read_only(rigid),
+        "slide": checks.read_only(slide),
+        **_patch_parameters(model, len(columns)),
+        **_direction_parameters(model, rows, (len(dependence),), (3,)),
+        **spatial_parameters(model, rows, slide.shape[1]),
     }
 
 
 def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
-    """`matrix` made symmetric; InputError unless it is symmetric and positive semidefinite.
+    """Symmetrise `matrix`; InputError unless it is symmetric and positive semidefinite.
 
-    Rounding is judged against the square roots `size` (p,) of its usual diagonal.
+    The square roots `size` (p,) of its usual diagonal scale the rounding that is accepted.
     """
-    unit, uneven = checks.in_units(matrix, size)
+    unit, uneven = checks.scaled_symmetric(matrix, size)
     if uneven > ASYMMETRY or np.linalg.eigvalsh(unit).min(initial=0.0) < -ASYMMETRY:
         raise InputError(f"{name} must be symmetric and positive semidefinite.")
     free = matrix.diagonal() <= 0  # but for rounding
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
 
 
-def _of_sites(model: Parameters, count: int) -> Stored:
+def _patch_parameters(model: Parameters, count: int) -> Stored:
     """What each site has of its own: the compliance and the radius of its patch."""
     local = checks.array("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
@@ -277,10 +270,10 @@ def _of_sites(model: Parameters, count: int) -> Stored:
     if len(radii) != count:
         raise InputError(f"radius needs one entry for each of {count} sites; got {len(radii)}.")
     radius = tuple(None if r is None else checks.positive("radius", r, "m") for r in radii)
-    return {"local_compliance": checks.kept(local), "radius": radius}
+    return {"local_compliance": checks.read_only(local), "radius": radius}
 
 
-def _directed(
+def _direction_parameters(
     model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
 ) -> Stored:
     """The directions (*columns, 3), and the weights (., *axes) of the shapes, sorted by `rows`."""
@@ -288,10 +281,10 @@ def _directed(
     if model.direction is not None:
         directions = checks.array("direction", model.direction, (*columns, 3))
         unit = unit_vectors if columns else unit_vector
-        found["direction"] = checks.kept(unit("direction", directions))
+        found["direction"] = checks.read_only(unit("direction", directions))
     if model.participation is not None:
         weight = checks.array("participation", model.participation, (rows.size, *axes))
-        found["participation"] = checks.kept(weight[rows])
+        found["participation"] = checks.read_only(weight[rows])
     return found
 
 
@@ -300,7 +293,7 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
     scale = stiffness_scale(k0, m_st, omega)
     stiff = k0 * scale[:, None] * scale
     values, vectors = np.linalg.eigh((stiff + stiff.T) / 2)
-    free = scale[:, None] * vectors[:, np.abs(values) < UNRESISTED]
+    free = scale[:, None] * vectors[:, np.abs(values) < RIGID_SHARE]
     mass = free.T @ m_st @ free
     root = np.linalg.cholesky(mass) if mass.size else mass
     return np.asarray(np.linalg.solve(root, free.T).T)
@@ -315,11 +308,11 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def in_space(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
-    """Shapes, momenta and hidden motions as they are stored; InputError where they do not fit.
+def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
+    """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
 
-    `rows` sorts the shapes; the momenta of the hidden motions follow theirs. `slides` is the number
-    of hidden motions where the momenta do not tell it.
+    The momenta of the hidden motions follow those of the shapes; `slides` is the number of hidden
+    motions where the momenta do not tell it.
     """
     found: Stored = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
@@ -347,12 +340,12 @@ def in_space(model: Parameters, rows: Index, slides: int | None = None) -> Store
 
 def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:
     """The damping of a model sorted as its frequencies, which were given in another order."""
-    lead, hidden = model.lead, model.hidden_count
-    size = lead + model.n + hidden
+    n_sites, hidden = model.n_sites, model.hidden_count
+    size = n_sites + model.n + hidden
     if damping.n != size:
         raise InputError(
-            f"the damping of this model needs a matrix of its {size} coordinates ({lead} of sites, "
-            f"{model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
+            f"the damping of this model needs a matrix of its {size} coordinates ({n_sites} of "
+            f"sites, {model.n} anti-oscillators, {hidden} hidden motions); got one of {damping.n}."
         )
     if not model.sites and not model.m_st > 0:
         raise InputError(
@@ -362,11 +355,17 @@ def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) ->
     order = np.argsort(np.asarray(given, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):
         return damping
-    rows = np.concatenate((np.arange(lead), lead + order, np.arange(lead + order.size, size)))
-    return along(damping, np.eye(size)[:, rows])
+    rows = np.concatenate(
+        (
+            np.arange(n_sites),
+            n_sites + order,
+            np.arange(n_sites + order.size, size),
+        )
+    )
+    return in_coordinates(damping, np.eye(size)[:, rows])
 
 
-M = TypeVar("M", bound=Parameters)
+ModelType = TypeVar("ModelType", bound=Parameters)
 
 #: Least change of the flexibility of any combination of loads, a share of it.
 LEAST_CHANGE = -0.5
@@ -378,7 +377,7 @@ NO_ESTIMATE = (
 )
 
 
-def corrected(model: M) -> M:
+def corrected(model: ModelType) -> ModelType:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
@@ -390,17 +389,17 @@ def corrected(model: M) -> M:
     # same shapes, and so the residual mass stays
     unit = Q / np.sqrt(model.m)[:, None]
     c = unit.T @ (model.m * static)
-    turn = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
-    turn[0, 0], turn[1:, 0], turn[1:, 1:] = 1.0, static - 1, unit * c
+    transform = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
+    transform[0, 0], transform[1:, 0], transform[1:, 1:] = 1.0, static - 1, unit * c
     kept = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
-    turn = turn[:, np.append(True, kept)]
+    transform = transform[:, np.append(True, kept)]
     p, inertia = model.participation, model.inertia
     if p is not None:  # psi_0 is what moves with m0 and all psi_i
-        p = turn.T @ np.append(p.sum(), p[1:])
+        p = transform.T @ np.append(p.sum(), p[1:])
         p[0] -= p[1:].sum()
     if inertia is not None:
         own, hidden = np.split(inertia.momentum, [model.n + 1])
-        inertia = inertia.along(np.vstack((turn.T @ own, hidden)))
+        inertia = inertia.along(np.vstack((transform.T @ own, hidden)))
     return replace(
         model,
         m0=model.m0 + float(np.sum(c[~kept] ** 2)),
@@ -408,7 +407,7 @@ def corrected(model: M) -> M:
         m=c[kept] ** 2,
         omega=omega[kept],
         participation=p,
-        shapes=None if model.shapes is None else model.shapes @ turn,
+        shapes=None if model.shapes is None else model.shapes @ transform,
         inertia=inertia,
         strain_error=None,
         strain_misfit=None,
@@ -438,10 +437,9 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the errors of strains in the strain energy, of amplitudes with these weights.
+    """Share of the errors E (N + 1, N + 1) of strains in the strain energy.
 
-    E (N + 1, N + 1): the errors of the model; `weights` (N + 1, N + 1): sum of a aᵀ of the
-    amplitudes a of psi_0 ... psi_N.
+    weights : (N + 1, N + 1), sum of a aᵀ of the amplitudes a of psi_0 ... psi_N.
     """
     energy = float(np.diag(weights) @ np.append(model.k0, model.k))
     return float(np.sum(weights * E)) / energy if energy > 0 else 0.0

@@ -21,8 +21,8 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.damping import DampingMatrix, along
-from antiosc.models.modal import ModalBody, SiteModes, sound_body
+from antiosc.models.damping import DampingMatrix, in_coordinates
+from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import arrow_modes, unit_vector
 from antiosc.models.parameters import Parameters
 
@@ -39,7 +39,7 @@ MASSLESS_SITE = 1e-15
 def modal(model: Parameters) -> ModalBody:
     """The free modes of a model of one site, its hidden rigid motions in front."""
     if isinstance(model.damping, DampingMatrix):
-        return _coupled(model)
+        return _coupled_modes(model)
     poles, mass, group = model.omega**2, model.m, None
     stiffness = model.k0 + float((poles * mass).sum())
     massless = model.m0 == 0
@@ -56,26 +56,27 @@ def modal(model: Parameters) -> ModalBody:
     residual = np.zeros(model.n + 1)
     if massless:
         residual[0] = 1.0 / stiffness
-    return _in_space(model, np.sqrt(x), shape, residual)
+    return _in_free_modes(model, np.sqrt(x), shape, residual)
 
 
-def _coupled(model: Parameters) -> ModalBody:
+def _coupled_modes(model: Parameters) -> ModalBody:
     """The free modes of a model whose damping couples them: none is merged with another."""
     k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
     rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
     found = damped_modes(model, k0, m0, root[None], rigid)
-    turn = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
-    turn[1:, 0], turn[1:, 1:] = 1.0, np.diag(1 / root)
-    size, hidden = len(turn), model.hidden_count
+    transform = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
+    transform[1:, 0], transform[1:, 1:] = 1.0, np.diag(1 / root)
+    size, hidden = len(transform), model.hidden_count
     own = np.zeros((size + hidden, hidden + found.omega.size))
     own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
     omega = np.concatenate((np.zeros(hidden), found.omega))
-    body = _in_space(model, found.omega, turn @ found.shape, turn @ found.residual[:, 0])
+    shape, residual = transform @ found.shape, transform @ found.residual[:, 0]
+    body = _in_free_modes(model, found.omega, shape, residual)
     decay, damping = damping_of(model, omega, own)
     return replace(body, decay=decay, damping=damping)
 
 
-def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
+def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
     """The free modes (N + 1, J) with the hidden motions in front, so that frequencies ascend.
 
     Their coordinates follow lambda.
@@ -95,7 +96,7 @@ def _in_space(model: Parameters, omega: Array, shape: Array, residual: Array) ->
             pull = inertia.momentum[:, :3] @ model.direction
             weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
     direction = None if model.direction is None else unit_vector("direction", model.direction)
-    return sound_body(
+    return unchecked_body(
         omega=omega,
         b=b,
         r=float(residual[0]),
@@ -119,10 +120,10 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
 
 def _relative(n: int) -> Array:
     """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
-    turn = np.zeros((n + 1, n + 1))
-    turn.flat[:: n + 2] = 1.0
-    turn[1:, 0] = -1.0
-    return turn
+    transform = np.zeros((n + 1, n + 1))
+    transform.flat[:: n + 2] = 1.0
+    transform[1:, 0] = -1.0
+    return transform
 
 
 def site_modes(model: Parameters) -> SiteModes:
@@ -182,7 +183,7 @@ def damping_of(
     """The decay, or the damping, of the modes (size, J) in u, eta and the hidden motions."""
     damping = model.damping
     if isinstance(damping, DampingMatrix):
-        return None, None if shape is None else along(damping, shape)
+        return None, None if shape is None else in_coordinates(damping, shape)
     return None if damping is None else damping.decay(omega), None
 
 

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, filled, instance, path as checked_path
+from antiosc.base.checks import array, instance, nonempty, path as checked_path
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin
@@ -39,37 +39,29 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.modal import combined
+from antiosc.models.modal import superposed
 from antiosc.results.pictures import SavedFields
-from antiosc.simulation.histories import (
-    History,
-    Motions,
-    SceneHistory,
-    amplitudes,
-    forces_of,
-    modes_of,
-    of_unit_energies,
-    times_of,
-)
+from antiosc.simulation import histories
+from antiosc.simulation.histories import AnyHistory, History
 from antiosc.simulation.histories.parts import BodyHistory
 
 #: Share of the mass shaken by the ground below which a model's fields are not those of the part.
-UNSEEN = 0.5
+LEAST_CARRIED = 0.5
 
 #: Ratios of stiffness and of mass of a structure and of a model on its shapes from which they do
 #: not belong together. A model that is corrected for its mesh is softer, and as heavy.
-ANOTHER = 1.5, 1.01
+MISMATCH = 1.5, 1.01
 
 
-def counted(history: Motions) -> tuple[object, ...]:
-    """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
+def history_key(history: AnyHistory) -> tuple[object, ...]:
+    """Data of a history that must agree on all ranks, with rounded numbers."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"
-    of = list(history.assembly.bodies) if isinstance(history, SceneHistory) else history.model
+    of = list(history.assembly.bodies) if history.named else history.model
     return of, history.status, f"{history.time[-1]:.6g}"
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def write_series(
     structure: Structure,
@@ -108,12 +100,12 @@ def write_series(
     own = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
-    at = filled("times", times)
+    at = nonempty("times", times)
     if one_folder:
-        write_vtx(target, structure, own, at, amplitudes(history, at, body))
+        write_vtx(target, structure, own, at, histories.amplitudes(history, at, body))
         return target
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = amplitudes(history, at, body)
+    factors = histories.amplitudes(history, at, body)
 
     def write() -> None:
         frames = Frames(points, cells)
@@ -123,7 +115,7 @@ def write_series(
     return target
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def save_fields(
     structure: Structure,
@@ -155,40 +147,32 @@ def save_fields(
     """
     target = checked_path("path", path)
     own = shapes_of(structure, history, body)
-    at = np.unique(history.time) if times is None else filled("times", times)
+    at = np.unique(history.time) if times is None else nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = amplitudes(history, at, body)
+    factors = histories.amplitudes(history, at, body)
     on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
     return target
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
-    """The surface of a part and its motion at one time, the same on all ranks.
+    """Surface of a part and its motion at one time, the same on all ranks.
 
-    Returns
-    -------
-    points : (P, 3) [m], nodes of the mesh.
-    faces : (F, 3 or 4) indices of their corners, in order around the face: the outer faces of a
-        solid, the cells of a sheet or of a plane part.
-    moved : (P, 3) [m], displacements of the points at `time` [s].
-
-    Raises
-    ------
-    InputError
-        A model without shapes, or extracted from another structure; a mesh of lines.
+    Points (P, 3) [m]; indices of the corners of faces (F, 3 or 4), in order around the face: outer
+    faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at `time` [s].
+    InputError for a model without shapes or of another structure, and for a mesh of lines.
     """
     own = shapes_of(structure, history, body)
     points, faces, shapes = source(structure).surface(structure, own)
-    moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    moved = shapes @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
     outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
     return outer
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def nodal_motion(
     structure: Structure, history: History, time: float, *, body: str = "structure"
@@ -197,22 +181,22 @@ def nodal_motion(
     own = shapes_of(structure, history, body)
     _, cells, shapes = source(structure).at_nodes(structure, own)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    moved = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    moved = shapes[used] @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
     found: Array = structure.comm.bcast(moved, root=0)
     return found
 
 
-def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
+def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
-    shapes = np.column_stack(checked_shapes(structure, history, body, ANOTHER))
+    shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
     if isinstance(history, History) and history.assembly.scene.base is not None:
-        _tell_if_unseen(structure, history, body)
+        _warn_if_mass_missing(structure, history, body)
     return shapes
 
 
-def _tell_if_unseen(structure: Structure, history: History, body: str) -> None:
-    """A warning where the ground shakes mass that the shapes of the model do not carry."""
-    weight, base = modes_of(history, body).weight, history.assembly.scene.base
+def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
+    """Warn if the ground shakes mass that the shapes of the model do not represent."""
+    weight, base = histories.modes_of(history, body).weight, history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
     if weight is None or weight.ndim == 1:  # one direction, along which the ground moves
@@ -228,7 +212,7 @@ def _tell_if_unseen(structure: Structure, history: History, body: str) -> None:
         inertia = dot(structure.comm, motions, multiply(structure.M, motions))
         shaken = float(pushed @ np.linalg.lstsq(inertia, pushed, rcond=None)[0])
         held = float(np.sum(weight[:, i] ** 2))
-        if held < UNSEEN * shaken:
+        if held < LEAST_CARRIED * shaken:
             along = "xyz"[i]
             message = (
                 f"the ground shakes {shaken:.3g} kg along {along}, and the model carries "
@@ -239,13 +223,13 @@ def _tell_if_unseen(structure: Structure, history: History, body: str) -> None:
 
 
 def checked_shapes(
-    structure: Structure, history: Motions, body: str, limits: tuple[float, float]
+    structure: Structure, history: AnyHistory, body: str, limits: tuple[float, float]
 ) -> tuple[Array, ...]:
     """Blocks of the shapes of the body, which are those of the structure within these ratios."""
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    own = modes_of(history, body)
+    own = histories.modes_of(history, body)
     assert own.basis is not None
     rows = structure.rows
     fits = all(len(block) == rows for block in own.basis)
@@ -254,9 +238,9 @@ def checked_shapes(
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    factors, count = of_unit_energies(own)
+    factors, count = histories.unit_energy_factors(own)
     of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
-    for x, (matrix, what, limit) in zip(combined(own.basis, factors), of_kinds, strict=True):
+    for x, (matrix, what, limit) in zip(superposed(own.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
@@ -297,7 +281,7 @@ class Reactions(ReprMixin):
         return np.asarray(sum(self.force.values()))
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def reactions(
     structure: Structure,
@@ -337,25 +321,25 @@ def reactions(
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
-    at = times_of(history, times)
-    sites = _named(site)
+    at = histories.times_of(history, times)
+    sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
     from antiosc.fem.site.at_points import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
-    _check(structure, history)
-    following = _following(structure, released.pulled)
+    _check_reactions(structure, history)
+    following = _static_equilibrium(structure, released.pulled)
     rigid = released.rigid()
     moved, carried = released.inertia(following, rigid)
     work, applied = released.applied(sites, rigid)
-    forces = forces_of(history, at, body)
+    forces = histories.forces_of(history, at, body)
     if len(work) != forces.shape[1]:
         raise InputError(
             f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
             "give the sites with which it was extracted, in their order."
         )
     comm = structure.comm
-    accelerations = amplitudes(history, at, body, 2)
+    accelerations = histories.amplitudes(history, at, body, 2)
     found = accelerations @ dot(comm, shapes, moved) - forces @ work
     names = list(released.centres)
     return Reactions(
@@ -368,7 +352,7 @@ def reactions(
     )
 
 
-def _check(structure: Structure, history: History) -> None:
+def _check_reactions(structure: Structure, history: History) -> None:
     scene = history.assembly.scene
     pulled = bool(np.any(scene.gravity))
     if scene.base is not None:
@@ -379,7 +363,7 @@ def _check(structure: Structure, history: History) -> None:
         )
 
 
-def _named(site: Site | Mapping[str, Site]) -> list[Site]:
+def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
     sites = list(site.values()) if isinstance(site, Mapping) else [site]
     if not sites:
         raise InputError("site must name at least one Site; got an empty dict.")
@@ -388,8 +372,8 @@ def _named(site: Site | Mapping[str, Site]) -> list[Site]:
     return sites
 
 
-def _following(structure: Structure, pulled: Array) -> Array:
-    """Static equilibrium (rows, k) of the free dofs under forces (rows, k)."""
+def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
+    """Static displacements (rows, k) of the free dofs under forces (rows, k)."""
     fixed = structure.fixed[structure.fixed < structure.rows]
     solver = structure.factorize()
     found = np.zeros_like(pulled)

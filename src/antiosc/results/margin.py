@@ -17,14 +17,14 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.stresses import Strengths, equivalent, exposure, extreme_principal
-from antiosc.base.texts import ReprMixin, engineering, place
+from antiosc.base.texts import ReprMixin, engineering, point_text
 from antiosc.contact import Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_pressure
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories import History, Motions, amplitudes
+from antiosc.simulation.histories import AnyHistory, History, amplitudes
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
@@ -79,9 +79,9 @@ class Margin(ReprMixin):
 
     @property
     def sentence(self) -> str:
-        """The verdict in one sentence."""
+        """The result in one sentence."""
         what, name = CRITERIA[self.criterion]
-        where = f"at {place(self.point)}, {engineering(self.time, 's')}"
+        where = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.layer is not None:
             where = f"in layer {self.layer} ({self.surface}) {where}"
         verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
@@ -138,8 +138,8 @@ STRENGTH_OF = {
 Search = Callable[[Array, Callable[[Array], Array]], tuple[Array, Array, float | None]]
 
 
-class Largest(NamedTuple):
-    """Largest values at all points and what goes with them, as in a `PeakField`."""
+class Maxima(NamedTuple):
+    """Largest values at all points with times, error, exposures and margin, as in a `PeakField`."""
 
     values: Array
     times: Array
@@ -147,16 +147,19 @@ class Largest(NamedTuple):
     exposure: Array | None = None
     margin: Margin | None = None
 
-    def or_larger(self, other: Largest) -> Largest:
+    def or_larger(self, other: Maxima) -> Maxima:
         """At each point the larger of both."""
         times = np.where(other.values > self.values, other.times, self.times)
         margins = [one.margin for one in (self, other) if one.margin is not None]
         worst = max(margins, key=lambda margin: margin.exposure, default=None)
-        values, error = np.maximum(self.values, other.values), _larger(self.error, other.error)
-        return Largest(values, times, error, values, worst)
+        values, error = (
+            np.maximum(self.values, other.values),
+            _larger_error(self.error, other.error),
+        )
+        return Maxima(values, times, error, values, worst)
 
 
-def _larger(error: float | None, other: float | None) -> float | None:
+def _larger_error(error: float | None, other: float | None) -> float | None:
     """The larger of two errors, or the one that is known."""
     known = [one for one in (error, other) if one is not None]
     return max(known, default=None)
@@ -180,25 +183,27 @@ def criteria_of(structure: Structure) -> list[str]:
     own = [getattr(material, "yield_strength", None) for material in materials]
     own += [layer.strength for material in materials for layer in layers_of(material)]
     asked = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
-    return [name for name, c in asked.items() if any(_knows(strength, c) for strength in own)]
+    return [
+        name for name, c in asked.items() if any(_has_strength(strength, c) for strength in own)
+    ]
 
 
 def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
-    """The tensors whose material has the strength; no origins if none has."""
-    known = [_knows(strength, criterion) for strength, _ in found.origins]
+    """Keep the tensors whose material has the strength; no origins if none has."""
+    known = [_has_strength(strength, criterion) for strength, _ in found.origins]
     own = np.array(known, dtype=bool)[found.origin]
     arrays = found.nodes[own], found.columns[own], found.origin[own]
     return NodeTensors(*arrays, found.origins if any(known) else [])
 
 
-def _knows(strength: object, criterion: str) -> bool:
-    """Whether a strength serves a criterion."""
+def _has_strength(strength: object, criterion: str) -> bool:
+    """Whether a material's strength serves a criterion."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
     return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
 
 
-def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -> Largest:
+def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -> Maxima:
     """The largest values of tensors, with exposures and margin where strengths are known."""
     criterion = quantity
     if quantity in PLY_SURFACES:
@@ -214,13 +219,13 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
     exposures, margin = None, None
     if np.isfinite(strengths).any():
         share = np.nan_to_num(own / strengths)
-        exposures, _ = at_points(found.nodes, share, then, len(points))
+        exposures, _ = nodal_maxima(found.nodes, share, then, len(points))
         places = [found.origins[k].place for k in found.origin]
         margin = margin_of(criterion, own, strengths, points[found.nodes], then, places)
         if quantity == "yield":
             own, error = share, error and error / float(strengths.min())
-    values, when = at_points(found.nodes, own, then, len(points))
-    return Largest(values, when, error, exposures, margin)
+    values, when = nodal_maxima(found.nodes, own, then, len(points))
+    return Maxima(values, when, error, exposures, margin)
 
 
 def _of_plies(
@@ -233,12 +238,12 @@ def _of_plies(
         own = np.isin(found.origin, [k for k, s in enumerate(of_origin) if s == strength])
         scalar = functools.partial(exposure, criterion, strength)
         values[own], when[own], error = search(found.columns[own], scalar)
-        missed = _larger(missed, error)
+        missed = _larger_error(missed, error)
     return values, when, missed
 
 
-def at_points(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
-    """The largest of the values of each node, and its time."""
+def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
+    """Return the largest value at each of `count` nodes, and its time."""
     order = np.argsort(values, kind="stable")  # the largest is written last
     best, time = np.zeros(count), np.zeros(count)
     best[nodes[order]], time[nodes[order]] = values[order], when[order]
@@ -271,7 +276,7 @@ class HertzContact(NamedTuple):
         """The pressure over that at first yield."""
         return self.pressure / (FIRST_YIELD * self.strength)
 
-    def told(self, remedy: str = "{}") -> str:
+    def warning(self, remedy: str = "{}") -> str:
         """The warning of a contact that yields, with the law for it as `remedy`; else ""."""
         if not self.share > 1:
             return ""
@@ -285,7 +290,7 @@ class HertzContact(NamedTuple):
         )
 
 
-def contact_yield(structure: Structure, shapes: Array, history: Motions) -> str:
+def contact_yield(structure: Structure, shapes: Array, history: AnyHistory) -> str:
     """The warning of a pressure above that of first yield; "" where it is lower or unknown.
 
     Known of the one contact of `simulate` by Hertz's law, of an elastic impactor and a part of one
@@ -310,7 +315,7 @@ def contact_yield(structure: Structure, shapes: Array, history: Motions) -> str:
         return ""
     E, nu, part_E, part_nu, strength = own
     modulus = effective_modulus(E, nu, part_E, part_nu)
-    return HertzContact(law.stiffness, modulus, history.peak_force, strength).told()
+    return HertzContact(law.stiffness, modulus, history.peak_force, strength).warning()
 
 
 #: Jumps over the largest stress from which the mesh does not resolve it.
@@ -320,7 +325,12 @@ RE_ENTRANT = 215.0
 
 
 def mesh_error(
-    structure: Structure, shapes: Array, part: str | None, history: Motions, times: Array, body: str
+    structure: Structure,
+    shapes: Array,
+    part: str | None,
+    history: AnyHistory,
+    times: Array,
+    body: str,
 ) -> Array | None:
     """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
     from antiosc.fem.fields.mesh_fields import stress_jumps  # needs dolfinx

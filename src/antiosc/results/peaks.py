@@ -27,31 +27,20 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
+from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
-from antiosc.base.texts import ReprMixin, engineering, place as placed
+from antiosc.base.texts import ReprMixin, engineering, point_text as placed
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform import collective, warn
 from antiosc.fem.recovery import Place, place
 from antiosc.fem.structure.structure import Structure
-from antiosc.results.fields import counted, shapes_of
-from antiosc.results.margin import (
-    CRITERIA,
-    STRENGTH_OF,
-    Largest,
-    Margin,
-    Search,
-    contact_yield,
-    doubt_at,
-    doubt_of_sheets,
-    mesh_error,
-    plies,
-    stresses,
-    with_strength,
-)
+from antiosc.results import margin
+from antiosc.results.fields import history_key, shapes_of
+from antiosc.results.margin import Margin, Maxima, Search, mesh_error
 from antiosc.results.pictures import outer_faces
-from antiosc.simulation.histories import History, amplitudes, modal_sizes, times_of
+from antiosc.simulation.histories import History, amplitudes, modal_amplitudes, times_of
 from antiosc.simulation.histories.parts import BodyHistory
 
 if TYPE_CHECKING:
@@ -62,7 +51,7 @@ if TYPE_CHECKING:
 
 #: Share of a node's value that the times before refinement may miss; values below this share of
 #: the largest one count as that.
-MISSED, FLOOR = 0.01, 0.1
+TIME_ERROR, FLOOR = 0.01, 0.1
 #: Steps over the run, at least and at most.
 FEWEST, MOST = 500, 40_000
 #: Times that are looked at together, and parts of a step about a maximum.
@@ -74,13 +63,10 @@ SAME_TIME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """The motion of a body over a run.
+class BodyMotion:
+    """Motion of a body over a run.
 
-    Attributes
-    ----------
-    nodes : (n,) times of the history [s].
-    factors : times (k,) -> factors (k, B) of the columns.
+    nodes : (n,) times of the history [s]. factors : times (k,) -> factors (k, B) of the columns.
     omega : (J,) of the modes [rad/s]; shapes (J, B) their factors; sizes (J,) their amplitudes.
     """
 
@@ -91,33 +77,33 @@ class Motion:
     sizes: Array
 
 
-def searched(
-    motion: Motion, columns: Array, scalar: Callable[[Array], Array]
+def refined_maxima(
+    motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array, float]:
-    """Largest value (S,) of a scalar of components (S, c, B), its time, and what it may miss.
+    """Largest value (S,) of a scalar of components (S, c, B), its time, and the error bound.
 
     `scalar`: (..., c) -> (...,), a norm.
     """
     step, missed = _step(motion, columns, scalar)
-    times = _divided(motion.nodes, step)
+    times = _sample_times(motion.nodes, step)
     sampled, near = np.full((2, len(columns)), -np.inf), np.zeros((2, len(columns)), dtype=int)
     for first in range(0, max(len(times) - 2, 1), WINDOW - 2):
         t = times[first : first + WINDOW]
         factors = motion.factors(t)
         for block in _blocks(columns, len(t)):
             y = _values(columns[block], factors, scalar)
-            for best, k, found in zip(sampled, near, (y, _tops(t, y)), strict=True):
+            for best, k, found in zip(sampled, near, (y, _parabola_maxima(t, y)), strict=True):
                 at = found.argmax(axis=1)
                 top = found[np.arange(len(at)), at]
                 higher = np.flatnonzero(top > best[block])
                 best[block][higher], k[block][higher] = top[higher], first + at[higher]
     values, when = sampled[0], times[near[0]]
-    finer, then = _refined(motion, columns, scalar, times, near[1])
+    finer, then = _refined_near(motion, columns, scalar, times, near[1])
     higher = finer > values
     return np.where(higher, finer, values), np.where(higher, then, when), missed
 
 
-def largest(
+def sampled_maxima(
     columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
     """Largest value (S,) of a scalar of components (S, c, B) at these times, and its time."""
@@ -129,11 +115,13 @@ def largest(
     return values, when
 
 
-def _step(motion: Motion, columns: Array, scalar: Callable[[Array], Array]) -> tuple[float, float]:
-    """Step [s] of the times, and what they may miss."""
+def _step(
+    motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
+) -> tuple[float, float]:
+    """Time step [s] of the search, and by how much it may underestimate a peak."""
     every = max(1, len(motion.nodes) // FEWEST)
     at = motion.nodes[::every]
-    values, _ = largest(columns, motion.factors(at), at, scalar)
+    values, _ = sampled_maxima(columns, motion.factors(at), at, scalar)
     top = float(values.max(initial=0.0))
     values = np.maximum(values, FLOOR * top)
     # of the node where the modes curve the value most, relative to it
@@ -150,12 +138,12 @@ def _step(motion: Motion, columns: Array, scalar: Callable[[Array], Array]) -> t
 
     whole = float(motion.nodes[-1] - motion.nodes[0])
     step = whole / FEWEST
-    while missed(step) > MISSED and step > whole / MOST:
+    while missed(step) > TIME_ERROR and step > whole / MOST:
         step = max(step / 1.5, whole / MOST)
     return step, missed(step) * top
 
 
-def _divided(nodes: Array, step: float) -> Array:
+def _sample_times(nodes: Array, step: float) -> Array:
     """The nodes, and even times between those that are farther apart than the step."""
     nodes = np.unique(nodes)
     nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * (nodes[-1] - nodes[0]))]
@@ -166,8 +154,8 @@ def _divided(nodes: Array, step: float) -> Array:
     return np.append(np.repeat(nodes[:-1], parts) + share * np.repeat(gaps, parts), nodes[-1])
 
 
-def _tops(t: Array, y: Array) -> Array:
-    """Values (S, n), at local maxima those of the parabola through three of them."""
+def _parabola_maxima(t: Array, y: Array) -> Array:
+    """Values (S, n); local maxima are those of the parabola through three values."""
     tops = y.copy()
     if len(t) < 3:
         return tops
@@ -181,8 +169,12 @@ def _tops(t: Array, y: Array) -> Array:
     return tops
 
 
-def _refined(
-    motion: Motion, columns: Array, scalar: Callable[[Array], Array], times: Array, near: IntArray
+def _refined_near(
+    motion: BodyMotion,
+    columns: Array,
+    scalar: Callable[[Array], Array],
+    times: Array,
+    near: IntArray,
 ) -> tuple[Array, Array]:
     """Largest values (S,) within a step of the times `near` (S,), and their times."""
     values, when = np.zeros(len(columns)), np.zeros(len(columns))
@@ -203,7 +195,7 @@ def _refined(
         some = slice(first, first + WINDOW // fine.shape[1])
         factors = motion.factors(fine[some].ravel()).reshape(*fine[some].shape, -1)
         for own, t, group in zip(factors, fine[some], groups[some], strict=True):
-            values[group], when[group] = largest(columns[group], own, t, scalar)
+            values[group], when[group] = sampled_maxima(columns[group], own, t, scalar)
     return values, when
 
 
@@ -226,7 +218,7 @@ PEAK_QUANTITIES = {
     "von_mises": ("stress", 0, "Pa"),
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
-    **{name: ("stress", 0, "") for name in CRITERIA},
+    **{name: ("stress", 0, "") for name in margin.CRITERIA},
 }
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
@@ -335,11 +327,14 @@ class PeakField(ReprMixin):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.base.surfaces import draw_deformed
+        from antiosc.base.surfaces import deformed_figure
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
-        return draw_deformed(found, path, view=seen_from, mark=int(np.argmax(self.values)))
+        mark = int(np.argmax(self.values))
+        return figure_or_path(
+            deformed_figure(found, view=seen_from, mark=mark, shown=path is None), path
+        )
 
     @property
     def label(self) -> str:
@@ -350,13 +345,13 @@ class PeakField(ReprMixin):
 
     def surface(self, label: str, moved: Array) -> Deformed:
         """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
-        from antiosc.base.surfaces import Deformed, enlarged
+        from antiosc.base.surfaces import Deformed, magnification
 
         label = checks.instance("label", label, str, "a text")
         moved = checks.array("moved", moved, (len(self.points), 3))
         values = (1e-6 if self.unit == "Pa" else 1.0) * self.values
         size = float(np.linalg.norm(moved, axis=1).max())
-        factor = enlarged(self.points, size)
+        factor = magnification(self.points, size)
         label += f", motion drawn × {factor:g}" if size else ""
         faces, there = outer_faces(self._cells), self.points + factor * moved
         return Deformed(self.points, there, faces, values, label, float(values.max()))
@@ -373,12 +368,12 @@ class PeakField(ReprMixin):
         if target.suffix.lower() != ".vtu":
             target = target.with_name(f"{target.name}.vtu")
         fields = {self.quantity: self.values, "time": self.times}
-        with files.complete(target, "the field") as part:
+        with files.atomic_file(target, "the field") as part:
             part.write_bytes(Frames(self.points, self._cells).content(fields))
         return target
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def peak_field(
     structure: Structure,
@@ -447,43 +442,43 @@ def peak_field(
     search: Search
     if times is None and not isinstance(history, BodyHistory):
         motion = _motion(history, at, body, derivative)
-        search = functools.partial(searched, motion)
+        search = functools.partial(refined_maxima, motion)
     else:
         search = functools.partial(_at_times, amplitudes(history, at, body, derivative), at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-        best = Largest(*search(moved, _length))
+        best = Maxima(*search(moved, _length))
     else:
-        parts: list[Largest] = []
-        for ply in plies(structure, quantity, part):
+        parts: list[Maxima] = []
+        for ply in margin.plies(structure, quantity, part):
             points, cells, found = source(structure).tensors_at_nodes(
                 structure, shapes, recovered, places, part, ply
             )
-            if quantity in CRITERIA:
-                found = with_strength(quantity, found)
+            if quantity in margin.CRITERIA:
+                found = margin.with_strength(quantity, found)
             if found.origins:
-                parts.append(stresses(quantity, points, found, search))
+                parts.append(margin.stresses(quantity, points, found, search))
         if not parts:
             raise InputError(
-                f"the criterion {quantity!r} needs materials with {STRENGTH_OF[quantity]}."
+                f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
             )
-        best = functools.reduce(Largest.or_larger, parts)
+        best = functools.reduce(Maxima.or_larger, parts)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
-    result = _used(quantity, unit, points, cells, best)
+    result = _peak_field_of(quantity, unit, points, cells, best)
     if quantity in ("von_mises", "stress", "yield"):
         when = np.where(best.values > 0, best.times, at[-1])
         errors = mesh_error(structure, shapes, part, history, when, body)
-        result = _resolved(result, structure.comm.bcast(errors, root=0), cells)
+        result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
         if result.mesh_error is not None and result.values.any():
             k = int(np.argmax(result.values))
             share = float(result.mesh_error[k] / result.values[k])
-            told = doubt_at(structure, shapes, part, result.points[k], share)
-            result = replace(result, doubt=told)
+            sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
+            result = replace(result, doubt=sentence)
         elif result.values.any():
-            result = replace(result, doubt=doubt_of_sheets(structure, shapes, part))
+            result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
-        told = contact_yield(structure, shapes, history)
-        result = replace(result, _margin=replace(result._margin, contact=told))
+        sentence = margin.contact_yield(structure, shapes, history)
+        result = replace(result, _margin=replace(result._margin, contact=sentence))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -496,25 +491,25 @@ def peak_field(
     return result
 
 
-def _motion(history: History, nodes: Array, body: str, derivative: int) -> Motion:
-    """The motion of a body over the run, by its modes."""
-    return Motion(
+def _motion(history: History, nodes: Array, body: str, derivative: int) -> BodyMotion:
+    """Return the motion of a body over the run in terms of its modes."""
+    return BodyMotion(
         nodes,
         lambda t: amplitudes(history, t, body, derivative),
-        *modal_sizes(history, nodes, body, derivative),
+        *modal_amplitudes(history, nodes, body, derivative),
     )
 
 
 def _at_times(
     factors: Array, times: Array, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array, None]:
-    return (*largest(columns, factors, times, scalar), None)
+    return (*sampled_maxima(columns, factors, times, scalar), None)
 
 
-def _used(
-    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Largest
+def _peak_field_of(
+    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
 ) -> PeakField:
-    """The field without nodes that no cell has: those of other ranks' cells."""
+    """The field at the nodes of these cells; other ranks' nodes are left out."""
     used = _used_nodes(cells)
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
     exposures = None if best.exposure is None else best.exposure[used]
@@ -527,10 +522,10 @@ def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
     return np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
 
 
-def _resolved(
+def _with_mesh_error(
     found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
 ) -> PeakField:
-    """The field with errors [Pa] at all points."""
+    """The field with estimated errors [Pa] at all points."""
     if errors is None:
         return found
     own = errors[_used_nodes(cells)]

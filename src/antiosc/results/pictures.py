@@ -12,18 +12,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks
+from antiosc.base import checks, surfaces
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.charts import finished
+from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import InputError
-from antiosc.base.surfaces import (
-    Deformed,
-    colour_scale,
-    draw_deformed,
-    draw_faces,
-    frame,
-    space,
-)
+from antiosc.base.surfaces import Deformed
 from antiosc.base.texts import ReprMixin
 from antiosc.models import model_file
 from antiosc.simulation.histories import History, SceneHistory
@@ -90,7 +83,7 @@ class SavedFields(ReprMixin):
             )
 
     def at(self, time: float) -> Array:
-        """Displacements (P, 3) [m] at a time in s, between two times that are kept linearly."""
+        """Displacements (P, 3) [m] at a time in s, linear between the stored times."""
         t = checks.number("time", time, "s")
         if not self.time[0] <= t <= self.time[-1]:
             raise InputError(
@@ -100,8 +93,8 @@ class SavedFields(ReprMixin):
         k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
         first, last = self.factors[k], self.factors[min(k + 1, len(self.time) - 1)]
         step = self.time[min(k + 1, len(self.time) - 1)] - self.time[k]
-        share = (t - self.time[k]) / step if step else 0.0
-        return np.asarray(self.shapes @ (first + share * (last - first)))
+        fraction = (t - self.time[k]) / step if step else 0.0
+        return np.asarray(self.shapes @ (first + fraction * (last - first)))
 
     @cached_property
     def faces(self) -> IntArray:
@@ -168,7 +161,9 @@ class SavedFields(ReprMixin):
         """
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        return draw_deformed(found, path, view=seen_from, whole_scale=True)
+        shown = path is None
+        figure = surfaces.deformed_figure(found, view=seen_from, whole_scale=True, shown=shown)
+        return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
         kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)
@@ -284,24 +279,24 @@ def plot_map(
     label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
     label += f" ({unit})" if unit else ""
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
-    figure, axes, scale, unit = space(found.points, shown=path is None)
+    figure, axes, scale, unit = surfaces.axes_in_space(found.points, shown=path is None)
     x = scale * found.points
     if triangles:
-        seen = _towards_viewer(found, axes)
+        seen = _front_faces(found, axes)
         faces = found.elements[seen]
         values = value[faces].mean(axis=1)
         alone = found.alone
-        scale = colour_scale(np.concatenate([values, value[alone]]))
-        draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
+        scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
+        surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
         if len(alone):
             axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
     else:
-        scale = colour_scale(value)
+        scale = surfaces.colour_scale(value)
         axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
-    frame(axes, x)
+    surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
-    return finished(figure, path)
+    return figure_or_path(figure, path)
 
 
 def plot_deformed(
@@ -343,7 +338,10 @@ def plot_deformed(
     arrow = _arrow(point, direction)
     found = deformed(structure, history, time, body, field)
     mark = None if field is None else int(np.argmax(found.values))
-    return draw_deformed(found, path, arrow=arrow, view=seen_from, mark=mark)
+    figure = surfaces.deformed_figure(
+        found, arrow=arrow, view=seen_from, mark=mark, shown=path is None
+    )
+    return figure_or_path(figure, path)
 
 
 def deformed(
@@ -390,7 +388,7 @@ def _motion(history: History, body: str) -> Array:
     return np.abs(history.impactor_displacement if impactor else history.displacement)
 
 
-def _towards_viewer(found: SurfaceMap, axes: Axes3D) -> BoolArray:
+def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:
     """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
 
     matplotlib sorts faces by their centres; back faces would show through openings.

@@ -26,7 +26,7 @@ from antiosc.fem.platform import collective, on_root
 from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
 from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.results.fields import counted, shapes_of
+from antiosc.results.fields import history_key, shapes_of
 from antiosc.simulation.histories import History, amplitudes, times_of
 from antiosc.simulation.histories.parts import BodyHistory
 
@@ -44,7 +44,7 @@ GAUGE_POINTS = 6
 OFF_GAUGE = 0.05
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def probe(
     structure: Structure,
@@ -135,7 +135,7 @@ def probe(
     checks.instance("structure", structure, Structure, "a Structure")
     there = place(surface, layer, fibre, axes, stiffener)
     if snap is not None:
-        snap = inf if checks.rigid(snap) else checks.positive("snap", snap, "m")
+        snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
     elif isinstance(point, str):
         snap = inf
     reach = Reach("the point of the probe", snap)
@@ -174,7 +174,7 @@ def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Pl
     return [there]
 
 
-@collective(history=counted)
+@collective(history=history_key)
 @one_thread()
 def strain_gauge(
     structure: Structure,

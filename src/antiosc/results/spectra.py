@@ -13,11 +13,11 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import ReprMixin
 
 #: Oscillators a decade where no frequencies are given.
-A_DECADE = 48
+PER_DECADE = 48
 #: Samples of a period of each oscillator; between them the extremes are those of parabolas.
 SAMPLES_OF_A_PERIOD = 20
 #: Unequal steps are replaced by this share of their lower decile.
-OF_DECILE = 0.5
+DECILE_FRACTION = 0.5
 #: Deviation of a step from the mean one, over it, up to which samples are taken as equally spaced.
 UNEVEN = 1e-6
 #: Most samples of a signal after interpolation.
@@ -145,7 +145,7 @@ def srs(
     checks.choice("signal", signal, ("acceleration", "velocity"))
     f = _frequencies(t, frequencies, resolved)
     if signal == "acceleration":
-        _tell_if_rough(t, a)
+        _warn_if_rough(t, a)
     found = np.array([_extremes(t, a, float(each), Q, parts, signal) for each in f])
     return ShockSpectrum(f, found[:, 0], found[:, 1], Q)
 
@@ -160,7 +160,7 @@ def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> A
         top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
         top = max(min(top, known), 2 / span)
         decades = np.log10(top * span)
-        return np.geomspace(1 / span, top, max(2, int(np.ceil(A_DECADE * decades)) + 1))
+        return np.geomspace(1 / span, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
     f = checks.column("frequencies", given)
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
@@ -174,14 +174,14 @@ def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> A
     return f
 
 
-def _tell_if_rough(t: Array, a: Array) -> None:
+def _warn_if_rough(t: Array, a: Array) -> None:
     """An AccuracyWarning for accelerations that their samples do not resolve."""
     if t.size < SAMPLED:
         return
-    share = np.diff(t)[:-1] / (t[2:] - t[:-2])
-    off = a[1:-1] - (a[:-2] + share * (a[2:] - a[:-2]))
+    fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
+    deviation = a[1:-1] - (a[:-2] + fraction * (a[2:] - a[:-2]))
     size = np.sqrt(np.mean((a - a.mean()) ** 2))
-    rough = np.sqrt(np.mean(off**2)) / size if size > 0 else 0.0
+    rough = np.sqrt(np.mean(deviation**2)) / size if size > 0 else 0.0
     if rough > ROUGH:
         warn(
             "the accelerations change from one sample to the next as much as they are large "
@@ -215,9 +215,9 @@ def spectrum(t: ArrayLike, x: ArrayLike, *, pad: float = 1.0) -> Spectrum:
     pad = checks.positive("pad", pad)
     if pad < 1:
         raise InputError(f"pad must be 1 or more; got {pad:g}.")
-    t, x = _even(t, x, np.inf)
+    t, x = _resampled(t, x, np.inf)
     h = (t[-1] - t[0]) / (t.size - 1)
-    size = round(_countable(pad * t.size))
+    size = round(_checked_samples(pad * t.size))
     ends = x.copy()
     ends[[0, -1]] /= 2  # the rule of trapezoids
     values = h * np.fft.rfft(ends, size)
@@ -237,20 +237,20 @@ def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     return time[keep], value[keep]
 
 
-def _even(t: Array, x: Array, step: float) -> tuple[Array, Array]:
+def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
     """The signal at equal steps of at most `step`, linear between its samples."""
     steps = np.diff(t)
     mean = (t[-1] - t[0]) / steps.size
     if np.abs(steps - mean).max() <= UNEVEN * mean:
-        count = _countable(steps.size * max(1.0, np.ceil(mean / step * (1 - UNEVEN))))
+        count = _checked_samples(steps.size * max(1.0, np.ceil(mean / step * (1 - UNEVEN))))
     else:
-        step = min(step, OF_DECILE * float(np.quantile(steps, 0.1)))
-        count = _countable(np.ceil((t[-1] - t[0]) / step))
+        step = min(step, DECILE_FRACTION * float(np.quantile(steps, 0.1)))
+        count = _checked_samples(np.ceil((t[-1] - t[0]) / step))
     even = np.linspace(t[0], t[-1], round(count) + 1)
     return even, np.interp(even, t, x)
 
 
-def _countable(samples: float) -> float:
+def _checked_samples(samples: float) -> float:
     if samples > MOST_SAMPLES:
         raise InputError(
             f"the signal would have {samples:.3g} samples at equal steps, more than "
@@ -266,9 +266,9 @@ def _extremes(
     """Largest positive and negative response of the oscillator of one frequency."""
     from scipy.signal import lfilter
 
-    even, x = _even(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
+    even, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
     h = (even[-1] - even[0]) / (even.size - 1)
-    after = round(_countable(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
+    after = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
     if signal == "velocity":  # the mean acceleration of each step
         means = np.concatenate([np.diff(x) / h, np.zeros(after + 1)])
         y = lfilter(*step_invariant(f, Q, h), means)

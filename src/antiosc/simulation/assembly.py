@@ -7,12 +7,12 @@ the depth is found accurately.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import isfinite, sqrt
-from typing import TypeAlias, cast
+from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -21,25 +21,17 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.models.body import is_thin
-from antiosc.simulation.bodies import SceneBody, first_order_of, may_turn, place
+from antiosc.simulation import scene_parts
+from antiosc.simulation.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
 from antiosc.simulation.march.laws import packed, raise_error
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene_parts import (
-    SceneParts,
-    acting,
-    along,
-    axes_of,
-    find,
-    give_axes,
-    row_of,
-    tangents_of,
-)
+from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.states import modal_loads
 
-CLOSE = 0.1  # relative error of a depth
+DEPTH_TOL = 0.1  # relative error of a depth
 
 
-def expected_impact(
+def expected_contact(
     law: ContactLaw,
     mass: float,
     beta: Array,
@@ -50,11 +42,8 @@ def expected_impact(
 ) -> tuple[float, float, float]:
     """Depth [m], speed [m/s] and contact time [s] that are expected of one contact.
 
-    Parameters
-    ----------
-    mass : inertia [kg] behind the contact, of the slowest motion of each body.
-    beta, v, load : (J,) displacement of the contact in the modes, their velocities and forces at
-        the start.
+    mass : inertia [kg] behind the contact, of the slowest motion of each body. beta, v, load : (J,)
+    displacement of the contact in the modes, their velocities and forces at the start.
     """
     kernel, own = packed(law)
     at = map(march.address, (beta, v, load))
@@ -69,12 +58,12 @@ def expected_impact(
     return depth, speed, time
 
 
-def deepest(
-    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = CLOSE
+def largest_indentation(
+    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = DEPTH_TOL
 ) -> float:
-    """Indentation [m], at most `high`, that absorbs an energy and the work of a force.
+    """Largest indentation [m] of a new contact, at most `high`, to the relative error `close`.
 
-    Of a new contact that closes at a `speed`; `close`: relative error.
+    It absorbs an energy [J] and the work of a force `push` [N]; the contact closes at `speed`.
     """
     kernel, own = packed(law)
     found = march.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
@@ -83,7 +72,7 @@ def deepest(
 
 
 def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
-    """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
+    """Larger of the loading and unloading stiffness [N/m] at the deepest indentation."""
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
     steepest = float(max(slopes))
@@ -92,10 +81,23 @@ def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
 DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
-STIFFEST = 0.1  # share of a tangential compliance that is left to the slider's spring, at least
+LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider's spring
 
 
-def scales(
+class ContactScales(NamedTuple):
+    """What is expected of the contacts of a scene.
+
+    depth [m], speed [m/s] : (p,). friction : (p, 2) its coefficient and tangential stiffness [N/m].
+    contact_time : the shortest [s].
+    """
+
+    depth: Array
+    speed: Array
+    friction: Array
+    contact_time: float
+
+
+def contact_scales(
     scene: SceneParts,
     laws: list[ContactLaw],
     mass: Array,
@@ -105,48 +107,49 @@ def scales(
     gaps: Array,
     local: Array,
     duration: float,
-) -> tuple[Array, Array, Array, float]:
-    """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
+) -> ContactScales:
+    """Estimate the scales of the contacts from their motion and loads at the start."""
     p = len(laws)
-    push, speed = np.zeros(p), _felt(beta[:p], v[None])
+    push, speed = np.zeros(p), _largest_component(beta[:p], v[None])
     if loads.any():
         # what is at rest is set in motion by the others, at their speed, or by the loads
-        push = _felt(beta[:p], loads)
+        push = _largest_component(beta[:p], loads)
         falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
         speed = np.maximum(speed, np.minimum(falling, push * duration))
     most = float(speed.max())
     if most == 0.0:
-        return np.full(p, 1e-300), np.full(p, 1e-300), np.zeros((p, 2)), duration / 16
+        nothing = np.full(p, 1e-300)
+        return ContactScales(nothing, nothing.copy(), np.zeros((p, 2)), duration / 16)
     speed = np.where(speed > 1e-6 * most, speed, most)
-    depth, slip, lasting = np.zeros(p), np.zeros((p, 2)), duration / 2
+    depth, friction, contact_time = np.zeros(p), np.zeros((p, 2)), duration / 2
     for c, law in enumerate(laws):
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
-        far = float(speed[c] * duration + push[c] * duration**2)
-        depth[c] = deepest(law, float(speed[c]), float(energy), float(push[c] * mass[c]), far)
-        pace = speed[c] + sqrt(2 * push[c] * depth[c])
-        lasting = min(lasting, 3 * depth[c] / pace)
+        farthest = float(speed[c] * duration + push[c] * duration**2)
+        impact = float(speed[c]), float(energy), float(push[c] * mass[c]), farthest
+        depth[c] = largest_indentation(law, *impact)
+        mean_speed = speed[c] + sqrt(2 * push[c] * depth[c])
+        contact_time = min(contact_time, 3 * depth[c] / mean_speed)
         contact = scene.contacts[c]
         if contact.friction > 0:
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
-                whole, pull = contact.law, float(push[c] * mass[c])
-                most = deepest(whole, float(speed[c]), float(energy), pull, far, close=DEPTH_ERROR)
-                stiffness = MINDLIN * _mean_stiffness(whole, most, state)
-                if law is whole:  # the patches give way besides, normally and so sideways
+                most = largest_indentation(contact.law, *impact, close=DEPTH_ERROR)
+                stiffness = MINDLIN * _mean_stiffness(contact.law, most, state)
+                if law is contact.law:  # the patches give way besides, normally and so sideways
                     patches = 0.0
-            slip[c] = contact.friction, _beside_patches(stiffness, patches)
-    return depth, speed, slip, lasting
+            friction[c] = contact.friction, _without_patches(stiffness, patches)
+    return ContactScales(depth, speed, friction, contact_time)
 
 
-def _beside_patches(stiffness: float, local: float) -> float:
-    """What is left of a contact's tangential stiffness beside the patches of the bodies.
+def _without_patches(stiffness: float, local: float) -> float:
+    """Tangential stiffness of a contact [N/m] without the compliance of the bodies' patches.
 
-    By Cerruti's solution a patch whose pressure has the symmetry of a circle gives way sideways
+    By Cerruti's solution a patch whose pressure has the symmetry of a circle deforms tangentially
     1/MINDLIN times as much as normally, whatever the pressure.
     """
     patches = stiffness * local / MINDLIN  # their share of the contact's compliance
-    return stiffness / max(1.0 - patches, STIFFEST)
+    return stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
 
 
 def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
@@ -155,8 +158,8 @@ def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
     return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
 
 
-def mass_behind(beta: Array, omega: Array) -> float:
-    """Inertia [kg] that the slowest motions put behind a contact, roughly."""
+def effective_mass(beta: Array, omega: Array) -> float:
+    """Rough inertia [kg] that the slowest motions put behind a contact."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -168,10 +171,10 @@ def mass_behind(beta: Array, omega: Array) -> float:
     return 1 / mobility if mobility > 0 else 1.0
 
 
-def _felt(beta: Array, modal: Array) -> Array:
-    """Largest |beta modal| (p,) over the rows of `modal` (K, J); what is rounding, by its parts.
+def _largest_component(beta: Array, modal: Array) -> Array:
+    """Largest |beta modal| (p,) over the rows of `modal` (K, J).
 
-    A force or motion far from a contact reaches it later.
+    Where the sum is rounding, a tenth of the sum of magnitudes: distant motion arrives later.
     """
     direct, parts = abs(modal @ beta.T), abs(modal) @ abs(beta).T
     if len(modal) > 1:
@@ -181,8 +184,8 @@ def _felt(beta: Array, modal: Array) -> Array:
     return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
 
 
-def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """The law of a contact without the half-space compliance [m/N] of its patches; notes on it."""
+def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
+    """The law of a contact without the half-space compliance [m/N] of its patches, and notes."""
     if local == 0.0:
         return law, []
     if not isinstance(law, Hertz):
@@ -201,8 +204,8 @@ def freed(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, li
 Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
-def known(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
-    """What gives a scene and its bodies that are made already, and can be pickled."""
+def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
+    """Return a picklable function that returns this scene and these bodies."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
 
@@ -218,7 +221,7 @@ class Assembly:
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
     laws : of the contacts, freed from the compliance of patches; `notes` say so.
     system : what the march takes.
-    lasting : expected time of a contact [s], the shortest.
+    contact_time_estimate : expected time of a contact [s], the shortest.
     turns : whether the rotation of a body is known, and not 0.
     thin : whether a body is of sheets that are held.
     """
@@ -228,8 +231,8 @@ class Assembly:
     laws: list[ContactLaw]
     notes: list[str]
     system: System
-    lasting: float
-    turns: bool
+    contact_time_estimate: float
+    may_rotate: bool
     thin: bool
 
     @cached_property
@@ -237,8 +240,8 @@ class Assembly:
         return self.parts()
 
     @cached_property
-    def _sides(self) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
-        return side_by_side(self.bodies)
+    def _stacked(self) -> scene_parts.StackedBodies:
+        return scene_parts.stacked_bodies(self.bodies)
 
     @property
     def scene(self) -> SceneParts:
@@ -253,22 +256,22 @@ class Assembly:
     @property
     def spans(self) -> dict[str, slice]:
         """The modes of each body among those of all."""
-        return self._sides[0]
+        return self._stacked.spans
 
     @property
     def columns(self) -> dict[str, slice]:
         """The columns of each body among those of all."""
-        return self._sides[1]
+        return self._stacked.columns
 
     @property
     def B(self) -> Array:
         """Displacements (J, P) of all columns."""
-        return self._sides[2]
+        return self._stacked.B
 
     @property
     def r(self) -> Array:
         """Residual compliance (P, P) of all columns."""
-        return self._sides[3]
+        return self._stacked.r
 
     def load(self, t: Array) -> Array:
         """Modal loads (n, J) at times (n,)."""
@@ -276,91 +279,63 @@ class Assembly:
 
     def pushes(self, t: Array) -> Array:
         """External forces (n, P) on all columns at times (n,)."""
-        total = np.zeros((t.size, self.B.shape[1]))
-        for load in self.scene.loads:
-            body, site = find(load.end, self.bodies)
-            row = along(body, site, body.pushes.get(site), load.end)
-            value = np.interp(t, load.times, load.forces)
-            total[:, self.columns[body.name]] += value[:, None] * row
-        return total
+        return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
 
 
-def assemble(scene: SceneParts, duration: float) -> Assembly:
-    """The scene ready to integrate; InputError for what does not fit together."""
-    bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
-    spans, columns, B, r = side_by_side(bodies)
-    k = len(r)
-    normal: list[Array] = []
-    rubbing: list[Array] = []
-    tangents: list[tuple[int, int]] = []
-    lines: list[Array | None] = []
-    ends = [(find(c.a, bodies), find(c.b, bodies)) for c in scene.contacts]
-    give_axes(scene, ends, bodies)
-    for contact, pair in zip(scene.contacts, ends, strict=True):
-        row, direction = row_of(contact, pair, columns, k)
+def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
+    """Assemble a scene for integration; InputError for parts that do not fit together."""
+    bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
+    stacked = scene_parts.stacked_bodies(bodies)
+    find, ends = scene_parts.find_site, []
+    for contact in scene.contacts:
+        ends.append((find(contact.a, bodies), find(contact.b, bodies)))
+    scene_parts.set_axes(scene, ends, bodies)
+    normal, tangents, gap = [], [], []
+    tangential: list[Array] = []
+    for contact, (a, b) in zip(scene.contacts, ends, strict=True):
+        row, direction = scene_parts.contact_row(contact, (a, b), stacked)
+        sides = []
+        if contact.friction > 0:
+            sides = scene_parts.tangential_rows(contact, (a, b), direction, stacked)
+        tangents.append((len(ends) + len(tangential), len(sides)))
         normal.append(row)
-        lines.append(direction)
-    for contact, line in zip(scene.contacts, lines, strict=True):
-        sides = tangents_of(contact, line, bodies, columns, k) if contact.friction > 0 else []
-        tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
-        rubbing += sides
-    G = np.array(normal + rubbing)
-    axes = axes_of(bodies)
-    gaps = np.zeros(len(G))
-    for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
-        gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap
-    breaks, loads, offsets = acting(scene, bodies, spans, columns, axes, B, r, G, gaps, duration)
+        tangential += sides
+        gap.append(a[0].gap + b[0].gap if contact.gap is None else contact.gap)
+    G = np.array(normal + tangential)
+    gaps = np.append(gap, np.zeros(len(tangential)))
+    breaks, loads, offsets = scene_parts.load_series(scene, bodies, stacked, G, gaps, duration)
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
     laws, notes = _laws(scene, local)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
         raise InputError("nothing in the scene can move: every body is an obstacle.")
-    beta = np.ascontiguousarray(G @ B.T)
-    mass = np.array([mass_behind(beta[c], omega) for c in range(len(laws))])
+    beta = np.ascontiguousarray(G @ stacked.B.T)
+    mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
     v = np.concatenate([b.start for b in bodies.values()])
     gaps = offsets[0, : len(laws)]
-    depth, speed, slip, lasting = scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
+    expected = contact_scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
         beta=beta,
-        R=G @ r @ G.T,
+        R=G @ stacked.r @ G.T,
         breaks=breaks,
         loads=loads,
         offsets=offsets,
         laws=laws,
-        slip=slip,
+        slip=expected.friction,
         tangents=np.array(tangents, dtype=np.int64),
-        q=np.concatenate(
-            [
-                np.zeros(b.omega.size) if b.displaced is None else b.displaced
-                for b in bodies.values()
-            ]
-        ),
+        q=np.concatenate([b.initial_displacements for b in bodies.values()]),
         v=v,
         mass=mass,
-        depth=depth,
-        speed=speed,
+        depth=expected.depth,
+        speed=expected.speed,
         pressed=np.zeros(len(laws)),
-        first=first_order_of(bodies.values()),
+        first=stacked_first_order(bodies.values()),
     )
-    turns, thin = any(map(may_turn, bodies.values())), any(map(is_thin, scene.bodies.values()))
-    return Assembly(known(scene, bodies), G, laws, notes, system, lasting, turns, thin)
-
-
-def side_by_side(
-    bodies: Mapping[str, SceneBody],
-) -> tuple[dict[str, slice], dict[str, slice], Array, Array]:
-    """Modes and columns of each body among those of all, and the matrices B and r of all."""
-    spans, columns, j, k = {}, {}, 0, 0
-    for name, body in bodies.items():
-        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
-        j, k = spans[name].stop, columns[name].stop
-    B, r = np.zeros((j, k)), np.zeros((k, k))
-    for name, body in bodies.items():
-        B[spans[name], columns[name]] = body.B
-        r[columns[name], columns[name]] = body.r
-    return spans, columns, B, r
+    turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
+    time = expected.contact_time
+    return Assembly(given_parts(scene, bodies), G, laws, notes, system, time, turns, thin)
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
@@ -368,13 +343,13 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
     laws, notes = [], []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
         given = contact.tangential_stiffness
-        if contact.friction and given and given * local > (1 - STIFFEST) * MINDLIN:
+        if contact.friction and given and given * local > (1 - LEAST_COMPLIANCE) * MINDLIN:
             notes.append(
                 f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
                 f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
                 f" tangential_stiffness = {given:g} N/m: a tenth is taken."
             )
-        law, told = freed(contact.law, local, contact.a, contact.b)
+        law, more = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)
-        notes += told
+        notes += more
     return laws, notes

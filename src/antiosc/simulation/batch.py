@@ -27,16 +27,16 @@ from antiosc.simulation.histories.results import (
     COMPLETED,
     STOPPED,
     CheckResult,
-    Ended,
-    tell_all,
-    tell_rotation,
-    too_far,
-    verdict_of,
+    RunEnd,
+    check_result,
+    large_deflection_message,
+    warn_batch,
+    warn_large_rotation,
 )
 from antiosc.simulation.reference import MAX_CONTACTS, MAX_STEPS, Settings
-from antiosc.simulation.scene import DEFAULT_TOL, beyond_law, check_range, impact
-from antiosc.simulation.truncation import too_few
-from antiosc.simulation.two_bodies import Impact, Pair, Rows, pose
+from antiosc.simulation.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
+from antiosc.simulation.truncation import truncation_warning
+from antiosc.simulation.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 
 T = TypeVar("T")
 #: Positional arguments and keywords of a call.
@@ -52,7 +52,7 @@ def sweep(
     earlier: Sequence[T] | None = None,
     **values: object,
 ) -> list[T]:
-    """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
+    """Create one object per value: `sweep(RigidMass, mass=masses, velocity=2.0)`.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def sweep(
     """
     checks.function("make", make, "a constructor, such as RigidMass")
     check_executor(executor)
-    lengths = {k: len(v) for k, v in values.items() if is_many(v)}
+    lengths = {k: len(v) for k, v in values.items() if is_sequence(v)}
     size = common_length(lengths)
-    each = [{k: v[i] if is_many(v) else v for k, v in values.items()} for i in range(size)]
+    each = [{k: v[i] if is_sequence(v) else v for k, v in values.items()} for i in range(size)]
     results = cast("list[T]", [AntioscError("not called yet")] * size)
     if earlier is not None:
         results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
@@ -92,7 +92,7 @@ def sweep(
             results[i] = make(**each[i])
         return results
     calls: list[Call] = [((), each[i]) for i in todo]
-    for i, result in zip(todo, returned(executor, make, calls), strict=True):
+    for i, result in zip(todo, call_results(executor, make, calls), strict=True):
         results[i] = cast("T", result)
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if failed:
@@ -109,17 +109,17 @@ def check_executor(executor: object) -> None:
         raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
 
 
-def returned(
+def call_results(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[T | AntioscError]:
-    """What each call returns, in order; its error if it failed."""
+    """Yield the result of each call in order, or its error."""
     return map(_result, _submitted(executor, function, calls))
 
 
-def as_they_come(
+def completed_calls(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[tuple[int, T | AntioscError]]:
-    """The same with the numbers of the calls, those first that are finished first."""
+    """Yield (number of the call, result or error) in the order in which calls finish."""
     waiting = {}
     for k, future in enumerate(_submitted(executor, function, calls)):
         if isinstance(future, Future):
@@ -134,13 +134,13 @@ def as_they_come(
 def _submitted(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> list[Future[T] | AntioscError]:
-    """The future of each call, or the error of one that was not accepted."""
+    """Return the future of each call, or the error of a call that the executor refused."""
     futures: list[Future[T] | AntioscError] = []
     for given, keywords in calls:
         try:
             futures.append(executor.submit(function, *given, **keywords))
         except Exception as error:  # executors of any package
-            futures.append(_lost(error))
+            futures.append(_executor_error(error))
     return futures
 
 
@@ -150,11 +150,11 @@ def _result(future: Future[T] | AntioscError) -> T | AntioscError:
     except AntioscError as error:
         return error
     except Exception as error:
-        return _lost(error)
+        return _executor_error(error)
 
 
-def _lost(error: Exception) -> AntioscError:
-    """The error for a call that the executor did not finish."""
+def _executor_error(error: Exception) -> AntioscError:
+    """The error for a call for which the executor returned no result."""
     said = " ".join(f"{type(error).__name__}: {error}".split())
     found = AntioscError(
         f"the executor returned no result ({said}): arguments must be such that they can be"
@@ -169,7 +169,7 @@ def check_earlier(length: int, size: int) -> None:
         raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
 
 
-def is_many(value: object) -> TypeGuard[Sequence[Any]]:
+def is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
     if isinstance(value, np.ndarray):
         return value.ndim == 1
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
@@ -189,8 +189,8 @@ def common_length(lengths: dict[str, int]) -> int:
 
 
 CHUNKS = 64  # that the scenes are divided into for an executor
-TOGETHER = 4096  # scenes that are solved at once without one
-LOOKED_AT = 3  # models of which the worst impact is run again and checked
+CHUNK_SIZE = 4096  # scenes that are solved at once without one
+CHECKED_MODELS = 3  # models of which the worst impact is run again and checked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -283,16 +283,16 @@ def simulate_many(
         "gap": gap,
     }
     check_executor(executor)
-    size = common_length({k: len(v) for k, v in given.items() if is_many(v)})
-    columns = {k: list(v) if is_many(v) else [v] * size for k, v in given.items()}
+    size = common_length({k: len(v) for k, v in given.items() if is_sequence(v)})
+    columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in given.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers, speeds = columns["impactors"], columns["initial_velocity"]
-    plausible.tell([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
+    plausible.warn_each([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
     steps = cast("list[float | None]", columns.pop("step"))
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
     rows = _rows_of(earlier, size)
-    todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
-    chunk = TOGETHER if executor is None else -(-size // CHUNKS)
+    todo = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
+    chunk = CHUNK_SIZE if executor is None else -(-size // CHUNKS)
     parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
 
     def given_of(part: list[int]) -> _Chunk:
@@ -301,11 +301,11 @@ def simulate_many(
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
             found: Iterable[list[_Row] | AntioscError] = (
-                _solved(*given_of(part), partial(_further, ready, k * chunk))
+                _solve_chunk(*given_of(part), partial(_report_progress, ready, k * chunk))
                 for k, part in enumerate(parts)
             )
         else:
-            found = returned(executor, _solved, [(given_of(part), {}) for part in parts])
+            found = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
         for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
             if isinstance(result, AntioscError):
                 result = [_failed(result)] * len(part)
@@ -313,19 +313,19 @@ def simulate_many(
                 rows[i] = row
             ready(min(count * chunk, len(todo)))
     _raise(rows)
-    tell_all([r.verdict for r in rows])
+    warn_batch([r.result for r in rows])
     struck = [i for i, row in enumerate(rows) if row.impulse > 0]
     rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
     if n != "auto":
         reduced = [i for i in struck if info_of(scenes[i].model).method == "krylov"]
         sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in reduced]
-        rerun(sharpness, lambda hit: too_few(hit.model, hit.assembly))
+        rerun(sharpness, lambda hit: truncation_warning(hit.model, hit.assembly))
     hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
     deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
-    rerun(deflections, too_far)
-    scene = max(range(len(rows)), key=lambda i: rows[i].turned[1])
-    tell_rotation(f"{rows[scene].turned[0]} of scene {scene}", rows[scene].turned[1])
-    return _gathered(rows)
+    rerun(deflections, large_deflection_message)
+    scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
+    warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
+    return _batch_of(rows)
 
 
 def _warn_of_worst(
@@ -336,11 +336,11 @@ def _warn_of_worst(
 ) -> None:
     """Warn of what `check` finds in the worst scenes by `ranked` (rank > 0, scene), run again.
 
-    Of each model the worst scene is run, of `LOOKED_AT` models at most.
+    Of each model the worst scene is run, of `CHECKED_MODELS` models at most.
     """
     seen: set[int] = set()
     for rank, i in sorted(ranked, reverse=True):
-        if len(seen) == LOOKED_AT or not rank > 0:
+        if len(seen) == CHECKED_MODELS or not rank > 0:
             return
         if id(scenes[i].model) not in seen:
             seen.add(id(scenes[i].model))
@@ -367,9 +367,9 @@ _Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
 
 @dataclass(eq=False)
 class _Row:
-    """What a batch keeps of one scene; `error` that of a scene which failed."""
+    """Results of one scene of a batch; `error` is set for a scene that failed."""
 
-    verdict: CheckResult
+    result: CheckResult
     peak_force: float = np.nan
     impulse: float = np.nan
     contact_time: float = np.nan
@@ -379,18 +379,17 @@ class _Row:
     accuracy: float = np.nan
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
     error: AntioscError | None = None
-    turned: tuple[str, float] = ("", 0.0)
+    rotation: tuple[str, float] = ("", 0.0)
 
 
-def _solved(
+def _solve_chunk(
     scenes: Sequence[Impact],
     steps: Sequence[float | None],
     n: int | str | None,
     settings: Settings,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
-    """The rows of scenes: those that the march takes as arrays together, the others by
-    themselves."""
+    """Rows of scenes: groups that the march solves in one call, the others one by one."""
     rows: dict[int, _Row] = {}
     groups: dict[tuple[object, ...], list[int]] = {}
     together = settings.method == "exact" and n is None
@@ -400,27 +399,27 @@ def _solved(
             groups.setdefault(key, []).append(i)
     for group in groups.values():
         here = [scenes[i] for i in group]
-        found = _together(here, settings, partial(_further, done, len(rows)))
+        found = _solve_group(here, settings, partial(_report_progress, done, len(rows)))
         rows |= {i: row for i, row in zip(group, found, strict=True) if row is not None}
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
-            rows[i] = _alone(scene, step, n, settings)
+            rows[i] = _solve_single(scene, step, n, settings)
             done(len(rows))
     return [rows[i] for i in range(len(scenes))]
 
 
-def _further(done: Callable[[int], None], before: int, count: int) -> None:
-    """Tell how many are done, of which some were before."""
+def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
+    """Report how many scenes are done, including those before."""
     done(before + count)
 
 
-def _together(
+def _solve_group(
     scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
 ) -> list[_Row | None]:
-    """The rows of a group of impacts; None for one that must be integrated by itself."""
+    """Rows of a group of impacts; None for an impact that must be integrated alone."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
-            group = Rows(scenes, settings.tol, *settings.limits)
+            group = ImpactRows(scenes, settings.tol, *settings.limits)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
     outcomes, pulses = group.solved(done)
@@ -433,32 +432,32 @@ def _row_of(
     law: ContactLaw,
     outcome: tuple[Any, ...],
     pulses: tuple[Array, Array],
-    made: Pair,
+    pair: Pair,
     settings: Settings,
 ) -> _Row | None:
-    """The row of what the march returned; None where that is not enough."""
+    """Row of an outcome of the march; None where the impact must be integrated alone."""
     answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
-    time, lasting, gained, highest, turned = rest
+    end, contact_time_estimate, gained, highest, rotation = rest
     if answer == march.FULL or answer >= march.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
-    ended = Ended(answer, time, touches, [0] * goes_on, force, peak, certain)
-    verdict = CheckResult(COMPLETED, "Completed.")
+    ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
+    check = CheckResult(COMPLETED, "Completed.")
     if answer != march.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
-        verdict = verdict_of(pose(*scene), ended, settings.tol, settings.limits)
-    most, impulse, contact_time, restitution, closed, steps = numbers
-    if most > law.valid_force:
-        return _failed(beyond_law(law, most, made.asked[0].patch_radius, _doubts(scene)))
+        check = check_result(assemble_pair(scene), ended, settings.tol, settings.limits)
+    peak_force, impulse, contact_time, restitution, closed, steps = numbers
+    if peak_force > law.valid_force:
+        return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))
     return _Row(
-        verdict=verdict,
-        peak_force=most,
+        result=check,
+        peak_force=peak_force,
         impulse=impulse,
         contact_time=contact_time,
         restitution=restitution,
         contacts=contacts,
-        step=closed / steps if steps else lasting,
+        step=closed / steps if steps else contact_time_estimate,
         accuracy=force,
         force=pulses,
-        turned=(("structure", "impactor")[body], turned) if turned else ("", 0.0),
+        rotation=(("structure", "impactor")[body], rotation) if rotation else ("", 0.0),
     )
 
 
@@ -468,7 +467,9 @@ def _doubts(scene: Impact) -> list[str]:
     return [*plausible.of_model(scene.model), *filter(None, [blow])]
 
 
-def _alone(scene: Impact, step: float | None, n: int | str | None, settings: Settings) -> _Row:
+def _solve_single(
+    scene: Impact, step: float | None, n: int | str | None, settings: Settings
+) -> _Row:
     try:
         return _row(*_impact(scene, step, n, settings))
     except AntioscError as error:
@@ -485,15 +486,15 @@ def _impact(
 ) -> tuple[History, CheckResult]:
     """One scene; AccuracyError if its force leaves the range of its law."""
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
-    history, verdict = impact(scene, replace(settings, step=step), n)
+    history, check = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
-    return history, verdict
+    return history, check
 
 
-def _row(hit: History, verdict: CheckResult) -> _Row:
+def _row(hit: History, check: CheckResult) -> _Row:
     e = hit.restitution
     return _Row(
-        verdict=verdict,
+        result=check,
         peak_force=hit.peak_force,
         impulse=hit.impulse,
         contact_time=hit.contact_time,
@@ -502,12 +503,12 @@ def _row(hit: History, verdict: CheckResult) -> _Row:
         step=hit.step,
         accuracy=hit.error.get("force", np.nan),
         force=hit.contact_histories[0].pulses(),
-        turned=hit.largest_rotation(),
+        rotation=hit.largest_rotation(),
     )
 
 
 def _raise(rows: list[_Row]) -> None:
-    """Raise the first InputError, and any error that all scenes share."""
+    """Raise the first InputError of a scene, or the first error if every scene failed."""
     for i, row in enumerate(rows):
         if isinstance(row.error, InputError):
             raise type(row.error)(f"scene {i}: {row.error}") from row.error
@@ -517,7 +518,7 @@ def _raise(rows: list[_Row]) -> None:
         raise type(error)(f"scene 0: {error}") from error
 
 
-def _gathered(rows: list[_Row]) -> Batch:
+def _batch_of(rows: list[_Row]) -> Batch:
     def column(name: str) -> Array:
         return np.array([getattr(row, name) for row in rows], dtype=float)
 
@@ -529,9 +530,9 @@ def _gathered(rows: list[_Row]) -> Batch:
         contacts=np.array([row.contacts for row in rows], dtype=np.intp),
         step=column("step"),
         error=column("accuracy"),
-        status=np.array([row.verdict.status for row in rows], dtype=np.intp),
+        status=np.array([row.result.status for row in rows], dtype=np.intp),
         force=[row.force for row in rows],
-        message=[row.verdict.message for row in rows],
+        message=[row.result.message for row in rows],
     )
 
 

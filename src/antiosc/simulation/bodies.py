@@ -22,12 +22,12 @@ from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.contact import Gonthier, Hertz
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
-from antiosc.models.damping import SideBySide
-from antiosc.models.modal import ModalBody, SiteModes, sound_body
+from antiosc.models.damping import StackedModes
+from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
 
 
@@ -71,11 +71,11 @@ class RigidMass(Checked, Body):
         return Hertz.from_radii(self.tip_radius, self.E, self.nu, radii, E, nu, angle)
 
     def modal(self) -> ModalBody:
-        return _mass_alone(self.mass)
+        return _mass_modes(self.mass)
 
 
 @dataclass(frozen=True, init=False)
-class Sphere(Given, Body):
+class Sphere(FieldsRepr, Body):
     """A solid elastic sphere without vibrations.
 
     Parameters
@@ -120,7 +120,7 @@ class Sphere(Given, Body):
             velocity=checks.number("velocity", velocity, "m/s"),
         )
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
-            plausible.tell([plausible.of_sphere(self.radius, self.rho)])
+            plausible.warn_each([plausible.of_sphere(self.radius, self.rho)])
 
     @property
     def mass(self) -> float:
@@ -134,11 +134,15 @@ class Sphere(Given, Body):
         return Hertz.from_radii(self.radius, self.E, self.nu, radii, E, nu, angle)
 
     def modal(self) -> ModalBody:
-        return _mass_alone(self.mass)
+        return _mass_modes(self.mass)
+
+
+#: The modes of an obstacle.
+_NO_MODES = ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
 
 
 @dataclass(frozen=True)
-class Obstacle(Given, Body):
+class Obstacle(FieldsRepr, Body):
     """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
 
     gap: float = 0.0
@@ -154,11 +158,11 @@ class Obstacle(Given, Body):
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def modal(self) -> ModalBody:
-        return _fixed()
+        return _NO_MODES
 
 
 @dataclass(frozen=True)
-class Impactor(Given, Body):
+class Impactor(FieldsRepr, Body):
     """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
 
     Its contact point is the site of its model; the contact force acts in the direction of that
@@ -184,16 +188,11 @@ class Impactor(Given, Body):
         return self.body.modal()
 
 
-@lru_cache(maxsize=1)
-def _fixed() -> ModalBody:
-    return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
-
-
 @lru_cache(maxsize=256)
-def _mass_alone(mass: float) -> ModalBody:
+def _mass_modes(mass: float) -> ModalBody:
     root = sqrt(mass)
     b = np.array([1 / root])
-    return sound_body(omega=np.zeros(1), b=b, weight=np.array([root]), shape=b[None])
+    return unchecked_body(omega=np.zeros(1), b=b, weight=np.array([root]), shape=b[None])
 
 
 #: Steel (handbook values), Pa and kg/m³.
@@ -206,7 +205,7 @@ GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
-class NamedImpactor(Given):
+class NamedImpactor(FieldsRepr):
     """What is known of an impactor.
 
     Attributes
@@ -251,7 +250,7 @@ _BALLS = (
     "147 cm from 254 cm; here the middles"
 )
 #: Force of the deformation test of a tennis ball, N, and the deformation between two plates, m.
-_TESTED = 8.165 * GRAVITY, 6.48e-3
+_BALL_TEST = 8.165 * GRAVITY, 6.48e-3
 _HEADFORMS = "headforms of EU directive 2003/102/EC, phase 1, which ECE R127 continues: "
 _HAIL = "it crushes under impact, which no law here describes: give a contact law"
 _TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
@@ -272,7 +271,7 @@ def _pendulum(number: int, height: float) -> NamedImpactor:
     )
 
 
-_ALL = (
+_IMPACTOR_LIST = (
     *(_hammer(f"IK0{k}", energy, 0.25, 0.010)
       for k, energy in enumerate((0.14, 0.20, 0.35, 0.50, 0.70, 1.00), start=1)),
     _hammer("IK07", 2.0, 0.5, 0.025),
@@ -290,7 +289,7 @@ _ALL = (
     NamedImpactor(
         "tennis ball", _BALLS, 0.0577, tip_radius=0.067 / 2,
         # the ball is pressed between two plates: each contact takes half of the deformation
-        stiffness=2 * _TESTED[0] / _TESTED[1], restitution=sqrt(1.41 / 2.54),
+        stiffness=2 * _BALL_TEST[0] / _BALL_TEST[1], restitution=sqrt(1.41 / 2.54),
         note="its stiffness is that of the static test, its restitution that at 7 m/s",
     ),
     NamedImpactor("steel ball", "steel of 7850 kg/m³, 210 GPa (handbook)", None, steel=True),
@@ -314,7 +313,7 @@ _ALL = (
     ),
 )  # fmt: skip
 #: Name -> what is known of the impactor.
-IMPACTORS = {one.name: one for one in _ALL}
+IMPACTORS = {one.name: one for one in _IMPACTOR_LIST}
 
 
 @checks.within_range
@@ -361,13 +360,13 @@ def named_impactor(
 #: cosine of the angle beyond which two directions are not taken as one
 PARALLEL = 0.999
 #: the largest principal moment over the sum of the others, in figures that are rounded
-TRIANGLE = 1.01
+MOMENT_ROUNDING = 1.01
 #: share of a body's momentum in its elastic modes from which supports hold it
-HELD = 1e-6
+SUPPORTED_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class RigidBody(Given):
+class RigidBody(FieldsRepr):
     """A rigid body with several sites; it moves in space, its rotations are small.
 
     Parameters
@@ -406,7 +405,7 @@ class RigidBody(Given):
                 " their tensor."
             )
         moments = np.linalg.eigvalsh(tensor)
-        if moments[2] > TRIANGLE * (moments[0] + moments[1]):
+        if moments[2] > MOMENT_ROUNDING * (moments[0] + moments[1]):
             raise InputError(
                 f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
                 f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
@@ -435,30 +434,33 @@ class SceneBody:
     ----------
     body : as it was given.
     modes : its form in free modes.
-    start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
+    start : (J,) modal velocities; initial_displacements : (J,) modal
+        displacements, default 0.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
     pushes : direction (3,) in which the contact pushes each site, where known.
     axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
         contacts give it.
-    begun : states (2, I) of first-order modes at the start, None: those of `displaced` and `start`
-        with relaxed branches.
+    first_order_start : states (2, I) of first-order modes at the start; None: those of the
+        displacements and velocities with relaxed branches.
     """
 
     name: str
     body: object
     modes: ModalBody | SiteModes
     start: Array
-    displaced: Array | None = None
+    initial_displacements: Array = None  # type: ignore[assignment]
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     patch_radius: float | None = None
     pushes: dict[str, Array] = field(default_factory=dict)
     axes: dict[str, Array] = field(default_factory=dict)
-    begun: Array | None = None
+    first_order_start: Array | None = None
 
     def __post_init__(self) -> None:
+        if self.initial_displacements is None:
+            self.initial_displacements = np.zeros(self.omega.size)
         if self.directions is not None and not self.pushes:
             self.pushes = {site: self.directions[own[0]] for site, own in self.sites.items()}
 
@@ -506,8 +508,8 @@ class SceneBody:
         """The columns of a site; () of an obstacle."""
         return () if isinstance(self.body, Obstacle) else self.sites[site]
 
-    def known(self, site: str) -> Array | None:
-        """Directions (k, 3) of the first k columns of a site; None where they are not known."""
+    def site_directions(self, site: str) -> Array | None:
+        """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
         if self.directions is not None:
             return self.directions[list(self.sites[site])]
         return self.axes[site][None] if site in self.axes else None
@@ -533,30 +535,32 @@ class SceneBody:
         if carried is None:
             return False
         size = float(np.abs(carried).max(initial=0.0))
-        return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
+        return bool(np.any(np.abs(carried[~rigid]) > SUPPORTED_SHARE * size))
 
 
-def may_turn(body: SceneBody | ModalBody | SiteModes) -> bool:
+def may_rotate(body: SceneBody | ModalBody | SiteModes) -> bool:
     """Whether a body may turn, and its inertia in space is known."""
     return body.inertia is not None and not body.omega.all()
 
 
-def first_order_of(bodies: Iterable[SceneBody]) -> SideBySide | None:
-    """First-order modes of all bodies side by side, if one has them."""
-    parts = [(body.omega, body.decay, body.modes.first_order, body.begun) for body in bodies]
-    return None if all(first is None for _, _, first, _ in parts) else SideBySide(parts)
+def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
+    """First-order modes of all bodies, stacked; None if no body has them."""
+    parts = [
+        (body.omega, body.decay, body.modes.first_order, body.first_order_start) for body in bodies
+    ]
+    return None if all(first is None for _, _, first, _ in parts) else StackedModes(parts)
 
 
-def place(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
-    """The body of that name with its start; InputError for a motion that it cannot have."""
+def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
+    """Describe a body of the scene with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
-        placed = _rigid(name, body)
+        placed = _rigid_body(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
         modes = body if isinstance(body, SiteModes) else body.site_modes()
         still = np.zeros(modes.omega.size)
         placed = SceneBody(name, body, modes, still, local_compliance=modes.local_compliance)
     else:
-        placed = _single(name, body)
+        placed = _modal_body(name, body)
     if motion is not None:
         if isinstance(body, Obstacle):
             raise InputError(f"body {name!r} is an obstacle, which does not move.")
@@ -566,31 +570,33 @@ def place(name: str, body: object, motion: Motion | ModalState | float | None) -
                     f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
                     f" {placed.omega.size}."
                 )
-            placed.displaced, placed.start = motion.displacements, motion.velocities
-            placed.begun = motion.first_order
+            placed.initial_displacements, placed.start = motion.displacements, motion.velocities
+            placed.first_order_start = given = motion.first_order
             first = placed.modes.first_order
             own = 0 if first is None else first.omega.size
-            if placed.begun is not None and placed.begun.shape[1] != own:
+            if given is not None and given.shape[1] != own:
                 raise InputError(
-                    f"the ModalState of {name!r} has {placed.begun.shape[1]} first-order modes, the"
-                    f" body {own}."
+                    f"the ModalState of {name!r} has {given.shape[1]} first-order modes, the body"
+                    f" {own}."
                 )
         else:
-            placed.start = _started(placed, motion)
+            placed.start = _initial_velocities(placed, motion)
     return placed
 
 
-def _single(name: str, body: object) -> SceneBody:
+def _modal_body(name: str, body: object) -> SceneBody:
     asked = checked_body(f"body {name!r}", body)
     modes, velocity = asked.modal(), asked.velocity
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
-    return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
+    return single_site_body(name, body, asked, modes, modes.rigid_motion(velocity))
 
 
-def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: Array) -> SceneBody:
-    """A body of one contact point, with its modal velocities (J,) at the start."""
+def single_site_body(
+    name: str, body: object, asked: Body, modes: ModalBody, start: Array
+) -> SceneBody:
+    """Describe a body of one contact point, with its modal start velocities (J,)."""
     local = {"": asked.local_compliance}
     return SceneBody(
         name, body, modes, start,
@@ -598,7 +604,7 @@ def of_one_site(name: str, body: object, asked: Body, modes: ModalBody, start: A
     )  # fmt: skip
 
 
-def _rigid(name: str, body: RigidBody) -> SceneBody:
+def _rigid_body(name: str, body: RigidBody) -> SceneBody:
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}
@@ -624,8 +630,8 @@ def _rigid(name: str, body: RigidBody) -> SceneBody:
     return SceneBody(name, body, modes, np.zeros(6), pushes=pushes)
 
 
-def _started(placed: SceneBody, motion: Motion | float) -> Array:
-    """Modal velocities of a body that moves without strain."""
+def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
+    """Modal start velocities (J,) of a body that moves without strain."""
     if not isinstance(motion, Motion):
         along = placed.directions is None or placed.inertia is None  # the speed along it
         if not along or placed.B.shape[1] != 1:

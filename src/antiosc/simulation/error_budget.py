@@ -41,65 +41,62 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import BeamSection, InModes, LinearBody, info_of
+from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import NO_ESTIMATE, energy_error
-from antiosc.simulation.histories import History
-from antiosc.simulation.histories.parts import (
-    NO_SHARE,
-    QUANTITIES,
-    ErrorBar,
-    ErrorBudget,
-    differences,
-    floored,
-)
-from antiosc.simulation.truncation import ENOUGH, left_out, truncation_error
+from antiosc.simulation.histories import History, parts
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.simulation.truncation import WARN_SHARE, truncation_error, truncation_share
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
 SAFETY_BEAM = 1.25
 
 Shares = dict[str, float]
 #: Simulates an impact on another body to a tolerance.
-Again = Callable[[LinearBody, float], History]
+Rerun = Callable[[LinearBody, float], History]
 
 
 @dataclass(frozen=True, eq=False)
-class Repeated:
-    """An impact that is simulated again on other bodies, by the exact method to `tol`.
+class RepeatedImpact:
+    """An impact and its repetition on other bodies, by the exact method to `tol`.
 
-    `raw` is that on the `model` itself; `run` simulates it.
+    `raw` is the history on `model` itself; `run` simulates the impact on a body.
     """
 
     model: AntiOscillators
     raw: History
-    run: Again
+    run: Rerun
     tol: float
 
-    def on(self, body: LinearBody) -> History:
-        """The impact on another body."""
+    def simulate_on(self, body: LinearBody) -> History:
+        """Simulate the impact on another body."""
         return self.run(body, self.tol)
 
     def change(self, body: LinearBody) -> Shares:
-        """By how much the three quantities differ there, relatively."""
-        return differences(self.raw, self.on(body))
+        """Relative differences of the three quantities on another body."""
+        return parts.differences(self.raw, self.simulate_on(body))
 
 
-def model_errors(impact: Repeated) -> tuple[Shares, list[str]]:
-    """(share of each quantity, what is to be said).
+def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
+    """Share of each quantity from the element family, and notes.
 
-    The model's info tells what is needed ("model"), or why there is no figure.
+    The model's info has the data ("model"), or the reason why there is no figure.
     """
     facts = impact.model.info.model
     if isinstance(facts, str):
-        return NO_SHARE, [facts]
+        return parts.NO_ERROR, [facts]
     if facts is None:
-        return NO_SHARE, []
-    softer, stiffer = map(impact.change, _changed(impact.model, facts))
-    return floored({name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}), []
+        return parts.NO_ERROR, []
+    softer, stiffer = map(impact.change, _softer_and_stiffer(impact.model, facts))
+    return parts.with_floor(
+        {name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}
+    ), []
 
 
-def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[InModes, InModes]:
-    """The model with all changes that make it softer, and with all that make it stiffer.
+def _softer_and_stiffer(
+    model: AntiOscillators, facts: BeamSection
+) -> tuple[ModalModel, ModalModel]:
+    """The model with all changes that soften it, and with all that stiffen it.
 
     Contact laws with a half-space lose the local compliance of the second.
     """
@@ -111,7 +108,7 @@ def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[InModes, InMod
         omega, b = modes.omega * (1 - sign * slower), modes.b * (1 + sign * VALUES * x)
         return replace(modes, omega=omega, b=b, r=r)
 
-    return InModes(moved(1.0, modes.r + local)), InModes(moved(-1.0, modes.r), local)
+    return ModalModel(moved(1.0, modes.r + local)), ModalModel(moved(-1.0, modes.r), local)
 
 
 #: A bar in standard deviations of the bodies (benchmarks/measured_frf.py).
@@ -124,14 +121,14 @@ LEAST_PRODUCT = 1.0
 ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
 
 
-def measured_errors(impact: Repeated) -> tuple[Shares, Shares]:
-    """The shares of noise and band of peak force, impulse and contact time."""
+def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
+    """Shares of noise and band in peak force, impulse and contact time."""
     facts = impact.model.info.measured
     if facts is None:
-        return NO_SHARE, NO_SHARE
+        return parts.NO_ERROR, parts.NO_ERROR
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     off = [
-        impact.change(InModes(ModalBody(omega, b, float(r), decay)))
+        impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
         for omega, b, r, decay in bodies
     ]
     drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]
@@ -142,10 +139,10 @@ def measured_errors(impact: Repeated) -> tuple[Shares, Shares]:
         }
         for part in (drawn, others)
     )
-    return floored(noise), floored(band)
+    return parts.with_floor(noise), parts.with_floor(band)
 
 
-def low_band(hit: History) -> str:
+def low_band_message(hit: History) -> str:
     """The warning of a measured band that is too low for the contact; "" if it is not."""
     facts = info_of(hit.model).measured
     if facts is None or not hit.contacts:
@@ -175,7 +172,7 @@ def pulse_time(hit: History) -> float:
 
 def warn_low_band(hit: History) -> None:
     """Warn of a band that is too low for the contact."""
-    if sentence := low_band(hit):
+    if sentence := low_band_message(hit):
         warn(sentence, AccuracyWarning)
 
 
@@ -200,8 +197,8 @@ MOST_GAP = 0.5
 NO_PATCH = "Not included: the radius of the patch."
 
 
-def error_budget(hit: History, again: Again) -> ErrorBudget:
-    """The bars of a run; `again(model, tol)` is the same impact on another model, with the exact
+def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
+    """The bars of a run; `rerun(model, tol)` is the same impact on another model, with the exact
     method and a step that meets the tolerance."""
     model = hit.model
     if not isinstance(model, AntiOscillators):
@@ -212,14 +209,14 @@ def error_budget(hit: History, again: Again) -> ErrorBudget:
         bars = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(bars, 0.0, ("The bodies did not touch: nothing has a bar.",))
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
-    raw = again(model, tol)
-    impact = Repeated(model, raw, again, tol)
+    raw = rerun(model, tol)
+    impact = RepeatedImpact(model, raw, rerun, tol)
     weights = amplitudes(hit)
     mesh, truncated, share, safety, doubts = _mesh(impact, weights)
     noise, band = measured_errors(impact)
-    patch, told = _patch(impact)
-    geometry, curved = _geometry(impact, weights)
-    family, idealized = model_errors(impact)
+    patch, patch_notes = _patch(impact)
+    geometry, geometry_notes = _geometry(impact, weights)
+    family, model_notes = model_errors(impact)
     shares = {
         "mesh": mesh, "truncation": truncated, "time": _time(hit, raw, tol), "patch": patch,
         "geometry": geometry, "noise": noise, "band": band, "model": family,
@@ -228,24 +225,25 @@ def error_budget(hit: History, again: Again) -> ErrorBudget:
         name: ErrorBar(getattr(hit, name), **{cause: own[name] for cause, own in shares.items()})
         for name in QUANTITIES
     }
-    notes = (*told, *curved, *idealized, *doubts, *filter(None, [low_band(raw)]))
+    band_notes = filter(None, [low_band_message(raw)])
+    notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
     return ErrorBudget(bars, share, notes, safety)
 
 
-def _mesh(impact: Repeated, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
+def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
     """The shares of mesh and truncation, that of the errors of strains in the energy, the factor of
     safety, and what is to be said; of a model without a mesh nothing."""
     model, raw = impact.model, impact.raw
     if model.strain_error is None:
-        return NO_SHARE, NO_SHARE, 0.0, SAFETY, []
-    softer = impact.on(model.corrected())
+        return parts.NO_ERROR, parts.NO_ERROR, 0.0, SAFETY, []
+    softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
-    off = differences(raw, softer)
+    changes = parts.differences(raw, softer)
     if model.strain_misfit is not None:
         without = impact.change(replace(model, strain_misfit=None).corrected())
-        off = {name: max(one, off[name]) for name, one in without.items()}
-    mesh = floored({name: safety * one for name, one in off.items()})
+        changes = {name: max(one, changes[name]) for name, one in without.items()}
+    mesh = parts.with_floor({name: safety * one for name, one in changes.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
 
@@ -253,8 +251,8 @@ def _mesh(impact: Repeated, weights: Array) -> tuple[Shares, Shares, float, floa
         return raw if each is model else impact.run(each, tol)
 
     truncated = truncation_error(model, known, tol=impact.tol)
-    missed = left_out(model, raw.assembly)
-    least = missed if missed > ENOUGH else 0.0
+    missed = truncation_share(model, raw.assembly)
+    least = missed if missed > WARN_SHARE else 0.0
     if least:
         doubts.append(
             f"The {model.n} anti-oscillators are too few for this contact: the bar of the"
@@ -324,33 +322,33 @@ def _time(hit: History, finer: History, tol: float) -> dict[str, float]:
     """The share of the time steps: the estimate of the run, or more if a finer run says so."""
     known = max(_time_errors(hit), default=0.0)
     own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    changed = differences(hit, finer)
+    changed = parts.differences(hit, finer)
     return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
 
 
-def _patch(impact: Repeated) -> tuple[Shares, list[str]]:
-    """The share of the patch's radius, and what is to be said of it.
+def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
+    """The share of the patch's radius, and a note on it.
 
-    A second radius changed the compliance of the part by a little beyond that of the half-space:
-    the run with that change in the contact tells its effect.
+    A second radius changed the compliance of the part by a little beyond that of the half-space;
+    the impact with this change in the contact gives the share.
     """
     model = impact.model
     other = model.info.patch
     if model.radius is None:
-        return NO_SHARE, []
+        return parts.NO_ERROR, []
     if other is None or "compliance" not in other:
-        return NO_SHARE, [NO_PATCH]
+        return parts.NO_ERROR, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
     changed = impact.change(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(changed.values()):  # the law does not contain the half-space
-        return NO_SHARE, [NO_PATCH]
+        return parts.NO_ERROR, [NO_PATCH]
     return changed, []
 
 
-def _geometry(impact: Repeated, weights: Array) -> tuple[Shares, list[str]]:
+def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]]:
     """The share of flat faces that stand for a curved surface, and what is to be said of it.
 
     Between both lie layers that the mesh lacks or has in excess. Their strain energy over that of
@@ -359,7 +357,7 @@ def _geometry(impact: Repeated, weights: Array) -> tuple[Shares, list[str]]:
     model = impact.model
     facts = model.info.geometry
     if facts is None:
-        return NO_SHARE, []
+        return parts.NO_ERROR, []
     own = np.diag(weights)
     energy = own @ np.append(model.k0, model.k)
     layers = own @ np.asarray(facts["stiffness"])[: len(own)]
@@ -377,4 +375,4 @@ def _geometry(impact: Repeated, weights: Array) -> tuple[Shares, list[str]]:
         participation=None if p is None else p * heavier,
     )
     changed = impact.change(curved)
-    return floored({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]
+    return parts.with_floor({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

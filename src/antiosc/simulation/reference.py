@@ -25,7 +25,7 @@ from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.march.convergence import Converged, difference
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import System
-from antiosc.simulation.reference_ivp import IVP_METHODS, ROUNDING, Piece, SceneIVP, SceneMethod
+from antiosc.simulation.reference_ivp import IVP_METHODS, ROUNDING, SceneIVP, SceneMethod, Segment
 
 #: times the energy that was there or given, beyond which a run counts as unstable; less may be the
 #: error of a coarse step
@@ -45,7 +45,7 @@ class Step(NamedTuple):
     mean: Array
 
 
-class Acting(NamedTuple):
+class StepLoads(NamedTuple):
     """Modal loads (J,) at the start and the end of a step, and gaps (m,) at its end."""
 
     load: Array
@@ -54,7 +54,7 @@ class Acting(NamedTuple):
 
 
 class SceneStep(SceneMethod):
-    """A one-step method of fixed `step` [s] from each first touch on; subclasses give one step."""
+    """Base of one-step methods with a fixed `step` [s] after each first touch."""
 
     name: ClassVar[str]
     order: ClassVar[int] = 2
@@ -65,24 +65,24 @@ class SceneStep(SceneMethod):
         return self.system.omega**2
 
     @cached_property
-    def struck(self) -> Array:
+    def moved_modes(self) -> Array:
         """1 for the modes that contacts move, else 0: the energy of those would hide a growth."""
         return np.any(self.system.beta != 0, axis=0).astype(float)
 
     @abstractmethod
-    def advance(self, start: Step, acting: Acting, h: float) -> Step:
-        """One step of length h."""
+    def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
+        """Advance the state by one step of length h [s]."""
 
     @staticmethod
     def longest(system: System) -> float:
         """The longest step [s] that is stable."""
         return np.inf
 
-    def press(
+    def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
-    ) -> tuple[Piece, int]:
+    ) -> tuple[Segment, int]:
         s, contacts = self.system, self.contacts
-        (q, v), gap = begin, self.acting(t)[1]
+        (q, v), gap = begin, self.loads_at(t)[1]
         node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
         nodes, times, answer, work = [node], [t], march.DONE, 0.0
         start = self._energy(node) + (s.given if t == 0.0 else 0.0)
@@ -92,8 +92,10 @@ class SceneStep(SceneMethod):
                     answer = march.TOO_MANY_STEPS
                     break
                 h, new, acting = self._step(node, t, min(self.step, end - t))
-                work += float(0.5 * (acting.load + acting.load1) * self.struck @ (new.q - node.q))
-                kick = 0.5 * float((h * acting.load1) ** 2 @ self.struck)
+                work += float(
+                    0.5 * (acting.load + acting.load1) * self.moved_modes @ (new.q - node.q)
+                )
+                kick = 0.5 * float((h * acting.load1) ** 2 @ self.moved_modes)
                 self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
                 if not self._energy(new) <= BLOW_UP * self.highest:
                     answer = march.GREW
@@ -104,69 +106,69 @@ class SceneStep(SceneMethod):
                 node, t = new, t + h
                 nodes.append(node)
                 times.append(t)
-        return _written(np.array(times), nodes), answer
+        return _segment_of(np.array(times), nodes), answer
 
-    def slide(self, start: Step, end: Step) -> None:
-        """Remember how far friction slid in a step."""
-        self.contacts.slide(end.delta, end.force)
+    def move_anchors(self, start: Step, end: Step) -> None:
+        """Move the anchors of friction by the sliding of a step."""
+        self.contacts.move_anchors(end.delta, end.force)
 
     def _energy(self, node: Step) -> float:
-        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.struck)
+        return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.moved_modes)
 
-    def _acting(self, t: float, h: float) -> Acting:
-        load1, gap1, _ = self.acting(t + h)
-        return Acting(self.acting(t)[0], load1, gap1)
+    def _step_loads(self, t: float, h: float) -> StepLoads:
+        load1, gap1, _ = self.loads_at(t + h)
+        return StepLoads(self.loads_at(t)[0], load1, gap1)
 
-    def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, Acting]:
-        """One step of at most h; what touches in it is found first, without its own force.
+    def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, StepLoads]:
+        """Take one step of at most h; contacts that touch within it are closed first.
 
-        It ends where the last contact parts.
+        The step ends where the last contact parts.
         """
-        contacts, acting = self.contacts, self._acting(t, h)
+        contacts, acting = self.contacts, self._step_loads(t, h)
         new = self.advance(node, acting, h)
         touching = [
             c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
         ]
         for c in touching:
-            part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
-            speed = node.rate[c] + part * (new.rate[c] - node.rate[c])
-            way = node.delta + part * (new.delta - node.delta)
-            contacts.touch(c, t + part * h, float(speed), way)
+            fraction = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
+            speed = node.rate[c] + fraction * (new.rate[c] - node.rate[c])
+            displacement = node.delta + fraction * (new.delta - node.delta)
+            contacts.touch(c, t + fraction * h, float(speed), displacement)
         if touching:
             new = self.advance(node, acting, h)
         closed = contacts.active
         ended = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
         if ended == closed and not self.driven:
             h, new, acting = self._release(node, t, h, new, closed)
-        self.slide(node, new)
+        self.move_anchors(node, new)
         contacts.advance(new.delta, new.rate)
         for c in ended:
-            part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
-            contacts.part(c, t + part * h)
+            fraction = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
+            contacts.part(c, t + fraction * h)
         return h, new, acting
 
     def _release(
         self, node: Step, t: float, h: float, last: Step, closed: list[int]
-    ) -> tuple[float, Step, Acting]:
-        """The part of the step after which the last of the closed contacts is at its origin."""
+    ) -> tuple[float, Step, StepLoads]:
+        """Shorten the step to the time at which the last closed contact reaches its origin."""
         from scipy.optimize import brentq  # loaded where it is used: it takes long
 
         def over(delta: Array) -> float:
             return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
 
-        def above(part: float) -> float:
-            return over(self.advance(node, self._acting(t, part), part).delta)
+        def above(fraction: float) -> float:
+            return over(self.advance(node, self._step_loads(t, fraction), fraction).delta)
 
         if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
-            return h, last, self._acting(t, h)
-        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
-        acting = self._acting(t, part)
-        new = self.advance(node, acting, part)
-        return part, new._replace(force=np.zeros_like(new.force)), acting
+            return h, last, self._step_loads(t, h)
+        fraction = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
+        acting = self._step_loads(t, fraction)
+        new = self.advance(node, acting, fraction)
+        return fraction, new._replace(force=np.zeros_like(new.force)), acting
 
 
-def _crossed(before: float, after: float, origin: float) -> float:
-    """The part of a step after which a straight line from one value to the other is at `origin`."""
+def _crossing(before: float, after: float, origin: float) -> float:
+    """Fraction of a step after which a straight line between two values reaches `origin`."""
     if before == after:
         return 0.0
     return min(max((before - origin) / (before - after), 0.0), 1.0)
@@ -177,7 +179,7 @@ class NewmarkScene(SceneStep):
 
     name = "newmark"
 
-    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+    def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
         s, x, d = self.system, self.square, self.system.decay
         q, v, F = start.q, start.v, start.force
         scale = 1 + h * d + h * h * x / 4
@@ -200,7 +202,7 @@ class NewmarkScene(SceneStep):
 
 
 class LeapfrogScene(SceneStep):
-    """Central differences, explicit but for what has no mass."""
+    """Central differences: explicit, except for rows with a residual compliance."""
 
     name = "leapfrog"
     #: share of the limit h omega_max = 2
@@ -211,7 +213,7 @@ class LeapfrogScene(SceneStep):
         top = float(system.omega.max(initial=0.0))
         return LeapfrogScene.SAFETY * 2 / top if top > 0 else np.inf
 
-    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+    def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
         s, x, d = self.system, self.square, self.system.decay
         q, v, F = start.q, start.v, start.force
         half = v + h / 2 * (acting.load - F @ s.beta - x * q - 2 * d * v)
@@ -236,7 +238,7 @@ class Quotient:
         self.start = self._potential(before)
 
     def solve(self, free: float, alpha: float) -> float:
-        """F = mean(free - alpha F): the right-hand side does not rise with F."""
+        """Solve F = mean(free - alpha F), whose right-hand side does not rise with F."""
         high = self.mean(free)
         if high <= 0.0:
             return 0.0
@@ -271,7 +273,7 @@ class Quotient:
 
 
 class ConservingScene(SceneStep):
-    """Midpoint rule with the difference quotient of each contact's potential."""
+    """Midpoint rule that takes the difference quotient of each contact's potential as its force."""
 
     name = "conserving"
 
@@ -291,7 +293,7 @@ class ConservingScene(SceneStep):
                 " point (m0 = 0), which has no potential; use method='exact'."
             )
 
-    def advance(self, start: Step, acting: Acting, h: float) -> Step:
+    def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
         s, x, d = self.system, self.square, self.system.decay
         q, v = start.q, start.v
         stiff = h * d + h * h * x / 4
@@ -310,55 +312,35 @@ class ConservingScene(SceneStep):
 
     def _means(self, before: Array, free: Array, A: Array, guess: Array, h: float) -> Array:
         """Mean forces (m,) over the step, by sweeps over the contacts."""
-        contacts = self.contacts
-        F = np.zeros_like(guess)
-        active = contacts.active
-        quotients = {}
-        for c in active:
-            state = contacts.states[c]
-            assert state is not None
+        contacts, R = self.contacts, self.system.R.diagonal().tolist()
+        F, quotients = np.zeros_like(guess), {}
+        for c in contacts.active:
             F[c] = max(guess[c], 0.0)
-            quotients[c] = Quotient(
-                self.laws[c], float(self.system.R[c, c]), state, float(before[c]), h
-            )
+            quotients[c] = Quotient(self.laws[c], R[c], contacts.state(c), float(before[c]), h)
 
         def sweep(c: int) -> None:
             rest = float(free[c] - A[c] @ F + A[c, c] * F[c])
             F[c] = quotients[c].solve(rest, float(A[c, c]))
-            self._rub(c, before, free, A, F)
+            contacts.friction(c, (before + free) / 2, A / 2, F)  # the spring at mid-step
 
         return contacts.settled(sweep, F, QUOTIENT)
 
-    def _rub(self, c: int, before: Array, free: Array, A: Array, F: Array) -> None:
-        """Mean friction of a contact: the spring at the middle of the step, within the cone."""
-        rows = self.contacts.tangents(c)
-        if rows.start == rows.stop:
-            return
-        stiffness = self.system.slip[c, 1]
-        for i in range(rows.start, rows.stop):
-            middle = (before[i] + free[i] - A[i] @ F + A[i, i] * F[i]) / 2
-            held = A[i, i] / 2
-            F[i] = stiffness * (middle - self.contacts.anchor[i]) / (1.0 + stiffness * held)
-        F[rows] = self.contacts.within_cone(c, F[rows], F[c])
-
-    def slide(self, start: Step, end: Step) -> None:
-        self.contacts.slide((start.delta + end.delta) / 2, end.mean)
+    def move_anchors(self, start: Step, end: Step) -> None:
+        self.contacts.move_anchors((start.delta + end.delta) / 2, end.mean)
 
     def _nodal(self, after: Array, rate: Array, mean: Array) -> Array:
         """Forces (m,) at the end of the step, by the laws."""
         force = np.zeros_like(mean)
         for c in self.contacts.active:
-            state = self.contacts.states[c]
-            assert state is not None
-            r = float(self.system.R[c, c])
+            r, state = float(self.system.R[c, c]), self.contacts.state(c)
             force[c] = self.laws[c].implicit(float(after[c]), r, float(rate[c]), 0.0, state)
             rows = self.contacts.tangents(c)
             force[rows] = self.contacts.within_cone(c, mean[rows], force[c])
         return force
 
 
-def _written(times: Array, nodes: list[Step]) -> Piece:
-    """Between two nodes a parabola with the impulse of the step, and its work on a straight way."""
+def _segment_of(times: Array, nodes: list[Step]) -> Segment:
+    """Fit parabolas to the steps: each has the impulse of its step, work on a straight path."""
     n, m = len(nodes) - 1, len(nodes[0].force)
     time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
     time[::2], force[::2] = times, [node.force for node in nodes]
@@ -368,7 +350,7 @@ def _written(times: Array, nodes: list[Step]) -> Piece:
         mean = np.array([node.mean for node in nodes[1:]])
         force[1::2] = (6 * mean - force[:-1:2] - force[2::2]) / 4
         depth[1::2] = (depth[:-1:2] + depth[2::2]) / 2
-    return Piece(time, force, depth, np.array([(node.q, node.v) for node in nodes]))
+    return Segment(time, force, depth, np.array([(node.q, node.v) for node in nodes]))
 
 
 #: the methods by name
@@ -381,11 +363,11 @@ SCENE_STEPS: dict[str, type[SceneStep]] = {
 METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)
 
 MAX_CONTACTS, MAX_STEPS = 10_000, 1_000_000
-FIRST = 24  # steps in the shortest contact that is expected, at first
+FIRST_STEPS = 24  # steps in the shortest contact that is expected, at first
 MOST_RUNS = 24
-LONGEST = 1 / 10  # step of solve_ivp, of the shortest contact: none is stepped over
-TIGHTER = 1e-2  # relative tolerance of solve_ivp, of that of the forces
-SMALLEST = 3e-14  # one that rounding permits
+IVP_STEP = 1 / 10  # step of solve_ivp, of the shortest contact: none is stepped over
+IVP_TOL = 1e-2  # relative tolerance of solve_ivp, of that of the forces
+LEAST_IVP_TOL = 3e-14  # one that rounding permits
 
 
 @dataclass(frozen=True)
@@ -413,7 +395,7 @@ class Settings:
         return self.max_contacts, self.max_steps
 
 
-def compared(assembly: Assembly, duration: float, settings: Settings) -> Converged:
+def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:
     """A run by a method with its estimated errors: none of `solve_ivp`, and of a given step.
 
     Of `solve_ivp` the step is the longest.
@@ -422,8 +404,8 @@ def compared(assembly: Assembly, duration: float, settings: Settings) -> Converg
     method, tol, step, limits = settings.method, settings.tol, settings.step, settings.limits
     driven = bool(scene.loads) or scene.base is not None
     if method in IVP_METHODS:
-        longest = step or LONGEST * assembly.lasting
-        solver = SceneIVP(method, max(TIGHTER * tol, SMALLEST), system, laws, longest, driven)
+        longest = step or IVP_STEP * assembly.contact_time_estimate
+        solver = SceneIVP(method, max(IVP_TOL * tol, LEAST_IVP_TOL), system, laws, longest, driven)
         found = solver.run(duration, *limits)
         return Converged(found, longest, 0.0, 0.0, duration)
     if system.first is not None:
@@ -439,11 +421,12 @@ def compared(assembly: Assembly, duration: float, settings: Settings) -> Converg
     if step is not None:
         return Converged(one(step), step, 0.0, 0.0, duration)
     longest = kind.longest(system)
-    first = min(assembly.lasting / FIRST, longest)
-    if assembly.lasting / first > settings.max_steps:
+    first = min(assembly.contact_time_estimate / FIRST_STEPS, longest)
+    if assembly.contact_time_estimate / first > settings.max_steps:
         raise InputError(
-            f"{method} needs steps of {first:.3g} s, {assembly.lasting / first:.3g} of them in one"
-            f" contact, more than max_steps = {settings.max_steps}; use method='exact'."
+            f"{method} needs steps of {first:.3g} s,"
+            f" {assembly.contact_time_estimate / first:.3g} of"
+            f" them in one contact, more than max_steps = {settings.max_steps}; use method='exact'."
         )
     return _converged(one, first, longest, settings)
 
@@ -458,10 +441,10 @@ def _converged(
     tol = settings.tol
     coarse, control, certain = one(step), Refinement(tol), 0.0
     for _ in range(MOST_RUNS):
-        share = 2**control.halvings
-        if share * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
+        factor = 2**control.halvings
+        if factor * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
             break
-        finer = min(step / share, longest)
+        finer = min(step / factor, longest)
         fine = one(finer)
         control.halvings = log2(step / finer)
         diverged = coarse.answer == march.GREW
@@ -480,7 +463,7 @@ def _converged(
 # -- control of the error: that of the finer of two runs from their difference
 
 # A halving of the step divides the error by 4 in the ideal case; less than 1.5 is not convergence.
-_BEST, _WORST = 1 / 4, 2 / 3
+_SECOND_ORDER, _SLOWEST_RATE = 1 / 4, 2 / 3
 _MOST_HALVINGS = 4.0
 _AIM = 0.7  # share of the tolerance that the next run is aimed at
 _SAFETY = 1.5  # on an extrapolated error until two rates agree
@@ -515,15 +498,15 @@ class Refinement:
         return max(self.error.values()) <= self.tol
 
     def update(self, force: float, peak: float) -> None:
-        """Add the relative differences of the last two runs, `halvings` apart."""
+        """Add the relative differences of the last two runs, which are `halvings` apart."""
         k = self.halvings
         before = self._before if force > 0 else None
-        rate = _BEST if before is None else _rate(force / before[0], before[1], k)
-        rho = max(rate, _BEST)
+        rate = _SECOND_ORDER if before is None else _rate(force / before[0], before[1], k)
+        rho = max(rate, _SECOND_ORDER)
         likely = rho**k / (1 - rho**k)
         left = 1.0
         if before is not None:
-            proven = abs(rate - self._rate) <= _AGREE * rho and rate >= (1 - _AGREE) * _BEST
+            proven = abs(rate - self._rate) <= _AGREE * rho and rate >= (1 - _AGREE) * _SECOND_ORDER
             left, self._rate = (1.0 if proven else _SAFETY) * likely, rate
         self.error = {"force": force * left, "peak": max(force, peak) * left}
         self._before = (force, k) if force > 0 else None
@@ -536,7 +519,7 @@ class Refinement:
 
 def _rate(ratio: float, before: float, now: float) -> float:
     """rho from the ratio of two successive differences, over `before` and `now` halvings."""
-    low, high = _LEAST, _WORST
+    low, high = _LEAST, _SLOWEST_RATE
     for _ in range(14):
         rho = 0.5 * (low + high)
         if rho**before * (1 - rho**now) / (1 - rho**before) < ratio:

@@ -28,7 +28,7 @@ from antiosc.simulation.march.system import System
 from antiosc.simulation.states import starts
 
 MOST_SWEEPS = 500
-SETTLED = 1e-13  # change of a force in a sweep, relative to the largest
+SWEEP_TOL = 1e-13  # change of a force in a sweep, relative to the largest
 
 
 class JointContacts:
@@ -68,17 +68,23 @@ class JointContacts:
         """The tangential rows of a contact."""
         return self._tangents[c]
 
+    def state(self, c: int) -> State:
+        """State of the law of a contact that has touched."""
+        found = self.states[c]
+        assert found is not None
+        return found
+
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
         state = self.states[c]
         return 0.0 if state is None else self.laws[c].origin(state)
 
-    def touch(self, c: int, t: float, speed: float, way: Array) -> None:
-        """The contact touches at the closing `speed`; `way` (m,) are the displacements there."""
+    def touch(self, c: int, t: float, speed: float, displacement: Array) -> None:
+        """Close a contact at the closing `speed`; `displacement` (m,) is that there."""
         speed = max(speed, float(self.system.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
-        self.anchor[self.tangents(c)] = way[self.tangents(c)]
+        self.anchor[self.tangents(c)] = displacement[self.tangents(c)]
         self.events.append((t, c, 1, speed))
 
     def part(self, c: int, t: float) -> None:
@@ -86,23 +92,23 @@ class JointContacts:
         self.events.append((t, c, 0, 0.0))
 
     def advance(self, delta: Array, rate: Array) -> None:
-        """Remember the end of a step: indentations and their rates (m,)."""
+        """Update the states of the laws after a step, from indentations and rates (m,)."""
         for c, law in enumerate(self.laws):
-            state = self.states[c]
-            if self.closed[c] and state is not None:
-                self.states[c] = law.advance(float(delta[c]), float(rate[c]), state)
+            if self.closed[c]:
+                self.states[c] = law.advance(float(delta[c]), float(rate[c]), self.state(c))
 
-    def slide(self, way: Array, force: Array) -> None:
-        """Set the anchors of friction so that `force` (m,) acts at the displacements `way`."""
+    def move_anchors(self, displacement: Array, force: Array) -> None:
+        """Set the anchors of friction so that `force` (m,) acts at `displacement` (m,)."""
         for c in self.active:
             rows = self.tangents(c)
             if rows.start < rows.stop:
-                self.anchor[rows] = way[rows] - force[rows] / self.system.slip[c, 1]
+                self.anchor[rows] = displacement[rows] - force[rows] / self.system.slip[c, 1]
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array, guess: Array) -> Array:
         """F (m,) with F = law(free - A F, rate - A_rate F) of all closed contacts, 0 else.
 
-        A and A_rate (m, m): decrease of indentations [m/N] and their rates [m/(N s)] per force.
+        A and A_rate (m, m): decrease of indentations [m/N] and their rates [m/(N s)] per force. Of
+        arrays (p,) and (p, p) the normal forces alone are found.
         """
         F = guess.copy()
         for c, closed in enumerate(self.closed):
@@ -112,21 +118,11 @@ class JointContacts:
 
         def sweep(c: int) -> None:
             F[c] = self._normal(c, free, A, rate, A_rate, F)
-            self._rub(c, free, A, F)
+            self.friction(c, free, A, F)
 
         return self.settled(sweep, F)
 
-    def normal_forces(self, free: Array, A: Array, rate: Array, guess: Array) -> Array:
-        """The same for the normal forces (p,) alone, at the rates that are there already."""
-        F = np.where(self.closed, guess, 0.0)
-        none = 0.0 * A
-
-        def sweep(c: int) -> None:
-            F[c] = self._normal(c, free, A, rate, none, F)
-
-        return self.settled(sweep, F)
-
-    def settled(self, sweep: Callable[[int], None], F: Array, share: float = SETTLED) -> Array:
+    def settled(self, sweep: Callable[[int], None], F: Array, share: float = SWEEP_TOL) -> Array:
         """F once sweeps over the closed contacts, which change it, change less than a share."""
         active = self.active
         if len(active) == 1 and len(F) <= len(self.laws):  # nothing that its force has to suit
@@ -145,26 +141,26 @@ class JointContacts:
         )
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
-        """The normal force of one contact, with the other forces as they are."""
-        law, state = self.laws[c], self.states[c]
-        assert state is not None
-        free_rate, slowed = 0.0, 0.0
+        """Solve for the normal force [N] of contact c while the other forces keep their values."""
+        law, state = self.laws[c], self.state(c)
+        free_rate, rate_compliance = 0.0, 0.0
         if law.rate_dependent:
-            slowed = float(A_rate[c, c])
-            free_rate = float(rate[c] - A_rate[c] @ F) + slowed * float(F[c])
-        held = float(A[c, c])
-        way = float(free[c] - A[c] @ F) + held * float(F[c])
-        return law.implicit(way, held, free_rate, slowed, state, float(F[c]))
+            rate_compliance = float(A_rate[c, c])
+            free_rate = float(rate[c] - A_rate[c] @ F) + rate_compliance * float(F[c])
+        compliance = float(A[c, c])
+        displacement = float(free[c] - A[c] @ F) + compliance * float(F[c])
+        unloaded = displacement, compliance, free_rate, rate_compliance
+        return law.implicit(*unloaded, state, float(F[c]))
 
-    def _rub(self, c: int, free: Array, A: Array, F: Array) -> None:
-        """Friction of one contact: its spring, within the cone."""
+    def friction(self, c: int, free: Array, A: Array, F: Array) -> None:
+        """Set the friction of one contact in F: its spring, within the cone."""
         rows = self.tangents(c)
-        if rows.start == rows.stop:
+        if rows.start == rows.stop or rows.stop > len(F):
             return
         stiffness = self.system.slip[c, 1]
         for i in range(rows.start, rows.stop):
-            way = free[i] - A[i] @ F + A[i, i] * F[i]
-            F[i] = stiffness * (way - self.anchor[i]) / (1.0 + stiffness * A[i, i])
+            displacement = free[i] - A[i] @ F + A[i, i] * F[i]
+            F[i] = stiffness * (displacement - self.anchor[i]) / (1.0 + stiffness * A[i, i])
         F[rows] = self.within_cone(c, F[rows], F[c])
 
     def within_cone(self, c: int, friction: Array, normal: float) -> Array:
@@ -175,10 +171,10 @@ class JointContacts:
 
 #: A time this short, relative to the run, is rounding; so is such a share of a distance.
 ROUNDING = 1e-13
-FINE = 1 / 4  # of a step: touches closer than this to a release belong to it
+TOUCH_RESOLUTION = 1 / 4  # of a step: touches closer than this to a release belong to it
 
 
-class Piece(NamedTuple):
+class Segment(NamedTuple):
     """A flight, or all from a touch until nothing touches, as a `Run` has it.
 
     time : (2 n + 1,); force, depth : (2 n + 1, m); states : (n + 1, 2, J).
@@ -190,11 +186,10 @@ class Piece(NamedTuple):
     states: Array
 
 
-def joined(pieces: Sequence[Piece]) -> Piece:
-    """Pieces one after the other, each without its first node, which is the last of the one
-    before."""
+def joined_segments(pieces: Sequence[Segment]) -> Segment:
+    """Join segments; each repeats as its first node the last of the one before."""
     parts = zip(*pieces, strict=True)
-    return Piece(*(np.concatenate([part[0], *(p[1:] for p in part[1:])]) for part in parts))
+    return Segment(*(np.concatenate([part[0], *(p[1:] for p in part[1:])]) for part in parts))
 
 
 class SceneMethod(ABC):
@@ -213,15 +208,17 @@ class SceneMethod(ABC):
         self.steps, self.highest = 0, 0.0
 
     @abstractmethod
-    def press(
+    def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
-    ) -> tuple[Piece, int]:
-        """From the states `begin` (2, J) at t, under `force` (m,), while it is `busy`, or to the
-        `end`; with it why it stopped."""
+    ) -> tuple[Segment, int]:
+        """Integrate from the states `begin` (2, J) under `force` (m,) while `busy`, until `end`.
+
+        Returns the segment and the status.
+        """
 
     @property
     def busy(self) -> bool:
-        """Whether the motion is the method's: otherwise it is a flight."""
+        """Whether the method integrates the motion; otherwise it is an exact flight."""
         return self.driven or bool(self.contacts.active)
 
     def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
@@ -230,18 +227,20 @@ class SceneMethod(ABC):
         force = np.zeros((1, len(s.beta)))
         force[0, : self.p] = s.pressed
         depth = s.free_rows(s.q, s.v)[0] - s.offsets[0] - force @ s.R
-        pieces = [Piece(np.zeros(1), force, depth, np.stack((s.q, s.v))[None])]
+        pieces = [Segment(np.zeros(1), force, depth, np.stack((s.q, s.v))[None])]
         for c in contacts.active:
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
         answer = march.DONE
         while answer == march.DONE and duration - pieces[-1].time[-1] > ROUNDING * duration:
             t, force, begin = float(pieces[-1].time[-1]), pieces[-1].force, pieces[-1].states[-1]
             if self.busy:
-                piece, answer = self.press(t, begin, force[-1], duration, max_contacts, max_steps)
+                piece, answer = self.integrate_contact(
+                    t, begin, force[-1], duration, max_contacts, max_steps
+                )
             else:
                 piece, answer = self._flight(t, begin, duration, max_contacts)
             pieces.append(piece)
-        whole = joined(pieces)
+        whole = joined_segments(pieces)
         return Run(
             *whole,
             events=np.array(contacts.events, dtype=float).reshape(-1, 4),
@@ -254,33 +253,35 @@ class SceneMethod(ABC):
             ),
         )
 
-    def acting(self, t: float) -> tuple[Array, Array, Array]:
+    def loads_at(self, t: float) -> tuple[Array, Array, Array]:
         """Modal loads (J,), gaps and their rates (m,) at time t."""
         s = self.system
         k = 0 if s.breaks.size == 1 else max(int(np.searchsorted(s.breaks, t, side="right")) - 1, 0)
         if k + 1 == s.breaks.size:
             return s.loads[k], s.offsets[k], self.still
-        part = (t - s.breaks[k]) / (s.breaks[k + 1] - s.breaks[k])
+        fraction = (t - s.breaks[k]) / (s.breaks[k + 1] - s.breaks[k])
         drift = (s.offsets[k + 1] - s.offsets[k]) / (s.breaks[k + 1] - s.breaks[k])
         return (
-            s.loads[k] + part * (s.loads[k + 1] - s.loads[k]),
-            s.offsets[k] + part * (s.offsets[k + 1] - s.offsets[k]),
+            s.loads[k] + fraction * (s.loads[k + 1] - s.loads[k]),
+            s.offsets[k] + fraction * (s.offsets[k + 1] - s.offsets[k]),
             drift,
         )
 
-    def touched(self, c: int, free: Array, rate: Array, force: Array) -> None:  # noqa: B027
-        """What a method remembers of contact c, which has touched: displacements without forces,
-        speeds and forces (m,) there."""
+    def on_touch(self, c: int, free: Array, rate: Array, force: Array) -> None:  # noqa: B027
+        """Hook of a method when contact c touches.
+
+        free, rate, force : (m,) displacements without contact forces, speeds and forces.
+        """
 
     def _flight(
         self, t: float, begin: Array, duration: float, max_contacts: int
-    ) -> tuple[Piece, int]:
-        """The motion until the next touch, of which the contacts then know."""
+    ) -> tuple[Segment, int]:
+        """Compute the motion until the next touch and close the contacts that touch there."""
         s = self.system
         origins = np.zeros(len(s.beta))
         origins[: self.p] = [self.contacts.origin(c) for c in range(self.p)]
         later = s.breaks > t
-        load, gap, _ = self.acting(t)
+        load, gap, _ = self.loads_at(t)
         ahead = replace(
             s,
             R=np.zeros_like(s.R),
@@ -293,11 +294,11 @@ class SceneMethod(ABC):
             pressed=np.zeros(self.p),
             kept=None,
         )
-        found = run(ahead, duration - t, 1.0, fine=FINE * self.step, max_contacts=0)
+        found = run(ahead, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0)
         ends = np.arange(found.time.size // 2 + 1)
         moved = starts(found, ahead, ends)
         depth = found.depth + origins
-        piece = Piece(t + found.time, found.force, depth, np.stack(moved, axis=1))
+        piece = Segment(t + found.time, found.force, depth, np.stack(moved, axis=1))
         if found.answer != march.TOO_MANY_CONTACTS:
             return piece, found.answer
         if self.contacts.touches >= max_contacts:
@@ -309,24 +310,24 @@ class SceneMethod(ABC):
     def _touch(self, t: float, q: Array, v: Array, origins: Array) -> None:
         """Close the contacts that touch at t: those that reach it first, within rounding."""
         s, p = self.system, self.p
-        _, gap, drift = self.acting(t)
+        _, gap, drift = self.loads_at(t)
         free, rate = s.free_rows(q, v)
         free, rate = free - gap, rate - drift
-        beyond, coming = (free - origins)[:p], rate[:p] > 0
-        if not coming.any():
-            coming[:] = True
+        beyond, approaching = (free - origins)[:p], rate[:p] > 0
+        if not approaching.any():
+            approaching[:] = True
         size = abs(s.beta[:p]) @ abs(q) + abs(gap[:p])
-        reached = beyond >= beyond[coming].max() - ROUNDING * size
-        for c in np.flatnonzero(coming & reached).tolist():
+        reached = beyond >= beyond[approaching].max() - ROUNDING * size
+        for c in np.flatnonzero(approaching & reached).tolist():
             self.contacts.touch(c, t, float(rate[c]), free)
-            self.touched(c, free, rate, self.still)
+            self.on_touch(c, free, rate, self.still)
 
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 #: of the right-hand side, for each step that is allowed
 EVALUATIONS = 5
 #: events one after the other without any time in between
-IDLE = 200
+MOST_IDLE = 200
 #: parabolas of the forces for each step of the solver
 NODES_A_STEP = 4
 
@@ -364,17 +365,17 @@ class SceneIVP(SceneMethod):
         self.turning = np.full(self.p, -1.0)  # the way in which the indentation turns next
         self.evaluations, self.most = 0, 0
 
-    def press(
+    def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
-    ) -> tuple[Piece, int]:
+    ) -> tuple[Segment, int]:
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
         s, contacts = self.system, self.contacts
         y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
         answer, idle = march.DONE, 0
         self.most = EVALUATIONS * max_steps
-        depth = s.free_rows(*begin)[0] - self.acting(t)[1] - s.R @ force
-        pieces = [Piece(np.array([t]), force[None], depth[None], begin[None])]
+        depth = s.free_rows(*begin)[0] - self.loads_at(t)[1] - s.R @ force
+        pieces = [Segment(np.array([t]), force[None], depth[None], begin[None])]
         breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
         while answer == march.DONE and self.busy and end - t > ROUNDING * end:
@@ -392,7 +393,7 @@ class SceneIVP(SceneMethod):
                         events=[event for c in range(self.p) for event in self._events(c)],
                         dense_output=True,
                     )
-            except _GaveUp:
+            except _TooManyEvaluations:
                 answer = march.TOO_MANY_STEPS
                 break
             if solution.t.size > 1:
@@ -400,10 +401,10 @@ class SceneIVP(SceneMethod):
                 self.steps += solution.t.size - 1
             moved = float(solution.t[-1])
             y = self._clipped(moved, solution.y[:, -1].copy())
-            free, rate, felt = self._felt(moved, y)
-            contacts.advance(free - s.R @ felt, rate)
+            free, rate, force = self._contact_state(moved, y)
+            contacts.advance(free - s.R @ force, rate)
             if solution.status == 1:
-                self._change(moved, y, solution.t_events)
+                self._apply_events(moved, y, solution.t_events)
             elif solution.status < 0:
                 answer = march.STUCK
             if self.steps > max_steps:
@@ -411,32 +412,35 @@ class SceneIVP(SceneMethod):
             elif contacts.touches > max_contacts:
                 answer = march.TOO_MANY_CONTACTS
             idle = 0 if moved - t > ROUNDING * end else idle + 1
-            if idle > IDLE:
+            if idle > MOST_IDLE:
                 answer = march.STUCK
             t = until if solution.status == 0 else moved
-        return joined(pieces), answer
+        return joined_segments(pieces), answer
 
-    def touched(self, c: int, free: Array, rate: Array, force: Array) -> None:
+    def on_touch(self, c: int, free: Array, rate: Array, force: Array) -> None:
         z = np.zeros(self.system.tangents[c, 1])
         self.turning[c] = -1.0
         self.sliding[c] = z.size > 0 and self._slip(c, free, z, rate, force) > 0.0
 
     # -- motion
 
-    def _felt(self, t: float, y: Array) -> tuple[Array, Array, Array]:
+    def _contact_state(self, t: float, y: Array) -> tuple[Array, Array, Array]:
         """Indentations without contact forces, their rates, and the forces, (m,) each."""
         s, n, p = self.system, self.size, self.p
-        _, gap, drift = self.acting(t)
+        _, gap, drift = self.loads_at(t)
         free, rate = s.free_rows(y[:n], y[n : 2 * n])
         free, rate = free - gap, rate - drift
         force = np.zeros(len(free))
         if not self.contacts.active:
             return free, rate, force
-        force[:p] = self.contacts.normal_forces(free[:p], s.R[:p, :p], rate[:p], force[:p])
+        R = s.R[:p, :p]
+        force[:p] = self.contacts.forces(free[:p], R, rate[:p], 0.0 * R, force[:p])
         for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size and self.sliding[c]:
-                force[self.contacts.tangents(c)] = s.slip[c, 0] * force[c] * self._way(c, z, rate)
+                force[self.contacts.tangents(c)] = (
+                    s.slip[c, 0] * force[c] * self._slip_direction(c, z, rate)
+                )
             elif z.size:
                 force[self.contacts.tangents(c)] = s.slip[c, 1] * z
         return free, rate, force
@@ -446,7 +450,7 @@ class SceneIVP(SceneMethod):
         rows = self.contacts.tangents(c)
         return y[2 * self.size :][rows.start - self.p : rows.stop - self.p]
 
-    def _way(self, c: int, z: Array, rate: Array) -> Array:
+    def _slip_direction(self, c: int, z: Array, rate: Array) -> Array:
         """Unit vector (k,) along z, which begins along the speed."""
         along = z if np.any(z) else rate[self.contacts.tangents(c)]
         length = float(np.linalg.norm(along))
@@ -456,16 +460,16 @@ class SceneIVP(SceneMethod):
         s, n = self.system, self.size
         self.evaluations += 1
         if self.evaluations > self.most:
-            raise _GaveUp
-        load, _, _ = self.acting(t)
-        free, rate, force = self._felt(t, y)
+            raise _TooManyEvaluations
+        load, _, _ = self.loads_at(t)
+        free, rate, force = self._contact_state(t, y)
         change = np.zeros(y.size)
         for c in self.contacts.active:
             z = self._elongation(c, y)
             if z.size:
                 speed = rate[self.contacts.tangents(c)]
                 slip = self._slip(c, free, z, rate, force) if self.sliding[c] else 0.0
-                self._elongation(c, change)[:] = speed - slip * self._way(c, z, rate)
+                self._elongation(c, change)[:] = speed - slip * self._slip_direction(c, z, rate)
         v = y[n : 2 * n]
         change[:n] = v
         change[n : 2 * n] = load[:n] - force @ s.beta - s.omega**2 * y[:n] - 2 * s.decay * v
@@ -476,30 +480,29 @@ class SceneIVP(SceneMethod):
         return change
 
     def _slip(self, c: int, free: Array, z: Array, rate: Array, force: Array) -> float:
-        """Speed [m/s] at which the slider gives way, if it slides: that of the point beyond z."""
+        """Speed [m/s] of the slider if it slides: that of the point less that of its spring."""
         p = self.p
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
         stiff = np.zeros(p)
         for other in self.contacts.active:
-            state = self.contacts.states[other]
-            assert state is not None
-            stiff[other] = self.laws[other].tangent(float(depth[other]), 0.0, state)[0]
+            law, state = self.laws[other], self.contacts.state(other)
+            stiff[other] = law.tangent(float(depth[other]), 0.0, state)[0]
         # F' = k (delta' - R F') of all contacts
         rising = np.linalg.solve(np.eye(p) + stiff[:, None] * R, stiff * rate[:p])
         mu, stiffness = self.system.slip[c]
-        speed = float(rate[self.contacts.tangents(c)] @ self._way(c, z, rate))
+        speed = float(rate[self.contacts.tangents(c)] @ self._slip_direction(c, z, rate))
         return speed - mu / stiffness * float(rising[c])
 
     def _clipped(self, t: float, y: Array) -> Array:
-        """The state with the springs of what slides on their cones, and free ones at rest."""
-        _, rate, force = self._felt(t, y)
+        """Put the springs of sliding contacts on their friction cones, and open ones at rest."""
+        _, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             z, (mu, stiffness) = self._elongation(c, y), self.system.slip[c]
             if not self.contacts.closed[c]:
                 z[:] = 0.0
             elif z.size and self.sliding[c]:
-                z[:] = self._way(c, z, rate) * (mu * force[c] / stiffness)
+                z[:] = self._slip_direction(c, z, rate) * (mu * force[c] / stiffness)
         return y
 
     # -- events
@@ -509,16 +512,16 @@ class SceneIVP(SceneMethod):
         closed, rubs = bool(self.contacts.closed[c]), self.system.tangents[c, 1] > 0
 
         def beyond(t: float, y: Array) -> float:
-            free, _, force = self._felt(t, y)
+            free, _, force = self._contact_state(t, y)
             others = self.system.R[c] @ force - self.system.R[c, c] * force[c]
             found = float(free[c] - others - self.contacts.origin(c))
             return found or (1e-300 if closed else -1e-300)  # at rest it neither touches nor parts
 
         def turn(t: float, y: Array) -> float:
-            return float(self._felt(t, y)[1][c])
+            return float(self._contact_state(t, y)[1][c])
 
         def switch(t: float, y: Array) -> float:
-            free, rate, force = self._felt(t, y)
+            free, rate, force = self._contact_state(t, y)
             z, (mu, stiffness) = self._elongation(c, y), self.system.slip[c]
             if self.sliding[c]:
                 return -self._slip(c, free, z, rate, force)
@@ -531,12 +534,12 @@ class SceneIVP(SceneMethod):
             (switch, 1.0, closed and rubs),
         ):
             event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
-            found.append(event if wanted else _never)
+            found.append(event if wanted else lambda t, y: 1.0)
         return found
 
-    def _change(self, t: float, y: Array, found: list[Array]) -> None:
-        """What the events at t change: the contacts, and which of them slide."""
-        free, rate, force = self._felt(t, y)
+    def _apply_events(self, t: float, y: Array, found: list[Array]) -> None:
+        """Apply the events at t to the contacts and to their sliding."""
+        free, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             own = found[3 * c : 3 * c + 3]
             touch, turn, switch = (each.size > 0 and each[-1] == t for each in own)
@@ -546,7 +549,7 @@ class SceneIVP(SceneMethod):
                 z[:] = 0.0
             elif touch:
                 self.contacts.touch(c, t, float(rate[c]), free)
-                self.touched(c, free, rate, force)
+                self.on_touch(c, free, rate, force)
             elif turn:
                 self.turning[c] *= -1.0
             elif switch:
@@ -569,22 +572,18 @@ class SceneIVP(SceneMethod):
         )
         return np.asarray(np.maximum(1e-3 * self.rtol * np.concatenate(parts), 1e-300))
 
-    def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> Piece:
+    def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> Segment:
         """Times, forces and indentations at 0, h/2, h of parts of steps; states at their ends."""
-        part = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
-        t = (ends[:-1, None] + np.diff(ends)[:, None] * part).ravel()
+        fraction = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
+        t = (ends[:-1, None] + np.diff(ends)[:, None] * fraction).ravel()
         t = np.append(t, ends[-1])
         y = at(t).T
-        felt = [self._felt(float(at), row) for at, row in zip(t, y, strict=True)]
-        force = np.array([f for _, _, f in felt])
-        depth = np.array([free - self.system.R @ f for free, _, f in felt])
+        nodes = [self._contact_state(float(at), row) for at, row in zip(t, y, strict=True)]
+        force = np.array([f for _, _, f in nodes])
+        depth = np.array([free - self.system.R @ f for free, _, f in nodes])
         states = y[::2, : 2 * self.size].reshape(-1, 2, self.size)
-        return Piece(t, force, depth, states)
+        return Segment(t, force, depth, states)
 
 
-class _GaveUp(Exception):
+class _TooManyEvaluations(Exception):
     """The limit of evaluations is reached."""
-
-
-def _never(t: float, y: Array) -> float:
-    return 1.0

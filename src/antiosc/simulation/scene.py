@@ -30,19 +30,12 @@ from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, info_of
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, assemble, stiffness_at
+from antiosc.simulation.assembly import Assembly, assemble_scene, stiffness_at
 from antiosc.simulation.error_budget import error_budget, warn_low_band
-from antiosc.simulation.histories import History, SceneHistory
-from antiosc.simulation.histories.energy import gained
+from antiosc.simulation.histories import History, SceneHistory, results
+from antiosc.simulation.histories.energy import energy_gain
 from antiosc.simulation.histories.parts import ErrorBudget
-from antiosc.simulation.histories.results import (
-    CheckResult,
-    Ended,
-    tell_rotation,
-    too_far,
-    touching,
-    verdict_of,
-)
+from antiosc.simulation.histories.results import CheckResult
 from antiosc.simulation.march.convergence import Converged, converge
 from antiosc.simulation.march.equilibrium import closed, settle
 from antiosc.simulation.march.stability import checked_step, stepped
@@ -51,12 +44,12 @@ from antiosc.simulation.reference import (
     MAX_CONTACTS,
     MAX_STEPS,
     Settings,
-    compared,
+    integrate_reference,
 )
 from antiosc.simulation.reference_ivp import IVP_METHODS
-from antiosc.simulation.scene_parts import LAW, SceneParts, order_notes
-from antiosc.simulation.truncation import Run, choose_n, too_few
-from antiosc.simulation.two_bodies import Impact, pose
+from antiosc.simulation.scene_parts import LAW, SceneParts, direction_notes
+from antiosc.simulation.truncation import Run, choose_n, truncation_warning
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 
 H = TypeVar("H", bound=History)
 
@@ -137,60 +130,62 @@ class Scene(SceneParts):
         settings = Settings(tol, method, step, max_contacts, max_steps)
         bodies, motions = list(self.bodies.values()), list(self.motion.values())
         blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
-        doubts = [*plausible.of_model(*bodies), *plausible.tell(blows)]
-        assembly = assemble(self, duration)
-        start(assembly)
-        history, verdict = solved(SceneHistory, assembly, duration, settings)
-        tell_rotation(*history.largest_rotation())
-        verdict.tell()
-        history = told(history)
-        _tell_too_few(self, history)
+        doubts = [*plausible.of_model(*bodies), *plausible.warn_each(blows)]
+        assembly = assemble_scene(self, duration)
+        set_initial_forces(assembly)
+        history, check = integrate(SceneHistory, assembly, duration, settings)
+        results.warn_large_rotation(*history.largest_rotation())
+        check.warn()
+        history = with_deflection_warning(history)
+        _warn_truncation(self, history)
         check_range(history, doubts)
         return history
 
 
-def solved(
+def integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """The history of what is ready to integrate, and the verdict, of which nobody is told yet."""
+    """Integrate an assembly; returns the history, and the check result before any warning."""
     step, tol, limits = settings.step, settings.tol, settings.limits
     step = None if step is None else checked_step(step, duration)
     if settings.method == "exact":
-        found, failure = exactly(assembly, duration, tol, step, *limits)
+        found, failure = integrate_exact(assembly, duration, tol, step, *limits)
     else:
-        found, failure = compared(assembly, duration, settings), ""
+        found, failure = integrate_reference(assembly, duration, settings), ""
     run = found.run
-    ended = Ended(
-        run.answer, float(run.time[-1]), run.touches, touching(run, assembly.system), found.force,
-        found.peak, found.certain,
-    )  # fmt: skip
-    verdict = verdict_of(assembly, ended, tol, limits, failure, lambda: gained(assembly, run))
+    still_open = results.open_contacts(run, assembly.system)
+    errors = found.force, found.peak, found.certain
+    ended = results.RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
+    check = results.check_result(
+        assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run)
+    )
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
     apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
     notes = [*assembly.notes]
     if apart:
-        notes += order_notes([assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies)
-    message = " ".join([verdict.message, *notes])
-    return kind(assembly, run, error, verdict.status, message, given=step), verdict
+        notes += direction_notes(
+            [assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies
+        )
+    message = " ".join([check.message, *notes])
+    return kind(assembly, run, error, check.status, message, given=step), check
 
 
-def told(history: H) -> H:
-    """The history whose message tells what is outside the theory; a warning tells it too."""
-    if not (sentence := too_far(history)):
+def with_deflection_warning(history: H) -> H:
+    """Warn of a deflection beyond linear theory and append the sentence to the message."""
+    if not (sentence := results.large_deflection_message(history)):
         return history
     warn(sentence, AccuracyWarning)
     return replace(history, message=f"{history.message} {sentence}")
 
 
-def start(assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None) -> None:
+def set_initial_forces(
+    assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None
+) -> None:
     """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
 
     Without preload only a load on a site without mass closes a contact at once, or a run before.
-
-    Parameters
-    ----------
-    cut : the contacts that go on from a run before (`Run.kept`), and their forces (p,) [N].
+    cut : states of contacts that go on from that run (`Run.kept`), and their forces (p,) [N].
     """
     system, laws = assembly.system, assembly.laws
     system.kept = None if cut is None else cut[0]
@@ -220,7 +215,7 @@ def start(assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None
         system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
-def exactly(
+def integrate_exact(
     assembly: Assembly,
     duration: float,
     tol: float,
@@ -228,11 +223,11 @@ def exactly(
     max_contacts: int,
     max_steps: int,
 ) -> tuple[Converged, str]:
-    """The run by the exact method, and why a given step [s] failed."""
+    """Run the exact method; returns the run and why a given step [s] failed."""
     system, laws = assembly.system, assembly.laws
     if step is None:
         limits = max_contacts, max_steps
-        return converge(system, assembly.lasting, duration, tol, *limits), ""
+        return converge(system, assembly.contact_time_estimate, duration, tol, *limits), ""
 
     def stiffness() -> Array:
         return np.array(
@@ -247,7 +242,7 @@ def exactly(
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError, behind what is implausible, if a force leaves the range of its law."""
+    """AccuracyError if a force exceeds the range of its law; `doubts` precede its message."""
     a = history.assembly
     for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
@@ -257,24 +252,24 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
             radius = a.bodies[contact.a.partition(":")[0]].patch_radius
-            raise beyond_law(law, peak, radius, doubts, where)
+            raise range_error(law, peak, radius, doubts, where)
 
 
-def beyond_law(
+def range_error(
     law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
 ) -> AccuracyError:
     """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
-    return AccuracyError(plausible.first(doubts, f"{where}{law.out_of_range(peak, radius)}."))
+    return AccuracyError(" ".join([*doubts, f"{where}{law.out_of_range(peak, radius)}."]))
 
 
-def _tell_too_few(scene: Scene, history: SceneHistory) -> None:
+def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
     """Warn of a body whose anti-oscillators are too few for a contact of the run."""
     assembly = history.assembly
     for c, (contact, one) in enumerate(zip(scene.contacts, history.contact_histories, strict=True)):
         for end in (contact.a, contact.b) if one.contacts else ():
             name = end.partition(":")[0]
             begin = assembly.spans[name].start if name in assembly.spans else 0
-            if sentence := too_few(scene.bodies.get(name), assembly, c, begin):
+            if sentence := truncation_warning(scene.bodies.get(name), assembly, c, begin):
                 warn(f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}",
                      AccuracyWarning)  # fmt: skip
 
@@ -367,35 +362,35 @@ def simulate(
     accuracy = DEFAULT_TOL if tol is None else tol
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     checks.instance("contact", contact, ContactLaw, LAW)
-    doubts = plausible.tell([plausible.of_blow(model, [impactor], initial_velocity)])
+    doubts = plausible.warn_each([plausible.of_blow(model, [impactor], initial_velocity)])
     scene = Impact(model, impactor, contact, duration, initial_velocity, gravity, gap)
-    budget = partial(error_budget, again=partial(_again, scene, settings))
-    history, verdict = impact(scene, settings, n, budget)
-    verdict.tell()
+    budget = partial(error_budget, rerun=partial(_rerun, scene, settings))
+    history, check = simulate_impact(scene, settings, n, budget)
+    check.warn()
     if n != "auto" and history.run.touches:
-        sentence = too_few(model if n is None else history.model, history.assembly)
+        sentence = truncation_warning(model if n is None else history.model, history.assembly)
         if sentence and getattr(model, "strain_error", None) is None:
             warn(sentence, AccuracyWarning)  # with one, the error budget tells it
         if sentence:
             history = replace(history, message=f"{history.message} {sentence}")
-    tell_rotation(*history.largest_rotation())
-    history = told(history)
+    results.warn_large_rotation(*history.largest_rotation())
+    history = with_deflection_warning(history)
     check_range(history, [*plausible.of_model(model), *doubts])
     if info_of(model).measured is not None:
         warn_low_band(history)
     return history
 
 
-def impact(
+def simulate_impact(
     scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
 ) -> tuple[History, CheckResult]:
-    """One impact, and the verdict, of which nobody is told yet; `n` as of `simulate`."""
+    """Simulate one impact; returns the check result before any warning. `n` as of `simulate`."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
-        assembly = pose(model, *scene[1:])
-        return solved(partial(History, budget=budget), assembly, scene.duration, settings)
+        assembly = assemble_pair(scene._replace(model=model))
+        return integrate(partial(History, budget=budget), assembly, scene.duration, settings)
 
-    def again(model: AntiOscillators, tol: float) -> History:
+    def rerun(model: AntiOscillators, tol: float) -> History:
         # a model with all its mass in anti-oscillators leaves the others to the exact method
         exact = model.m0 == 0 and scene.contact.rate_dependent
         method = "exact" if exact else settings.method
@@ -403,26 +398,26 @@ def impact(
 
     if n is None:
         return of(scene.model, settings)
-    model, truncation, shortage = _truncated(scene.model, n, again, settings.tol)
-    history, verdict = of(model, settings)
+    model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
+    history, check = of(model, settings)
     history.error.update(truncation)
     if shortage:
-        verdict = verdict.with_shortage(shortage)
+        check = check.with_shortage(shortage)
         message = f"{history.message} {shortage}"
-        history = replace(history, status=verdict.status, message=message)
-    return history, verdict
+        history = replace(history, status=check.status, message=message)
+    return history, check
 
 
-def _again(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
-    """The same impact on another model, by the exact method to a tolerance."""
+def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
+    """Simulate the same impact on another model by the exact method to `tol`."""
     exact = replace(settings, tol=tol, method="exact", step=None)
-    return impact(scene._replace(model=model), exact)[0]
+    return simulate_impact(scene._replace(model=model), exact)[0]
 
 
 def _truncated(
     model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """The model with `n` anti-oscillators, its estimated errors, and a note if they are too few."""
+    """Truncate the model to `n` anti-oscillators; returns it, its errors, and a note if too few."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

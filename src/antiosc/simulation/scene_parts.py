@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +26,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
@@ -82,7 +83,7 @@ class Contact(Checked):
 
 
 @dataclass(frozen=True, eq=False)
-class Load(Given):
+class Load(FieldsRepr):
     """A force in time at a site, along the direction of the site (the body's one coordinate).
 
     Parameters
@@ -104,7 +105,7 @@ class Load(Given):
 
 
 @dataclass(frozen=True, eq=False)
-class Base(Given):
+class Base(FieldsRepr):
     """Acceleration of the ground, with all supports and obstacles on it.
 
     Parameters
@@ -132,14 +133,14 @@ class Base(Given):
 
 
 def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    t = checks.filled(f"times of {name}", times)
+    t = checks.nonempty(f"times of {name}", times)
     if np.any(np.diff(t) < checks.SMALLEST):
         raise InputError(f"the times of {name} must ascend.")
     return t, checks.array(f"values of {name}", values, None)
 
 
 @dataclass(frozen=True, eq=False)
-class SceneParts(Given):
+class SceneParts(FieldsRepr):
     """What a `Scene` consists of, checked."""
 
     bodies: Mapping[str, object]
@@ -206,15 +207,15 @@ class SceneParts(Given):
                 )
 
     def _site_of(self, end: str) -> str:
-        """An end under one name: the site of a body that has no more than one may have any."""
+        """Normalise an end: any site name of a body with one site means this site."""
         name = end.partition(":")[0]
         return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
 
 
-def of_two(
+def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
-    """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
+    """The scene of "structure" and "impactor" of `simulate`, whose checks have passed."""
     parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
     checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
     bodies = {"structure": model, "impactor": impactor}
@@ -222,10 +223,36 @@ def of_two(
     return parts
 
 
+class StackedBodies(NamedTuple):
+    """All bodies of a scene side by side.
+
+    spans, columns : slices of each body's modes and columns among those of all. B : (J, P)
+    displacements of all columns. r : (P, P) their residual compliance.
+    """
+
+    spans: dict[str, slice]
+    columns: dict[str, slice]
+    B: Array
+    r: Array
+
+
+def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
+    """Put the modes and columns of all bodies side by side."""
+    spans, columns, j, k = {}, {}, 0, 0
+    for name, body in bodies.items():
+        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
+        j, k = spans[name].stop, columns[name].stop
+    B, r = np.zeros((j, k)), np.zeros((k, k))
+    for name, body in bodies.items():
+        B[spans[name], columns[name]] = body.B
+        r[columns[name], columns[name]] = body.r
+    return StackedBodies(spans, columns, B, r)
+
+
 End = tuple[SceneBody, str]  # a body and the name of its site
 
 
-def find(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
+def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     """The body of an end and the name of its site."""
     name, _, site = end.partition(":")
     if name not in bodies:
@@ -243,13 +270,12 @@ def find(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
     raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
 
 
-def give_axes(
+def set_axes(
     scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
 ) -> None:
     """Give the sites without a direction (`SceneBody.axes`) that of their contacts.
 
-    Sites without directions that touch each other move along one axis, in the same sense; it is
-    the direction of the first contact of any of them that has one.
+    Such sites that touch each other share one axis and sense, that of the first contact with one.
     """
     open_ends = [
         [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]
@@ -257,7 +283,7 @@ def give_axes(
     ]
     links = [pair for pair in open_ends if len(pair) == 2]
     for pair, reached in zip(ends, open_ends, strict=True):
-        direction = direction_of(pair)
+        direction = contact_direction(*pair)
         while direction is not None and reached:
             name, at = reached.pop()
             if at not in bodies[name].axes:
@@ -265,13 +291,13 @@ def give_axes(
                 reached += [other for link in links if (name, at) in link for other in link]
 
 
-def along(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
-    """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
+def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
+    """Row (P,) of the body's columns that gives a site's displacement along a direction."""
     row = np.zeros(body.B.shape[1])
     columns = list(body.columns_of(site))
     if not columns:
         return row
-    known = body.known(site)
+    known = body.site_directions(site)
     if direction is None or known is None or (len(known) == 1 and (known[0] == direction).all()):
         row[columns[0]] = 1.0
         return row
@@ -291,31 +317,36 @@ def along(body: SceneBody, site: str, direction: Array | None, end: str) -> Arra
     return row
 
 
-def direction_of(ends: tuple[End, End]) -> Array | None:
+def contact_direction(a: End, b: End) -> Array | None:
     """Direction (3,) of a contact in space, where one of its ends knows it."""
-    (a, at), (b, bt) = ends
-    return a.pushes.get(at, b.pushes.get(bt))
+    return a[0].pushes.get(a[1], b[0].pushes.get(b[1]))
 
 
-def row_of(
-    contact: Contact, ends: tuple[End, End], columns: dict[str, slice], size: int
+def contact_row(
+    contact: Contact, ends: tuple[End, End], stacked: StackedBodies
 ) -> tuple[Array, Array | None]:
     """Row (P,) of the indentation, and the contact's direction in space, where known."""
-    (a, at), (b, bt) = ends
-    if isinstance(a.body, Obstacle) and isinstance(b.body, Obstacle):
+    if all(isinstance(body.body, Obstacle) for body, _ in ends):
         raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
-    direction = direction_of(ends)
-    row = np.zeros(size)
-    row[columns[b.name]] += along(b, bt, direction, contact.b)
-    row[columns[a.name]] -= along(a, at, direction, contact.a)
-    return row, direction
+    direction = contact_direction(*ends)
+    return _relative_row(contact, ends, direction, stacked), direction
 
 
-def order_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
-    """Notes on contacts, which did not touch, that push the second end against its site."""
+def _relative_row(
+    contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
+) -> Array:
+    """Row (P,) of the displacement of b against a along a direction."""
+    row, (a, b) = np.zeros(len(stacked.r)), ends
+    for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
+        row[stacked.columns[body.name]] += sign * site_row(body, site, direction, end)
+    return row
+
+
+def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
+    """Notes on contacts that did not touch and push their second end against its site."""
     notes = []
     for contact in contacts:
-        (a, at), (b, bt) = (find(end, bodies) for end in (contact.a, contact.b))
+        (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
         push, other = a.pushes.get(at), b.pushes.get(bt)
         if other is not None and (push is None or push @ other > 0):
             notes.append(
@@ -326,15 +357,10 @@ def order_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> li
     return notes
 
 
-def tangents_of(
-    contact: Contact,
-    direction: Array | None,
-    bodies: dict[str, SceneBody],
-    columns: dict[str, slice],
-    size: int,
+def tangential_rows(
+    contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
 ) -> list[Array]:
     """Rows of the tangential displacement of b against a, one or two."""
-    ends = [find(contact.a, bodies), find(contact.b, bodies)]
     moving = [(body, site) for body, site in ends if body.columns_of(site)]
     if direction is None or any(body.directions is None for body, _ in moving):
         raise InputError(
@@ -351,12 +377,7 @@ def tangents_of(
                 side = side - (side @ other) * other
             if np.linalg.norm(side) > 0.5:
                 across.append(side / np.linalg.norm(side))
-    rows = []
-    for side in across[:2]:
-        row = np.zeros(size)
-        for (body, site), sign, end in zip(ends, (-1, 1), (contact.a, contact.b), strict=True):
-            row[columns[body.name]] += sign * along(body, site, side, end)
-        rows.append(row)
+    rows = [_relative_row(contact, ends, side, stacked) for side in across[:2]]
     if not rows:
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
@@ -365,32 +386,39 @@ def tangents_of(
     return rows
 
 
-def axes_of(bodies: dict[str, SceneBody]) -> dict[str, Array | None]:
-    """Direction in space of the one coordinate of each body that moves along one."""
-    axes: dict[str, Array | None] = {}
-    for name, body in bodies.items():
-        if body.directions is not None and len(body.directions):
-            axes[name] = body.directions[0] if body.inertia is None else None
-        else:
-            axes[name] = next(iter(body.axes.values()), None)
-    return axes
+def _axis(body: SceneBody) -> Array | None:
+    """Direction in space of the one coordinate of a body that has one; None for others."""
+    if body.directions is not None and len(body.directions):
+        return body.directions[0] if body.inertia is None else None
+    return next(iter(body.axes.values()), None)
 
 
-def acting(
+def external_forces(
+    loads: Sequence[Load], bodies: dict[str, SceneBody], stacked: StackedBodies, t: Array
+) -> Array:
+    """External forces (n, P) on all columns at times (n,)."""
+    total = np.zeros((t.size, len(stacked.r)))
+    for load in loads:
+        body, site = find_site(load.end, bodies)
+        if isinstance(body.body, Obstacle):
+            raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
+        row = site_row(body, site, body.pushes.get(site), load.end)
+        value = np.interp(t, load.times, load.forces)
+        total[:, stacked.columns[body.name]] += value[:, None] * row
+    return total
+
+
+def load_series(
     scene: SceneParts,
     bodies: dict[str, SceneBody],
-    spans: dict[str, slice],
-    columns: dict[str, slice],
-    axes: dict[str, Array | None],
-    B: Array,
-    r: Array,
+    stacked: StackedBodies,
     G: Array,
     gaps: Array,
     duration: float,
 ) -> tuple[Array, Array, Array]:
-    """Times (K,), modal loads (K, J) and offsets (K, m) of loads, base motion and gravity."""
+    """Times (K,), modal loads (K, J) and offsets (K, m) that loads, base and gravity cause."""
     if not scene.loads and scene.base is None and not np.any(scene.gravity):
-        return np.zeros(1), np.zeros((1, B.shape[0])), gaps[None]
+        return np.zeros(1), np.zeros((1, len(stacked.B))), gaps[None]
     series = [load.times for load in scene.loads]
     if scene.base is not None:
         series.append(scene.base.times)
@@ -398,14 +426,8 @@ def acting(
     breaks = np.unique(np.concatenate([np.zeros(1), *inside]))
     if len(series) and any(t[-1] >= duration for t in series):
         breaks = np.append(breaks, duration)
-    loads, forces = np.zeros((breaks.size, B.shape[0])), np.zeros((breaks.size, B.shape[1]))
-    for load in scene.loads:
-        body, site = find(load.end, bodies)
-        if isinstance(body.body, Obstacle):
-            raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
-        row = along(body, site, body.pushes.get(site), load.end)
-        forces[:, columns[body.name]] += np.interp(breaks, load.times, load.forces)[:, None] * row
-    loads += forces @ B.T
+    forces = external_forces(scene.loads, bodies, stacked, breaks)
+    loads = forces @ stacked.B.T
     gravity = np.asarray(scene.gravity)
     vector = gravity.ndim == 1 or (scene.base is not None and scene.base.accelerations.ndim == 2)
     if np.any(gravity):
@@ -413,12 +435,12 @@ def acting(
             if not np.any(body.omega == 0):
                 continue
             if gravity.ndim == 1:
-                pull = _weights(body, axes[name], True) @ gravity
+                pull = _unit_loads(body, True) @ gravity
             else:
-                pull = _weights(body, axes[name], False)[:, 0] * float(gravity)
+                pull = _unit_loads(body, False)[:, 0] * float(gravity)
             if body.supported:
                 pull = np.where(body.omega == 0, pull, 0.0)
-            loads[:, spans[name]] += pull
+            loads[:, stacked.spans[name]] += pull
     if scene.base is not None:
         if not any(body.grounded for body in bodies.values()):
             raise InputError(
@@ -431,17 +453,18 @@ def acting(
             [np.interp(breaks, scene.base.times, given[:, i]) for i in range(given.shape[1])], 1
         )
         for name, body in bodies.items():
-            weights = _weights(body, axes[name], vector and given.shape[1] == 3)
+            weights = _unit_loads(body, vector and given.shape[1] == 3)
             if weights.size:
-                _tell_if_oblique(body, axes[name], moved)
-                loads[:, spans[name]] -= moved @ weights.T
-    return breaks, loads, gaps - forces @ r @ G.T
+                _check_ground_direction(body, moved)
+                loads[:, stacked.spans[name]] -= moved @ weights.T
+    return breaks, loads, gaps - forces @ stacked.r @ G.T
 
 
-def _tell_if_oblique(body: SceneBody, axis: Array | None, moved: Array) -> None:
-    """InputError where the ground (K, 3) moves across the one direction that a body knows."""
+def _check_ground_direction(body: SceneBody, moved: Array) -> None:
+    """InputError if the ground (K, 3) moves across the only direction that a body knows."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
+    axis = _axis(body)
     if axis is None or moved.shape[1] != 3:
         return
     across, size = np.abs(moved - np.outer(moved @ axis, axis)).max(), np.abs(moved).max()
@@ -454,7 +477,7 @@ def _tell_if_oblique(body: SceneBody, axis: Array | None, moved: Array) -> None:
         )
 
 
-def _weights(body: SceneBody, axis: Array | None, vector: bool) -> Array:
+def _unit_loads(body: SceneBody, vector: bool) -> Array:
     """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
     if isinstance(body.body, Obstacle):
         return np.zeros((0, 3 if vector else 1))
@@ -478,6 +501,7 @@ def _weights(body: SceneBody, axis: Array | None, vector: bool) -> Array:
         )
     if not vector:
         return body.weight[:, None]
+    axis = _axis(body)
     if axis is None:
         raise InputError(
             f"gravity as a vector needs the direction of {body.name!r}: its contacts must have one"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march, process
 from antiosc.base._types import Array
-from antiosc.simulation.bodies import SceneBody, may_turn
+from antiosc.simulation.bodies import SceneBody, may_rotate
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import System
 
@@ -22,9 +22,9 @@ FLIGHT_STEPS = 100
 #: Modal responses that are computed at once.
 BLOCK = 1 << 18
 #: States of one mode at the ends of steps that are found at once where all are not needed together.
-AT_ONCE = 1 << 22
+STATES_AT_ONCE = 1 << 22
 #: Remedy where the motion of all modes at all times does not fit.
-AT = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
+MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
 def record_of(run: Run) -> tuple[march.Record, list[Array]]:
@@ -35,10 +35,10 @@ def record_of(run: Run) -> tuple[march.Record, list[Array]]:
     return march.Record(time=time, force=force, events=events, **counts), arrays
 
 
-def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """The times that contact c is closed (`march.TOUCH`), and whether it is so at the end.
+def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
+    """Intervals (`march.TOUCH`) in which contact c is closed, and whether it is closed at the end.
 
-    One that is over at once does not count.
+    Intervals of zero length do not count.
     """
     record, _ = record_of(run)
     found, goes_on = np.empty(len(run.events) + 1, march.TOUCH), c_int()
@@ -52,19 +52,15 @@ def touches(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
 def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     """Time [s] from the first touch to the last release of the main impact; 0 without contact.
 
-    Successive contacts belong to one impact if the flight between them is shorter than the impact
-    up to then; the main impact is the one with the largest impulse.
-
-    Parameters
-    ----------
     contacts : (start [s], end [s], impulse [N s]) of each contact, in order; one that goes on at
-        the end of the run counts up to there.
+    the end of the run counts up to there. Successive contacts belong to one impact if the flight
+    between them is shorter than the impact up to then; the main impact has the largest impulse.
     """
     found = np.array([(a, b, 0.0, each, 0.0, 0, 0) for a, b, each in contacts], march.TOUCH)
     return float(march.library.aom_main_impact(found.size, march.address(found)))
 
 
-def between(t: Array, breaks: Array, values: Array) -> Array:
+def interpolated(t: Array, breaks: Array, values: Array) -> Array:
     """Rows of `values` at times, linear between the breaks and constant after the last."""
     if breaks.size == 1:
         return np.broadcast_to(values[0], (t.size, values.shape[1]))
@@ -75,11 +71,11 @@ def between(t: Array, breaks: Array, values: Array) -> Array:
 
 def modal_loads(system: System, t: Array) -> Array:
     """Modal loads (n, J) at times (n,)."""
-    return between(t, system.breaks, system.loads)
+    return interpolated(t, system.breaks, system.loads)
 
 
-def located(run: Run, t: Array) -> tuple[Index, Array]:
-    """The step in which each time (n,) lies, and the time since its start."""
+def locate(run: Run, t: Array) -> tuple[Index, Array]:
+    """Index of the step that contains each time (n,), and the time since its start."""
     starts = run.time[:-2:2]
     close = 1e-13 * float(run.time[-1])  # what is meant as a node is one
     step = np.searchsorted(starts, t + close, side="right") - 1
@@ -89,7 +85,7 @@ def located(run: Run, t: Array) -> tuple[Index, Array]:
 
 
 def forces(run: Run, step: Index, since: Array) -> Array:
-    """Contact forces (n, m) of the parabolas of the steps, at times since their starts."""
+    """Contact forces (n, m) from the parabola of each step, at times since its start."""
     if run.time.size < 3:
         return np.repeat(run.force[:1], step.size, axis=0)
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -100,27 +96,27 @@ def forces(run: Run, step: Index, since: Array) -> Array:
 
 def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
     """Modal displacements and velocities (n, J) at times since the starts of steps."""
-    q, v = marched_states(run, system, step, since)
-    return _free(system, q, v)
+    q, v = integrated_states(run, system, step, since)
+    return _free_modes(system, q, v)
 
 
-def marched_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """The states (n, I) in the modes that the march integrates."""
-    q, v = marched_starts(run, system, step)
+def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
+    """States (n, I) of the integrated modes."""
+    q, v = integrated_starts(run, system, step)
     if run.time.size < 3:
         return q, v
-    return _moved(run, system, step, since, q, v)
+    return _advanced(run, system, step, since, q, v)
 
 
-def _free(system: System, q: Array, v: Array) -> tuple[Array, Array]:
-    """The states of the free modes from those of the march's."""
+def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
+    """Convert states of the integrated modes to states of the free modes."""
     return (q, v) if system.first is None else system.first.motion(q, v)[:2]
 
 
-def braked(run: Run, system: System, step: Index, since: Array) -> Array:
-    """What damping that couples them takes from the accelerations of the free modes (n, J)."""
+def damping_accelerations(run: Run, system: System, step: Index, since: Array) -> Array:
+    """Decelerations of the free modes (n, J) by damping that couples them."""
     assert system.first is not None
-    return system.first.motion(*marched_states(run, system, step, since))[2]
+    return system.first.motion(*integrated_states(run, system, step, since))[2]
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
@@ -128,34 +124,34 @@ def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
 
     From those that the run has kept, by the exact motion over the steps in between.
     """
-    return _free(system, *marched_starts(run, system, step))
+    return _free_modes(system, *integrated_starts(run, system, step))
 
 
-def marched_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """The starts (n, I) in the modes that the march integrates."""
+def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
+    """States (n, I) of the integrated modes at the starts of steps."""
     assert run.states is not None
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
     q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
     kept, which = np.unique(step // run.every, return_inverse=True)
-    beyond = step % run.every
+    ahead = step % run.every
     most = max(BLOCK // max(run.states.shape[2], 1), 1)
     for begin in range(0, kept.size, most):
         here = np.flatnonzero((which >= begin) & (which < begin + most))
         x, y = (run.states[kept[begin : begin + most], i] for i in range(2))
-        way = np.zeros(len(x), dtype=np.intp)
-        np.maximum.at(way, which[here] - begin, beyond[here])
-        for k in range(int(way.max()) + 1):
-            there = here[beyond[here] == k]
+        most_ahead = np.zeros(len(x), dtype=np.intp)
+        np.maximum.at(most_ahead, which[here] - begin, ahead[here])
+        for k in range(int(most_ahead.max()) + 1):
+            there = here[ahead[here] == k]
             q[there], v[there] = x[which[there] - begin], y[which[there] - begin]
-            on = np.flatnonzero(way > k)
+            on = np.flatnonzero(most_ahead > k)
             own = kept[begin + on] * run.every + k
             h = run.time[2 * own + 2] - run.time[2 * own]
-            x[on], y[on] = _moved(run, system, own, h, x[on], y[on])
+            x[on], y[on] = _advanced(run, system, own, h, x[on], y[on])
     return q, v
 
 
-def _moved(
+def _advanced(
     run: Run,
     system: System,
     step: Index,
@@ -163,7 +159,7 @@ def _moved(
     q: Array,
     v: Array,
 ) -> tuple[Array, Array]:
-    """The states at times since the starts of steps, from those there."""
+    """Advance the states by times since the starts of steps."""
     whole, system = system, system.marched
     P, W, S, J0, J1, J2 = march.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -202,34 +198,36 @@ def node_states(
     last = run.time.size // 2 if last is None else last
     size = system.omega.size
     nodes = 2 * (last - first) + 1
-    process.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
+    process.require(
+        16 * nodes * size, f"the motion of {size} modes at {nodes} times", MEMORY_REMEDY
+    )
     marched = system.marched.omega.size
     q, v = (np.empty((nodes, marched)) for _ in range(2))
-    q[::2], v[::2] = marched_starts(run, system, np.arange(first, last + 1))
+    q[::2], v[::2] = integrated_starts(run, system, np.arange(first, last + 1))
     block = max(BLOCK // max(size, 1), 1)
     for begin in range(first, last, block):
         steps = np.arange(begin, min(begin + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
         at = 2 * (steps - first)
-        q[at + 1], v[at + 1] = _moved(run, system, steps, since, q[at], v[at])
-    return _free(system, q, v)
+        q[at + 1], v[at + 1] = _advanced(run, system, steps, since, q[at], v[at])
+    return _free_modes(system, q, v)
 
 
 def blocks(run: Run, size: int) -> list[tuple[int, int]]:
-    """First and last steps of the parts of a run whose states of `size` modes are found at once."""
-    steps, most = run.time.size // 2, max(AT_ONCE // max(size, 1), 1)
+    """First and last steps of the blocks of a run whose states of `size` modes fit in memory."""
+    steps, most = run.time.size // 2, max(STATES_AT_ONCE // max(size, 1), 1)
     return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
 
 
-def part_of(run: Run, first: int, last: int) -> Run:
-    """The steps from `first` to `last` of a run, without states and events."""
+def run_slice(run: Run, first: int, last: int) -> Run:
+    """Return the steps `first` to `last` of a run, without states and events."""
     nodes = slice(2 * first, 2 * last + 1)
     time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
     return replace(run, time=time, force=force, depth=depth, states=None)
 
 
-def with_flights(run: Run, system: System) -> Run:
-    """The run with more steps in its flights, which are exact in one step, as pictures need it."""
+def with_flight_nodes(run: Run, system: System) -> Run:
+    """Return the run with more nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
     h, pressed = run.time[2::2] - run.time[:-2:2], run.force.any(axis=1)
@@ -246,18 +244,18 @@ def with_flights(run: Run, system: System) -> Run:
     at, within = step[new // 2], since[new // 2] + new % 2 * 0.5 * length[new // 2]
     time[new] = run.time[2 * at] + within
     moved, _ = states(run, system, at, within)
-    depth[new] = moved @ system.beta.T - between(time[new], system.breaks, system.offsets)
+    depth[new] = moved @ system.beta.T - interpolated(time[new], system.breaks, system.offsets)
     begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
-    q, v = marched_starts(run, system, begins)
+    q, v = integrated_starts(run, system, begins)
     on = np.flatnonzero(beyond)
-    q[on], v[on] = _moved(run, system, begins[on], beyond[on], q[on], v[on])
+    q[on], v[on] = _advanced(run, system, begins[on], beyond[on], q[on], v[on])
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 
 
 def free_steps(run: Run, system: System) -> Array:
     """Displacements (n, J) of the free modes at the steps' ends that the run has kept."""
     assert run.states is not None
-    return _free(system, run.states[:, 0], run.states[:, 1])[0]
+    return _free_modes(system, run.states[:, 0], run.states[:, 1])[0]
 
 
 def largest_rotation(
@@ -271,6 +269,6 @@ def largest_rotation(
     turned = [
         (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
         for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
-        if may_turn(body)
+        if may_rotate(body)
     ]
     return max(turned, key=lambda pair: pair[1], default=("", 0.0))

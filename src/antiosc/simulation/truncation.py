@@ -9,8 +9,8 @@ therefore at least half the largest of them. With the factor `TRUNCATION_SAFETY`
 ten true errors are below the estimate; the median overestimation is 4 to 8, of models of the Krylov
 method, whose softest extreme is a Gauss rule, 6 to 18 (tests/simulation/test_truncation.py).
 
-Without a further run (`left_out`): what the anti-oscillators of the Krylov method leave out of Z
-lies between two extremes. With λ_i = 1/ω_i² and λ_0 = 0 of the residual mass they are the
+Without a further run (`truncation_share`): what the anti-oscillators of the Krylov method leave
+out of Z lies between two extremes. With λ_i = 1/ω_i² and λ_0 = 0 of the residual mass they are the
 Gauss–Radau rule of the measure of all masses over λ; the Gauss rule with the same moments, without
 a mass at λ = 0, is the other extreme (Golub and Meurant, *Matrices, Moments and Quadrature*, 2010,
 ch. 6). With σ = 1/s² its Z lacks
@@ -20,8 +20,8 @@ ch. 6). With σ = 1/s² its Z lacks
 At a complex s the force of a blow is v/(s C), C the compliance of both bodies and of the contact in
 series. The difference of the two forces over the force, on a ray of s whose |s| are those of the
 contact, tells whether the truth is known. On thin and thick plates and a bracket with 3 to 120
-anti-oscillators, peak forces were wrong by less than the share where it was above `ENOUGH`, and by
-less than 8 % below.
+anti-oscillators, peak forces were wrong by less than the share where it was above `WARN_SHARE`, and
+by less than 8 % below.
 """
 
 from __future__ import annotations
@@ -38,23 +38,25 @@ from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
-from antiosc.models.damping import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.simulation.assembly import Assembly, stiffness_at
 from antiosc.simulation.histories import History
-from antiosc.simulation.histories.parts import differences, floored
+from antiosc.simulation.histories.parts import differences, with_floor
 
 #: Points s of the ray over π/T, T the expected contact time.
 RAY = np.geomspace(0.5, 30.0, 8) * np.exp(1j * np.radians(75))
 #: Share of the force from which a warning is given.
-ENOUGH = 0.3
+WARN_SHARE = 0.3
 
 
-def left_out(model: AntiOscillators, assembly: Assembly, contact: int = 0, begin: int = 0) -> float:
-    """Share of the force of an impact on a model in which both extremes differ, 0 … about 1.
+def truncation_share(
+    model: AntiOscillators, assembly: Assembly, contact: int = 0, begin: int = 0
+) -> float:
+    """Share of the force of an impact in which both extremes differ, 0 … about 1.
 
-    `begin` : the first mode of the model among those of all bodies.
-    0 for models whose anti-oscillators have all converged, such as those of method="modes": what
-    they leave out is not bounded as closely.
+    begin : the first mode of the model among those of all bodies. 0 for models whose anti-
+    oscillators have all converged, such as those of method="modes", whose error is not bounded as
+    closely.
     """
     info = model.info
     if info.method != "krylov" or info.converged is None or info.converged >= model.n:
@@ -62,7 +64,7 @@ def left_out(model: AntiOscillators, assembly: Assembly, contact: int = 0, begin
     if model.m0 == 0:
         return 0.0
     system, law, modes = assembly.system, assembly.laws[contact], model.modal()
-    s = np.pi / assembly.lasting * RAY
+    s = np.pi / assembly.contact_time_estimate * RAY
     depth, speed = float(system.depth[contact]), float(system.speed[contact])
     stiffness = stiffness_at(law, depth, law.touch(speed))
     if not stiffness > 0:
@@ -70,15 +72,15 @@ def left_out(model: AntiOscillators, assembly: Assembly, contact: int = 0, begin
     squares = system.beta[contact] ** 2 / (s[:, None] ** 2 + system.omega**2)
     site = squares[:, begin : begin + modes.omega.size].sum(axis=1) + modes.r
     C = squares.sum(axis=1) + system.R[contact, contact] + 1 / stiffness
-    D = _lacking(model, s)
+    D = _stiffness_deficit(model, s)
     more = D * site**2 / (1 - D * site)
     weight = 1 / abs(s)
     off, force = abs(more / (C * (C + more))) ** 2, abs(C) ** -2.0
     return float(np.sqrt((off @ weight) / (force @ weight)))
 
 
-def _lacking(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
-    """What Z of the softer extreme has less, at complex s."""
+def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
+    """Difference of Z between the model and its softer extreme, at complex s."""
     known = _rules.get(model)
     if known is None:
         known = _rules[model] = _rule(model)
@@ -100,21 +102,20 @@ def _rule(model: AntiOscillators) -> tuple[Array, Array]:
 _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
 
 
-def too_few(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
-    """The warning of too few anti-oscillators for a contact; "" where they suffice.
+def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
+    """Warning of too few anti-oscillators of a Krylov model for a contact; "" where they suffice.
 
-    `begin` : the first mode of the model among those of all bodies.
-    Of models that `extract` made by the Krylov method; other truncations are their maker's choice.
+    begin : the first mode of the model among those of all bodies.
     """
     if not isinstance(model, AntiOscillators) or model.sites:
         return ""
-    share = left_out(model, assembly, contact, begin)
-    if share <= ENOUGH:
+    share = truncation_share(model, assembly, contact, begin)
+    if share <= WARN_SHARE:
         return ""
     return (
         f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
-        f" may change the force by {share:.0%} (above {ENOUGH:.0%} neither peak force nor contact"
-        " time is known);"
+        f" may change the force by {share:.0%} (above {WARN_SHARE:.0%} neither peak force nor"
+        " contact time is known);"
         " extract(…, band=ao.impact_band(impactor, contact)) takes as many as the contact needs."
     )
 
@@ -125,12 +126,12 @@ Run = Callable[[AntiOscillators, float], History]
 #: Safety of the estimate, and of that between the two extremes of the Krylov method.
 TRUNCATION_SAFETY, TRUNCATION_SAFETY_RITZ = 2.0, 4.0
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.
-RARE = 1e-6
+SMALL_GAUSS_SHARE = 1e-6
 
 
 @dataclass(frozen=True)
 class TruncationError:
-    """Estimated relative errors of a model with n anti-oscillators against one with all of them."""
+    """Estimated relative errors of a model with n anti-oscillators."""
 
     n: int
     peak_force: float
@@ -183,13 +184,13 @@ def truncation_error(
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
     known = _checked(run(model, tol))
-    changed = differences(known, _checked(run(softest(model, next_omega), tol)))
+    changed = differences(known, _checked(run(softest_model(model, next_omega), tol)))
     ritz = next_omega is None and _unconverged(model)
     safety = TRUNCATION_SAFETY_RITZ if ritz else TRUNCATION_SAFETY
     errors = {name: safety * max(off - tol, 0.0) for name, off in changed.items()}
     if ritz:  # both runs may agree by chance
-        errors["peak_force"] = max(errors["peak_force"], left_out(model, known.assembly))
-    return TruncationError(model.n, **floored(errors))
+        errors["peak_force"] = max(errors["peak_force"], truncation_share(model, known.assembly))
+    return TruncationError(model.n, **with_floor(errors))
 
 
 def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
@@ -227,13 +228,11 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
     return Choice(high, error(high), 0)
 
 
-def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
-    """The model whose residual mass hangs on the softest springs that it may have.
+def softest_model(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
+    """The model whose residual mass is attached by the softest springs that it may have.
 
-    Where anti-oscillators of the Krylov method have not converged, the masses of m0 and of these
-    over 1/omega^2 are a Gauss–Radau rule; the Gauss rule of the same moments is the other extreme
-    (`antiosc.simulation.truncation`). Otherwise m0 hangs on one spring with the first
-    truncated frequency.
+    If Krylov anti-oscillators have not converged, it is the Gauss rule of the same moments
+    (module); otherwise one spring with the first truncated frequency carries m0.
     """
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
@@ -249,7 +248,7 @@ def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOsci
         psi = np.roll(psi, -1, axis=0)
     p, inertia, damping = model.participation, model.inertia, model.damping
     if isinstance(damping, DampingMatrix):
-        damping = along(damping, _hung(model, masses, psi))
+        damping = in_coordinates(damping, _softest_coordinates(model, masses, psi))
     if inertia is not None:
         momentum = inertia.momentum
         rest = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
@@ -272,7 +271,7 @@ def softest(model: AntiOscillators, next_omega: float | None = None) -> AntiOsci
     )
 
 
-def _hung(model: AntiOscillators, masses: Array, psi: Array) -> Array:
+def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> Array:
     """Coordinates of the model (one of the site, n of its modes, hidden ones) in those of the
     softest one, in which psi_0 moves against the site: no damper is known to brake that."""
     from scipy.linalg import block_diag  # takes as long to load as some impacts
@@ -289,8 +288,8 @@ def _unconverged(model: AntiOscillators) -> bool:
 def _gauss(m: Array, omega: Array) -> tuple[Array, Array, Array]:
     """Masses and frequencies (n,) of the Gauss rule with the moments of m (n + 1,) over 1/omega^2.
 
-    m[0] lies at zero. Also the share (n, n + 1) of each shape psi_i in the new ones. The rule is
-    that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
+    m[0] lies at zero. Third result: the share (n, n + 1) of each psi_i in the new shapes. The rule
+    is that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
     """
     lam = np.append(0.0, (omega[0] / omega) ** 2)
     apart = lam[:, None] - lam
@@ -299,7 +298,9 @@ def _gauss(m: Array, omega: Array) -> tuple[Array, Array, Array]:
     last = np.sign(apart).prod(axis=1) * np.exp(logs - logs.max())
     basis = np.linalg.qr(last[:, None], mode="complete")[0][:, 1:]
     found, turn = np.linalg.eigh(basis.T * lam @ basis)
-    found = np.clip(found, np.append(RARE * lam[-1], lam[:1:-1]), lam[:0:-1])  # they interlace
+    found = np.clip(
+        found, np.append(SMALL_GAUSS_SHARE * lam[-1], lam[:1:-1]), lam[:0:-1]
+    )  # they interlace
     vectors = (basis @ turn).T[::-1]
     shares = vectors @ np.sqrt(m)
     psi = shares[:, None] * vectors / np.sqrt(m)

@@ -23,18 +23,18 @@ from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import Body, LinearBody, checked_body, is_thin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, Parts, expected_impact, freed
+from antiosc.simulation.assembly import Assembly, Parts, expected_contact, without_patch
 from antiosc.simulation.bodies import (
     Obstacle,
     RigidMass,
     SceneBody,
     Sphere,
-    first_order_of,
-    may_turn,
-    of_one_site,
+    may_rotate,
+    single_site_body,
+    stacked_first_order,
 )
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene_parts import LAW, of_two
+from antiosc.simulation.scene_parts import LAW, two_body_parts
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
@@ -57,7 +57,7 @@ class Pair:
     """
 
     given: tuple[LinearBody, LinearBody]
-    asked: tuple[Body, Body]
+    checked: tuple[Body, Body]
     modes: tuple[ModalBody, ModalBody]
     block: Array
     omega: Array
@@ -73,10 +73,10 @@ class Pair:
     def bodies(self) -> tuple[SceneBody, SceneBody]:
         """The structure and the impactor as a scene has them, with their motion at the start."""
         count = self.modes[0].omega.size
-        structure, striker = zip(self.given, self.asked, self.modes, strict=True)
+        structure, striker = zip(self.given, self.checked, self.modes, strict=True)
         return (
-            of_one_site("structure", *structure, self.v[:count]),
-            of_one_site("impactor", *striker, self.v[count:]),
+            single_site_body("structure", *structure, self.v[:count]),
+            single_site_body("impactor", *striker, self.v[count:]),
         )
 
     @property
@@ -102,13 +102,35 @@ class Pair:
             )
 
 
-def pair(
-    model: LinearBody,
-    impactor: LinearBody,
-    initial_velocity: float | Motion = 0.0,
-    gravity: float | Sequence[float] = 0.0,
-) -> Pair:
-    """The bodies of an impact in their modes, with their start and gravity."""
+class Impact(NamedTuple):
+    """Arguments of one impact of two bodies, as `simulate` takes them."""
+
+    model: LinearBody
+    impactor: LinearBody
+    contact: ContactLaw
+    duration: float
+    initial_velocity: float | Motion = 0.0
+    gravity: float | Sequence[float] = 0.0
+    gap: float | None = None
+
+    def group(self) -> tuple[object, ...] | None:
+        """Key that is equal for impacts which one C call can solve together; None for others."""
+        if (
+            not is_compiled(self.contact)
+            or _has_coupled_damping(self.model)
+            or _has_coupled_damping(self.impactor)
+        ):
+            return None
+        still = isinstance(self.gravity, int | float) and self.gravity == 0
+        rigid = still and type(self.impactor) in (RigidMass, Sphere)
+        moving = self.initial_velocity
+        speed = moving if isinstance(moving, int | float) else id(moving)
+        return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
+
+
+def modal_pair(impact: Impact) -> Pair:
+    """Two bodies in their modes, with start velocities and gravity."""
+    model, impactor, _, _, initial, gravity, _ = impact
     one, other = checked_body("model", model), checked_body("impactor", impactor)
     if one.velocity != 0.0:
         raise InputError(
@@ -116,11 +138,10 @@ def pair(
             "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
         )
     structure, striker = one.modal(), other.modal()
-    initial = initial_velocity
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
     start, strike = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
-    loads = _loads(structure, striker, gravity)
+    loads = _gravity_loads(structure, striker, gravity)
     count = structure.omega.size
     size, r = count + striker.omega.size, structure.r + striker.r
     block = np.zeros(6 * size + 3)
@@ -135,7 +156,7 @@ def pair(
     block[3 * size] = r
     return Pair(
         given=(model, impactor),
-        asked=(one, other),
+        checked=(one, other),
         modes=(structure, striker),
         block=block,
         omega=omega,
@@ -149,23 +170,18 @@ def pair(
     )
 
 
-def pose(
-    model: LinearBody,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    initial_velocity: float | Motion = 0.0,
-    gravity: float | Sequence[float] = 0.0,
-    gap: float | None = None,
-) -> Assembly:
-    """The bodies "structure" and "impactor", ready to integrate over `duration` [s]."""
-    made = pair(model, impactor, initial_velocity, gravity)
+def assemble_pair(impact: Impact) -> Assembly:
+    """Assemble "structure" and "impactor" for integration over the duration."""
+    model, impactor, contact, duration, _, gravity, gap = impact
+    made = modal_pair(impact)
     made.check_span(duration)
     checks.instance("contact", contact, ContactLaw, LAW)
-    law, notes = freed(contact, made.local, "structure", "impactor")
-    gap = made.asked[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
+    law, notes = without_patch(contact, made.local, "structure", "impactor")
+    gap = made.checked[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
     mass = made.mass
-    depth, speed, lasting = expected_impact(law, mass, made.beta, made.v, made.load, gap, duration)
+    depth, speed, contact_time_estimate = expected_contact(
+        law, mass, made.beta, made.v, made.load, gap, duration
+    )
     parts = partial(_parts, contact, gap, gravity, made)
     one, other = made.modes
     coupled = one.damping is not None or other.damping is not None
@@ -189,44 +205,44 @@ def pose(
         depth=scales[1:2],
         speed=scales[2:3],
         pressed=scales[3:],
-        first=first_order_of(made.bodies) if coupled else None,
+        first=stacked_first_order(made.bodies) if coupled else None,
     )
     system.block = block
-    turns, thin = may_turn(one) or may_turn(other), is_thin(model) or is_thin(impactor)
-    return Assembly(parts, _ROW, [law], notes, system, lasting, turns, thin)
+    turns, thin = may_rotate(one) or may_rotate(other), is_thin(model) or is_thin(impactor)
+    return Assembly(parts, _ROW, [law], notes, system, contact_time_estimate, turns, thin)
 
 
-def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], made: Pair) -> Parts:
+def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pair: Pair) -> Parts:
     """The bodies "structure" and "impactor" as a scene has them."""
-    bodies = {body.name: body for body in made.bodies}
-    return of_two(*made.given, contact, gap, gravity), bodies
+    bodies = {body.name: body for body in pair.bodies}
+    return two_body_parts(*pair.given, contact, gap, gravity), bodies
 
 
-def _loads(
+def _gravity_loads(
     structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
-) -> tuple[Array | None, Array | None]:
+) -> list[Array | None]:
     """Modal forces of gravity on both bodies; None: there are none."""
-    listed = isinstance(gravity, list | tuple)
-    if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
+    vector = None
+    if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
+        vector = checks.array("gravity", gravity, (3,))
+        if structure.direction is None:
+            raise InputError(
+                "gravity as a vector needs a model that knows the direction of impact: extract it"
+                " from a mesh, or give gravity as a number along the impact."
+            )
+        along = float(vector @ structure.direction)
+    else:
         along = checks.number("gravity", gravity, "m/s^2")
-        return _pull("structure", structure, along), _pull("impactor", striker, -along)
-    vector = checks.array("gravity", gravity, (3,))
-    if structure.direction is None:
-        raise InputError(
-            "gravity as a vector needs a model that knows the direction of impact: extract it from"
-            " a mesh, or give gravity as a number along the impact."
-        )
-    along = float(vector @ structure.direction)
     loads: list[Array | None] = []
     for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
-        if body.inertia is None:
-            loads.append(_pull(name, body, sign * along))
+        if vector is None or body.inertia is None:
+            loads.append(_gravity_load(name, body, sign * along))
         else:
-            loads.append(_falling(body, body.inertia.momentum[:, :3] @ vector))
-    return loads[0], loads[1]
+            loads.append(_free_body_load(body, body.inertia.momentum[:, :3] @ vector))
+    return loads
 
 
-def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
+def _gravity_load(name: str, body: ModalBody, gravity: float) -> Array | None:
     """Modal forces of gravity along the push of the contact."""
     if gravity == 0.0 or not np.any(body.omega == 0):
         return None
@@ -235,12 +251,14 @@ def _pull(name: str, body: ModalBody, gravity: float) -> Array | None:
             f"gravity on the {name} with a rigid-body mode needs the model's participation;"
             f" extract the model anew, give participation=, or set gravity=0."
         )
-    return _falling(body, gravity * body.weight)
+    return _free_body_load(body, gravity * body.weight)
 
 
-def _falling(body: ModalBody, load: Array) -> Array:
-    """`load` on free bodies; none on a body with a supported site, measured from its
-    equilibrium."""
+def _free_body_load(body: ModalBody, load: Array) -> Array:
+    """Return `load`; zero in elastic modes of a body whose site is supported.
+
+    Displacements of such a body are measured from its equilibrium.
+    """
     rigid = body.omega == 0
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
 
@@ -264,42 +282,24 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
             "give the band as a number."
         )
     endless = 1e6  # s
-    return BAND_OVER_PULSE * np.pi / pose(Obstacle(), impactor, contact, endless).lasting
+    return (
+        BAND_OVER_PULSE
+        * np.pi
+        / assemble_pair(Impact(Obstacle(), impactor, contact, endless)).contact_time_estimate
+    )
 
 
 IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))
 OUTCOME = cast("np.dtype[np.void]", np.dtype(march.Outcome))
 
 #: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
-_AT_ONCE = 4_000_000
+_WORK_PER_CALL = 4_000_000
 #: Least nodes that a call may write.
 _NODES = 200_000
 
 
-class Impact(NamedTuple):
-    """An impact as `simulate` and `pose` take it."""
-
-    model: LinearBody
-    impactor: LinearBody
-    contact: ContactLaw
-    duration: float
-    initial_velocity: float | Motion = 0.0
-    gravity: float | Sequence[float] = 0.0
-    gap: float | None = None
-
-    def group(self) -> tuple[object, ...] | None:
-        """Equal for impacts that can be rows of the same arrays; None for one that cannot."""
-        if not is_compiled(self.contact) or _coupled(self.model) or _coupled(self.impactor):
-            return None
-        still = isinstance(self.gravity, int | float) and self.gravity == 0
-        rigid = still and type(self.impactor) in (RigidMass, Sphere)
-        moving = self.initial_velocity
-        speed = moving if isinstance(moving, int | float) else id(moving)
-        return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
-
-
-def _coupled(body: LinearBody) -> bool:
-    """Whether damping couples the modes of a body; False for what is none, which `pair` tells."""
+def _has_coupled_damping(body: LinearBody) -> bool:
+    """Whether damping couples the modes of a body; False for what is none."""
     if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
         return False
     try:
@@ -308,7 +308,7 @@ def _coupled(body: LinearBody) -> bool:
         return False
 
 
-class Rows:
+class ImpactRows:
     """Impacts of one group: the two bodies of the first, and what the march takes.
 
     Attributes
@@ -321,8 +321,8 @@ class Rows:
     def __init__(
         self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
     ) -> None:
-        model, first, _, _, velocity, gravity, _ = impacts[0]
-        self.pair = made = pair(model, first, velocity, gravity)
+        first = impacts[0].impactor
+        self.pair = made = modal_pair(impacts[0])
         count, size = len(impacts), made.omega.size
         beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
         mobility = np.full(count, sum(made.mobilities))
@@ -332,9 +332,11 @@ class Rows:
             beta[:, -1] = -b
             v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
             mobility = made.mobilities[0] + b * b
-        self.laws = cast("list[Compiled]", _freed([each.contact for each in impacts], made.local))
+        self.laws = cast(
+            "list[Compiled]", _laws_without_patch([each.contact for each in impacts], made.local)
+        )
         self.given = given = np.zeros(count, IMPACT)
-        self._held = [made.omega, made.decay, beta, v, made.load, *_turning(made)]
+        self._held = [made.omega, made.decay, beta, v, made.load, *_rotation_rows(made)]
         omega, decay, rows, speeds, load, *turning = map(march.address, self._held)
         each = 8 * size * np.arange(count, dtype=np.uintp)
         given["n_modes"], given["omega"], given["decay"] = size, omega, decay
@@ -346,7 +348,7 @@ class Rows:
             given["law"][name] = [getattr(kernel, name) for kernel in kernels]
         given["residual"] = made.r
         given["mass"] = np.where(mobility > 0, 1 / np.where(mobility > 0, mobility, 1.0), 1.0)
-        own = made.asked[1].gap
+        own = made.checked[1].gap
         given["gap"] = [
             own if each.gap is None else checks.nonnegative("gap", each.gap, "m")
             for each in impacts
@@ -363,41 +365,41 @@ class Rows:
         `done` is told how many are solved, now and then.
         """
         given, size = self.given, self.pair.omega.size
-        space = _space(size)
+        space = _workspace(size)
         outcomes, count = np.zeros(len(given), OUTCOME), c_int64()
         pulses: list[tuple[Array, Array]] = []
         arguments = (
             space.batch, len(given), march.address(given), march.address(outcomes),
-            byref(space.nodes), max(_AT_ONCE // (size + 20), 16), byref(count),
+            byref(space.nodes), max(_WORK_PER_CALL // (size + 20), 16), byref(count),
         )  # fmt: skip
         answer = march.PAUSED
         while answer in (march.PAUSED, march.FULL):
             answer = march.library.aom_batch_solve(*arguments)
-            pulses += space.taken(outcomes["n_nodes"][len(pulses) : count.value])
+            pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             done(count.value)
-        _spaces.append(space)
+        _idle_workspaces.append(space)
         return outcomes, pulses
 
 
-def _freed(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
+def _laws_without_patch(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
     """The laws as the march takes them."""
     found: dict[int, ContactLaw] = {}
     laws = []
     for contact in contacts:
         if id(contact) not in found:
             checks.instance("contact", contact, ContactLaw, LAW)
-            found[id(contact)] = freed(contact, local, "structure", "impactor")[0]
+            found[id(contact)] = without_patch(contact, local, "structure", "impactor")[0]
         laws.append(found[id(contact)])
     return laws
 
 
-def _turning(made: Pair) -> list[Array]:
+def _rotation_rows(made: Pair) -> list[Array]:
     """Rotation vectors (n, 3, J) by the modes of the bodies that may turn, [] without one."""
     found, begin = [], 0
     for body in made.bodies:
         span = slice(begin, begin + body.omega.size)
         begin = span.stop
-        if may_turn(body):
+        if may_rotate(body):
             turning = np.zeros((3, made.omega.size))
             turning[:, span] = body.rotation(np.eye(body.omega.size)).T
             found.append(turning)
@@ -416,10 +418,10 @@ class _Workspace:
         self.nodes = march.PulseNodes(room, 0, *map(march.address, (self.time, self.force)))
         self.batch, self.size = c_void_p(), -1
 
-    def renew(self, size: int) -> bool:
-        """Be for other impacts; False if there is too little memory.
+    def reset(self, size: int) -> bool:
+        """Prepare for impacts with `size` modes; False if the memory is too small.
 
-        With as many modes as before the march goes on with the responses that it has.
+        With the same number of modes the march reuses its responses.
         """
         at = march.address(self.memory), self.memory.nbytes, byref(self.batch)
         self.nodes.n_nodes = 0
@@ -429,8 +431,8 @@ class _Workspace:
             self.size = size if made else -1
         return size == self.size
 
-    def taken(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
-        """The nodes of all impacts, without the unused ends of their buffers."""
+    def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
+        """Copy the nodes of all impacts and empty the buffers."""
         time, force = (each[: self.nodes.n_nodes].copy() for each in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()
@@ -438,18 +440,18 @@ class _Workspace:
         return [(time[a:b], force[a:b]) for a, b in zip(begins, ends, strict=True)]
 
 
-_spaces: list[_Workspace] = []
+_idle_workspaces: list[_Workspace] = []
 
 
-def _space(size: int) -> _Workspace:
-    """Memory of an earlier call, if it is enough; taken out, so that no other thread has it."""
-    while _spaces:
+def _workspace(size: int) -> _Workspace:
+    """Take an idle workspace that is large enough, or create one; no other thread has it."""
+    while _idle_workspaces:
         try:
-            found = _spaces.pop()
+            found = _idle_workspaces.pop()
         except IndexError:  # another thread took it
             break
-        if found.renew(size):
+        if found.reset(size):
             return found
     found = _Workspace(size)
-    found.renew(size)
+    found.reset(size)
     return found

@@ -25,11 +25,11 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.body import strip, thickness_shear
+from antiosc.models.body import strip_bending_frequency, thickness_shear_frequency
 from antiosc.simulation.bodies import RigidMass, Sphere
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
@@ -51,7 +51,7 @@ HERTZ_TIME = 2.9432
 
 
 @dataclass(frozen=True)
-class Advice(Given):
+class Advice(FieldsRepr):
     """Recommended element family and element size for one part and one impact.
 
     Attributes
@@ -128,8 +128,8 @@ def advise(
     lam = zener.inelasticity(impactor.mass, speed, stiffness, bending, rho * thickness)
 
     limits = {
-        "beam": TRUST * strip(width, thickness, E, nu, rho),
-        "shell": TRUST * thickness_shear(thickness, E, nu, rho),
+        "beam": TRUST * strip_bending_frequency(width, thickness, E, nu, rho),
+        "shell": TRUST * thickness_shear_frequency(thickness, E, nu, rho),
         "solid": np.inf,
     }
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}

@@ -14,7 +14,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin, engineering, place, span
+from antiosc.base.texts import ReprMixin, engineering, point_text, range_text
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo
@@ -153,7 +153,7 @@ class ImpactMap(ReprMixin):
         surface = np.unique(self.names, return_inverse=True)[1].astype(float)
         data = {**self.quantities(), "direction": self.directions, "surface": surface}
         data["doubtful"] = self.doubtful.astype(float)
-        with files.complete(target, "the map") as part:
+        with files.atomic_file(target, "the map") as part:
             try:
                 blocks = [(kind, numbers) for kind, numbers in cells if len(numbers)]
                 meshio.Mesh(self.points, blocks, point_data=data).write(part)
@@ -183,11 +183,12 @@ class ImpactMap(ReprMixin):
         rows = [title]
         for name, own in surfaces.items():
             k0 = self.models.k0[trusted(self, own)]
-            row = f"{name or 'sites':<{width}}{len(own):>7}{span(k0.min(), k0.max(), 'N/m'):>32}"
+            stiffness = range_text(k0.min(), k0.max(), "N/m")
+            row = f"{name or 'sites':<{width}}{len(own):>7}{stiffness:>32}"
             if self.peak_force is not None:
                 i = hardest(self, own)
                 force = engineering(self.peak_force[i], "N", 4)
-                row += f"{force:>12}  {place(self.points[i])}"
+                row += f"{force:>12}  {point_text(self.points[i])}"
             rows.append(row)
         if self.doubtful.any():
             stress = "" if self.peak_stress is None else " and the largest stress"
@@ -199,8 +200,9 @@ class ImpactMap(ReprMixin):
             assert self.stress_points is not None
             rows.append(
                 f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
-                f" {place(self.stress_points[i])} for a blow at {place(self.points[i])}; its mesh"
-                " error is not known: read_mesh(…, refine=…) there shows how it grows"
+                f" {point_text(self.stress_points[i])} for a blow at"
+                f" {point_text(self.points[i])}; its mesh error is not known:"
+                " read_mesh(…, refine=…) there shows how it grows"
             )
         return "\n".join(rows)
 

@@ -34,7 +34,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
 from antiosc.base.stresses import equivalent
-from antiosc.base.texts import place as placed
+from antiosc.base.texts import point_text as placed
 from antiosc.contact import ContactLaw
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.extraction import shapes_of_models
@@ -62,7 +62,7 @@ from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import Force, motions, peak_deflections
 from antiosc.simulation.histories.results import beyond_linear
 from antiosc.simulation.reference import Settings
-from antiosc.simulation.scene import impact
+from antiosc.simulation.scene import simulate_impact
 from antiosc.simulation.two_bodies import Impact, impact_band
 from antiosc.studies.map_results import ImpactMap, MapInfo, hardest
 
@@ -409,7 +409,7 @@ def _reduced(
     """The sites with the fewest anti-oscillators of `counts` that suffice, and their errors."""
     of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
     for n in counts:
-        models = free_modes.at_sites(*of_sites, n, shift, "krylov")
+        models = free_modes.site_models(*of_sites, n, shift, "krylov")
         left_out, reduction = free_modes.error_bound(models, *of_sites, band, shift)
         if np.all(reduction <= accuracy / 2):
             break
@@ -525,7 +525,7 @@ def _struck(
 
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
     wall = Impact(Obstacle(), impactor, contact, duration)
-    on_wall = impact(wall, Settings(COARSE))[0].peak_force
+    on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}

@@ -46,7 +46,7 @@ from antiosc.models.motion import Motion
 from antiosc.simulation.bodies import RigidMass, Sphere
 from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.simulation.histories import History, with_model
-from antiosc.simulation.histories.parts import ErrorBudget, differences, floored
+from antiosc.simulation.histories.parts import ErrorBudget, differences, with_floor
 from antiosc.simulation.scene import simulate
 from antiosc.simulation.truncation import truncation_error
 from antiosc.studies.advice import advise
@@ -317,7 +317,7 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
     """
     if before is None:
         return answer
-    changed = floored(differences(before.hit, answer.hit))
+    changed = with_floor(differences(before.hit, answer.hit))
     bars = {
         name: replace(bar, mesh=max(bar.mesh, changed[name])) for name, bar in answer.budget.items()
     }

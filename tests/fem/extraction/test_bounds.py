@@ -18,8 +18,8 @@ from antiosc.fem.extraction import oscillators, site_shapes
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
-from antiosc.models.free_modes import at_sites, error_bound
-from antiosc.models.motion import with_rigid
+from antiosc.models.free_modes import error_bound, site_models
+from antiosc.models.motion import with_rigid_mode
 from chains import loose_chains
 from loose_bodies import (
     check_bounds,
@@ -73,7 +73,7 @@ def test_force_on_a_block_is_continuous_in_the_angle_to_its_slide(method):
 
 def test_a_rigid_motion_of_enormous_mass_leaves_m0_in_the_impact():
     light = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.2], omega=[3e3])
-    m0, m, omega, _, _ = with_rigid(1e6, 0.1, light.m, light.omega, 1e-9)
+    m0, m, omega, _, _ = with_rigid_mode(1e6, 0.1, light.m, light.omega, 1e-9)
     heavy = ao.AntiOscillators(m0=m0, k0=0.0, m=m, omega=omega)
     assert heavy.modal().r == 0.0  # the site is no massless point
     forces = [
@@ -94,7 +94,7 @@ def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(
     shift = 0.1 * omega[rigid] ** 2 if rigid else 0.0
     C, G = b**2 @ (1 / (omega**2 + shift)), b**2 @ (1 / (omega**2 + shift) ** 2)
     known, band = (omega[:20], b[:, :20], C, G), 0.6 * omega[19]
-    models = at_sites(*known, 8, shift, method)
+    models = site_models(*known, 8, shift, method)
     bound = np.sum(error_bound(models, *known, band, shift), axis=0)
     w = bands.samples(band, min(omega[rigid], models.omega.min()), 0.003)
     H = b**2 @ (1 / (omega[:, None] ** 2 - w**2))

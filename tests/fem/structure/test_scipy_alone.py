@@ -179,7 +179,7 @@ def test_the_entries_of_a_factor_are_forecast(dofs):
 def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
     A = lattice(9, 3)
     monkeypatch.setattr(linalg, "FORECAST_ROWS", 100)
-    monkeypatch.setattr(process, "UNNOTICED", 0)
+    monkeypatch.setattr(process, "NEGLIGIBLE", 0)
     monkeypatch.setattr(process, "free_memory", lambda: 1e6)
     monkeypatch.setattr(linalg.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
     with pytest.raises(

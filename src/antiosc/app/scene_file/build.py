@@ -288,7 +288,7 @@ class Builder:
             with warnings_to(messages.append):
                 made = call.make(**replaced(dict(call.arguments)))
                 if isinstance(made, plausible.Material):
-                    plausible.tell([plausible.of_material(made)])
+                    plausible.warn_each([plausible.of_material(made)])
         except Exception as error:
             self.note(*call.refused(error))
             return None

@@ -67,8 +67,8 @@ class Outline:
         groups = ", ".join(self.groups[:MOST_NAMES]) or "none"
         more = len(self.groups) - MOST_NAMES
         return (
-            f"from {checks.in_words(self.low)} to {checks.in_words(self.high)}; groups: {groups}"
-            + (f" and {more} more" if more > 0 else "")
+            f"from {checks.point_text(self.low)} to {checks.point_text(self.high)};"
+            f" groups: {groups}" + (f" and {more} more" if more > 0 else "")
         )
 
     def distance(self, point: Array) -> float:
@@ -140,8 +140,8 @@ def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outlin
         nearest = min(own, key=lambda one: one.distance(x))
         off, place = nearest.distance(x), (*call.place, key)
         if off and (isinstance(snap, bool) or snap is None or off > snap):
-            box = f"{checks.in_words(nearest.low)} to {checks.in_words(nearest.high)}"
-            sentence = f"{label(place)}: the point {checks.in_words(x)} lies {off:.3g} m outside"
+            box = f"{checks.point_text(nearest.low)} to {checks.point_text(nearest.high)}"
+            sentence = f"{label(place)}: the point {checks.point_text(x)} lies {off:.3g} m outside"
             sentence += f" the box of {nearest.name}, from {box}: coordinates are in metres."
             found.document.problems.add(place, sentence)
 

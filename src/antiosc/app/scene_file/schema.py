@@ -291,7 +291,7 @@ CHECKS: dict[str, Check] = {
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "order": functools.partial(checks.choice, options=(1, 2)),
     "quantity": _among("antiosc.results.probe:PROBED_QUANTITIES"),
-    "times": checks.filled,
+    "times": checks.nonempty,
     "tol": lambda name, value: checks.tolerance(value, name),
     "unit": _by("antiosc.io.neutral:UnitSystem.of"),
     "from_frf.band": functools.partial(checks.array, shape=(2,)),

@@ -19,7 +19,7 @@ import scipy.sparse.csgraph
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import in_words, several
+from antiosc.base.checks import list_of, point_text
 from antiosc.base.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
@@ -401,7 +401,7 @@ def assemble(
     """
     return put_together(
         parts,
-        several("joints", joints, Joint, "joints such as Tie and Hinge"),
+        list_of("joints", joints, Joint, "joints such as Tie and Hinge"),
         at,
         points=points,
         supports=supports,
@@ -488,7 +488,7 @@ def _joined(
     fixed = _fixed(layout)
     places = layout.places
     scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
-    held = several("supports", supports, Support, "Support(where, fix)")
+    held = list_of("supports", supports, Support, "Support(where, fix)")
     rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
@@ -570,7 +570,7 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         if one.name in layout.points:
             raise InputError(f"the reference point {one.name!r} is joined to nothing.")
         several = sum(other.name == one.name for other in bodies) > 1
-        which = f"a piece at {in_words(one.centre)} of the part" if several else "the part"
+        which = f"a piece at {point_text(one.centre)} of the part" if several else "the part"
         raise InputError(
             f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
         )

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
 from antiosc.base.checks import array
-from antiosc.base.errors import AccuracyError, InputError, known, warn
+from antiosc.base.errors import AccuracyError, InputError, name_list, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
 from antiosc.fem.assembly.parts import RowRange
@@ -461,7 +461,7 @@ class AssembledMatrices(StructureMatrices):
                 "name, and its fields are those of its own structure."
             )
         if name not in self.layout.members:
-            parts = known(name, self.layout.names, "its parts")
+            parts = name_list(name, self.layout.names, "its parts")
             raise InputError(f"the assembly has no part {name!r}; {parts}.")
         return [self.layout.members[name]]
 

@@ -10,7 +10,7 @@ from typing import Any
 from mpi4py import MPI
 
 from antiosc.base._types import IntArray
-from antiosc.base.checks import instance, path as checked_path, positive, several, shown, whole
+from antiosc.base.checks import instance, list_of, path as checked_path, positive, shown, whole
 from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
@@ -184,7 +184,7 @@ def read_model(
         file, unit, density=density, merge=merge, parts=parts, piece=piece, root=root,
         timeout=timeout,
     )  # fmt: skip
-    more = several("supports", supports, Support, "Support objects")
+    more = list_of("supports", supports, Support, "Support objects")
     added = attachments_of(attached)
     raws = on_root(comm, read)
     first = next(iter(raws.values()))

@@ -17,8 +17,8 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import Checked, array, checked_by, in_words, positive, shown, text
-from antiosc.base.errors import InputError, known, warn
+from antiosc.base.checks import Checked, array, checked_by, point_text, positive, shown, text
+from antiosc.base.errors import InputError, name_list, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Condensed, interface
 from antiosc.fem.mesh.surface import Quadrature, largest, quadrature
@@ -121,7 +121,7 @@ def end_text(end: End) -> str:
     """An end in words."""
     if isinstance(end, str):
         return repr(end)
-    return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {in_words(end[1])}"
+    return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {point_text(end[1])}"
 
 
 def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
@@ -136,7 +136,7 @@ def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
     member = _member(layout, part, end)
     if group not in member.part.mesh.groups:
         names = [f"{part}:{name}" for name in member.part.mesh.groups]
-        groups = known(end, names, "its groups")
+        groups = name_list(end, names, "its groups")
         raise InputError(f"the part {part!r} has no group {group!r}; {groups}.")
     return member, group
 
@@ -148,7 +148,7 @@ def _member(layout: Layout, part: str, end: End) -> Member:
             "Ball, Weld, Hinge, Slider, Bushing or Equation."
         )
     if part not in layout.members:
-        parts = known(part, layout.names, "its parts")
+        parts = name_list(part, layout.names, "its parts")
         raise InputError(f"{end_text(end)}: the assembly has no part {part!r}; {parts}.")
     return layout.members[part]
 
@@ -169,7 +169,7 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
             layout.units(dofs[:3]), layout.units(dofs[3:]), layout.rotations, layout.points[end]
         )
     if ":" not in end:
-        points = known(end, layout.points, "the reference points")
+        points = name_list(end, layout.points, "the reference points")
         hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
         raise InputError(
             f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
@@ -204,7 +204,7 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
         nearest = int(np.argmin(apart))
         name = list(one.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
     if name not in one.part.ends:
-        sites = known(
+        sites = name_list(
             end_text(end), [f"{one.name}:{each}" for each in one.part.ends], "its sites and nodes"
         )
         raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
@@ -241,7 +241,7 @@ def _of_point(
     if nearest.distance[0] > NEAR * member.part.mesh.extent():
         raise InputError(
             f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
-            f"point is {in_words(place)}."
+            f"point is {point_text(place)}."
         )
     if radius is not None:
         return mean(layout, member, _around(member, end, place, radius)).at(place)

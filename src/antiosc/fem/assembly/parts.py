@@ -20,7 +20,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, shown
-from antiosc.base.errors import InputError, known, without_warnings
+from antiosc.base.errors import InputError, name_list, without_warnings
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh, local_groups
@@ -320,7 +320,7 @@ def checked_places(members: Mapping[str, object], at: object) -> dict[str, Place
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
     for name in given:
         if not isinstance(name, str) or name not in members:
-            parts = known(name, members, "the parts")
+            parts = name_list(name, members, "the parts")
             raise InputError(f"at names {shown(name)}, which is no part; {parts}.")
     return {name: placement(name, given.get(name)) for name in members}
 

@@ -27,7 +27,7 @@ import scipy.sparse
 import scipy.spatial
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import checked_by, in_words, positive
+from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError, warn
 from antiosc.fem.assembly.joint import NAME, Between, Held, Rows, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
@@ -328,7 +328,7 @@ def led_by_solid(
     if (second < ENOUGH * thickness**2 / 12).any():
         k = int(np.argmin(second / thickness**2))
         raise InputError(
-            f"{label}: at {in_words(points[k])} too little of the shell's thickness of "
+            f"{label}: at {point_text(points[k])} too little of the shell's thickness of "
             f"{thickness[k]:.3g} m lies on the face of {face.member.name!r} to hold its rotation; "
             "give all faces that it ends on."
         )

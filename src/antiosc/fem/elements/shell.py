@@ -25,7 +25,7 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import Checked, array, checked_by, in_words, number, positive, store
+from antiosc.base.checks import Checked, array, checked_by, number, point_text, positive, store
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Layer, PlateSection, stacked
 from antiosc.fem.elements.weak_form import (
@@ -215,7 +215,7 @@ def areas_of(mesh: Mesh) -> Expr:
     total = mesh.comm.allreduce(len(bad))
     error = None
     if len(bad):
-        at = in_words(x[bad[0]].mean(axis=0))
+        at = point_text(x[bad[0]].mean(axis=0))
         error = InputError(
             f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at {at}: "
             "remesh the surface, or remove these cells."

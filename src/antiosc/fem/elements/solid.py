@@ -12,9 +12,9 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, checked_by, choice, kept, positive, store, within_range
+from antiosc.base.checks import array, checked_by, choice, positive, read_only, store, within_range
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.fem.elements.weak_form import (
     Family,
     Isotropic,
@@ -224,7 +224,7 @@ SYMMETRY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class AnisotropicSolid(Given):
+class AnisotropicSolid(FieldsRepr):
     """A linear-elastic solid with directions: wood, single crystals, unidirectional composites.
 
     Parameters
@@ -263,8 +263,8 @@ class AnisotropicSolid(Given):
                 "stiffness must be positive definite, else the strain energy is not positive; its "
                 f"least eigenvalue is {least:.3g} Pa."
             )
-        store(self, stiffness=kept((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
-        store(self, axes=kept(_axes(self.axes)))
+        store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
+        store(self, axes=read_only(_axes(self.axes)))
 
     @classmethod
     @within_range

@@ -25,8 +25,8 @@ from antiosc.base.checks import (
     Checked,
     array,
     checked_by,
-    in_words,
     nonnegative,
+    point_text,
     poisson,
     positive,
     shown,
@@ -140,7 +140,7 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
 
 def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
     if bad.any():
-        at = in_words(x[np.argmax(bad)].mean(axis=0))
+        at = point_text(x[np.argmax(bad)].mean(axis=0))
         raise InputError(f"{what} in {int(bad.sum())} cells, one at {at}: {remedy}.")
 
 
@@ -192,7 +192,7 @@ def _compare(
     concerned = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
     bad = concerned & (way[pairs].sum(axis=0) != 0)
     if bad.any():
-        at = in_words(points[pairs[0, np.argmax(bad)]])
+        at = point_text(points[pairs[0, np.argmax(bad)]])
         raise InputError(
             f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
             f"{at}, so that the top of the sheet would change sides: reverse the node "

@@ -33,7 +33,13 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import BeamSection, FacetGaps, Patch, strip, thickness_shear
+from antiosc.models.body import (
+    BeamSection,
+    FacetGaps,
+    Patch,
+    strip_bending_frequency,
+    thickness_shear_frequency,
+)
 
 # -- Whether flat faces approximate a curved surface, an error that no recovery of strains detects.
 
@@ -208,7 +214,10 @@ def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
     )
     _need(NU[0] <= beam.nu <= NU[1], f"it is measured for Poisson's ratios of {NU[0]} to {NU[1]}")
     material = beam.E, beam.nu, beam.rho
-    fails = min(strip(width, height, *material), thickness_shear(height, *material))
+    fails = min(
+        strip_bending_frequency(width, height, *material),
+        thickness_shear_frequency(height, *material),
+    )
     return {
         "compliance": 1 / (beam.E * sqrt(section.A)),
         "omega": 2 * pi * fails,

@@ -13,9 +13,9 @@ compliance:
 
 With one site that is φ_st = A⁻¹b/(bᵀA⁻¹b), or φ_CR = R Rᵀb/|Rᵀb|², which is M-orthogonal to the
 rigid-body modes that vanish at the site, so that these drop out (Article, section 3.3). A
-rigid-body mode with a share below `SMALL_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide all
-others. The static modes are then those of the elastic motions, and the weak rigid-body mode is
-modelled separately (`antiosc.models.motion`).
+rigid-body mode with a share below `SMALL_RIGID_SHARE` is not one of Φ_r: its mass 1/(sσ²)
+would hide all others. The static modes are then those of the elastic motions, and the weak
+rigid-body mode is modelled separately (`antiosc.models.motion`).
 Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
 """
 
@@ -35,7 +35,7 @@ from antiosc.fem.linalg import Solver
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.site import Functional
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.motion import HIDDEN, SMALL_SHARE, Inertia
+from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, Inertia
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -139,13 +139,13 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
     kept, dependence, W, Y, V, sigma = _basis(structure, B, Y)
     given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
-    q = int(np.sum(sigma**2 > SMALL_SHARE))
+    q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
     unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(kept) == 1 else 1.0
     moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong, nodal = R[:, :q], R[:, q:]
     slides = dot(comm, nodal, B)
     weak = np.zeros_like(slides)
-    own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN)
+    own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
     weak[own, q + own] = slides[own, q + own]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)

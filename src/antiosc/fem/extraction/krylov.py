@@ -59,7 +59,7 @@ from antiosc.fem.structure import Dissipation, ends, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.driving_point import semidefinite
 from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping
@@ -152,7 +152,7 @@ def _with_losses(
     modes = np.linalg.pinv(amplitude)[elastic]
     own = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
     factor = np.vstack([damping.factor, own])
-    return replace(model, damping=of_factors(factor, damping.factors))
+    return replace(model, damping=from_factors(factor, damping.factors))
 
 
 def band_error(

@@ -28,7 +28,7 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.free_modes import MASSLESS
-from antiosc.models.motion import with_rigid
+from antiosc.models.motion import with_rigid_mode
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -215,7 +215,7 @@ def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
         a = float(static.slide[0, 0])
         weak, hidden = hidden[:, 0] * np.sign(a), hidden[:, 1:]
         shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
-        m0, m, omega, own, turn = with_rigid(k0, m0, m, omega, abs(a))
+        m0, m, omega, own, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
         k0, residual, psi = 0.0, shapes @ own, shapes @ turn
     return OneSite(k0, m0, omega, m, residual, psi, hidden)
 

@@ -126,7 +126,7 @@ class StructureModes(ReprMixin):
             size = np.linalg.norm(shapes, axis=1).max(axis=0)
             scaled = shapes / np.where(size > 0, size, 1.0)
             fields = {f"mode {i + 1}": scaled[:, :, i] for i in range(self.n)}
-            with files.complete(target, "the modes") as part:
+            with files.atomic_file(target, "the modes") as part:
                 part.write_bytes(Frames(points, cells).content(fields))
 
         on_root(self.structure.comm, work)

@@ -20,7 +20,7 @@ from scipy.sparse import csr_matrix
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import shown
-from antiosc.base.errors import InputError, known
+from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.solid import SOLID_EDGES
@@ -205,7 +205,7 @@ def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Memb
         groups = [group for member, _ in parts for group in member.part.stiffeners]
         raise InputError(
             f"no stiffener, a Beam on edges of a sheet, has the name {shown(name)}; "
-            f"{known(name, groups, 'its stiffeners')}."
+            f"{name_list(name, groups, 'its stiffeners')}."
         )
     return found
 

@@ -191,7 +191,9 @@ class SuperLU(Factorization):
         except RuntimeError as error:  # an empty column of what is left
             raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
-            raise process.ran_out(f"the factor of {self.A.shape[0]} dofs", error, REDUCE) from error
+            raise process.allocation_failed(
+                f"the factor of {self.A.shape[0]} dofs", error, REDUCE
+            ) from error
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR.format("a pivot is zero"))
         pivots = self._lu.U.diagonal()

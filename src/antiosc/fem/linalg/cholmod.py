@@ -32,7 +32,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
-from antiosc.base.process import SMALLER, as_many_as_pay, one_thread, ran_out
+from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads, one_thread
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)
@@ -191,7 +191,9 @@ def failure(common: Common, what: str, size: float | None = None) -> AntioscErro
     """The error for CHOLMOD's status after a call that failed at `what` (of `size` bytes)."""
     if common.status == NO_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
-        return ran_out(f"{what}{need}", remedy=f"use solver='iterative', {SMALLER[4:]}")
+        return allocation_failed(
+            f"{what}{need}", remedy=f"use solver='iterative', {MEMORY_REMEDY[4:]}"
+        )
     reason = FAILURES.get(common.status, "it gives no reason")
     return NotConvergedError(f"CHOLMOD failed during {what}: {reason} (status {common.status}).")
 
@@ -396,7 +398,7 @@ class Cholesky:
         analysis = A if isinstance(A, Analysis) else Analysis(A, block, permutation, last)
         memory = self._memory = analysis.memory
         common, factor = memory.common, memory.factor
-        with without_openmp(), as_many_as_pay(analysis.fronts()):
+        with without_openmp(), blas_threads(analysis.fronts()):
             done = memory.lib.cholmod_l_factorize(byref(analysis.matrix), factor, byref(common))
         found = factor.contents
         if not done or not found.is_super or not found.x:

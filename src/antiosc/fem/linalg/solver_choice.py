@@ -47,7 +47,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, NotConvergedError
-from antiosc.base.process import ran_out
+from antiosc.base.process import allocation_failed
 from antiosc.fem.linalg import SINGULAR, Choice, Factorization, Solver, cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
@@ -358,7 +358,7 @@ class PetscSolver(Solver):
             self._ksp.setUp()
         except PETSc.Error as error:
             if error.ierr == PETSC_NO_MEMORY:
-                raise ran_out(f"the solver of {self.A.getSize()[0]} dofs") from error
+                raise allocation_failed(f"the solver of {self.A.getSize()[0]} dofs") from error
             raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
         self._b, self._x = self.A.createVecs()
 
@@ -521,7 +521,7 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
 
 def _iterative(A: PETSc.Mat, motions: Callable[[], Array]) -> Solver:
     """The iterative solver, or OutOfMemoryError before its matrices are made."""
-    process.give_back()
+    process.trim_heap()
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)

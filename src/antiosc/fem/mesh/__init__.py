@@ -18,7 +18,7 @@ from antiosc.base.checks import (
     instance,
     shown,
 )
-from antiosc.base.errors import InputError, known
+from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
 from antiosc.io.neutral import RawMesh
@@ -221,7 +221,7 @@ class Mesh(ReprMixin):
     def group(self, name: str) -> Mapping[int, IntArray]:
         """{dimension: local entities} of the group `name`; InputError if there is none."""
         if not isinstance(name, str) or name not in self.groups:
-            groups = known(name, self.groups, "its groups")
+            groups = name_list(name, self.groups, "its groups")
             raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
         return self.groups[name]
 

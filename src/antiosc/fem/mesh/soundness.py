@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
-from antiosc.base.checks import in_words
+from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError, warn
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
@@ -251,7 +251,7 @@ def sound(
     def told(some: IntArray, what: str, remedy: str) -> str:
         centre = raw.points[raw.cells[some[0]]].mean(axis=0)
         return (
-            f"{len(some)} of {len(cells)} cells of {name} {what}, one at {in_words(centre)}: "
+            f"{len(some)} of {len(cells)} cells of {name} {what}, one at {point_text(centre)}: "
             f"{remedy}."
         )
 
@@ -350,7 +350,7 @@ def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str) -> None:
     if len(loose):
         warn(
             f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at "
-            f"{in_words(raw.points[loose[0]])}: the mesh has a crack there, by coincident or "
+            f"{point_text(raw.points[loose[0]])}: the mesh has a crack there, by coincident or "
             "hanging nodes; merge them, or mesh the parts as one, unless the crack is intended."
         )
 

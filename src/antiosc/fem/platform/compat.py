@@ -170,9 +170,9 @@ def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
     Python objects. While an exception is raised, that callback waits for ever (0.9): where a mesh
     is on all ranks or on one, their own communicators serve, which last.
     """
-    for lasting in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        if MPI.Comm.Compare(mesh.comm, lasting) in (MPI.IDENT, MPI.CONGRUENT):
-            return lasting
+    for contact_time_estimate in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        if MPI.Comm.Compare(mesh.comm, contact_time_estimate) in (MPI.IDENT, MPI.CONGRUENT):
+            return contact_time_estimate
     return mesh.comm
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.stresses import PAIRS, full
+from antiosc.base.stresses import PAIRS, tensors_of
 from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
@@ -131,7 +131,7 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     for k, (material, _) in enumerate(at.part.parts):
         own = number == k
         result[own] = np.einsum("ij,pjk->pik", material.voigt, engineering[own])
-    return _turned(at, np.moveaxis(full(np.moveaxis(result, 1, -1)), 1, -1), place)
+    return _turned(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
 
 
 def solid_rotation(at: PointsInCells, place: Place) -> Array:

@@ -24,9 +24,19 @@ from scipy.spatial import cKDTree
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
-from antiosc.base.errors import InputError, known
-from antiosc.base.texts import Given
+from antiosc.base.checks import (
+    array,
+    flag,
+    is_rigid,
+    point_text,
+    positive,
+    read_only,
+    store,
+    text,
+    whole,
+)
+from antiosc.base.errors import InputError, name_list
+from antiosc.base.texts import FieldsRepr
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
@@ -47,7 +57,7 @@ SNAP_SHARE = 0.02
 
 
 @dataclass(frozen=True)
-class Site(Given):
+class Site(FieldsRepr):
     """Point and direction of an impact on a structure.
 
     Parameters
@@ -108,7 +118,7 @@ class Site(Given):
         if isinstance(self.snap, bool) or not isinstance(self.snap, Real):
             store(self, snap=flag("snap", self.snap))
         else:
-            store(self, snap=inf if rigid(self.snap) else positive("snap", self.snap, "m"))
+            store(self, snap=inf if is_rigid(self.snap) else positive("snap", self.snap, "m"))
         store(self, tangential=flag("tangential", self.tangential))
         if self.tangential and self.direction is None:
             raise InputError("tangential directions need a Site with a direction.")
@@ -117,7 +127,7 @@ class Site(Given):
         elif self.dof is not None:
             store(self, dof=whole("dof", self.dof, least=0))
         if self.vector is not None:
-            store(self, vector=kept(array("vector", self.vector, (None,))))
+            store(self, vector=read_only(array("vector", self.vector, (None,))))
         if self.part is not None:
             store(self, part=text("part", self.part))
             if self.point is None:
@@ -194,8 +204,8 @@ class Reach:
         rule = "2 % of the part's size, or one element" if self.snap is None else "the length given"
         units = f"; coordinates are in metres, and the part measures {size:.3g} m"
         raise InputError(
-            f"{self.what} {in_words(point)} is {distance:.3g} m off the structure, whose nearest "
-            f"point is {in_words(nearest)}: farther than {most:.3g} m, {rule}"
+            f"{self.what} {point_text(point)} is {distance:.3g} m off the structure, whose nearest "
+            f"point is {point_text(nearest)}: farther than {most:.3g} m, {rule}"
             f"{units if distance > size else ''}; {self.remedy}."
         )
 
@@ -510,7 +520,7 @@ def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
     layout = cast("AssembledMatrices", matrices).layout
     part, colon, _ = name.partition(":")
     if not colon and name not in layout.points:
-        points = known(name, layout.points, "the reference points")
+        points = name_list(name, layout.points, "the reference points")
         raise InputError(
             f'a name on an assembly is "part:group"; got {name!r}, which is no reference point '
             f"either; {points}."

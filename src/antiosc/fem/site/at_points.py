@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base import plausible
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import in_words as text
+from antiosc.base.checks import point_text as text
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assemble import eliminate
@@ -237,7 +237,7 @@ def _on_mesh(
     for i, site in enumerate(sites):
         _check_distance(mesh, extent, site, placed(np.array([points[i], nearest[i].x])), nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
-    plausible.tell(
+    plausible.warn_each(
         plausible.of_patch(site.radius, extent) for site in sites if site.radius is not None
     )
     found = located(structure, nearest.x, directions, radii, nearest)

@@ -32,7 +32,7 @@ from antiosc.fem.linalg.algebra import (
     sum_of,
 )
 from antiosc.io.dof_map import DofMap
-from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
@@ -230,7 +230,7 @@ def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> Damping
     none = np.zeros((0, V.shape[1]))
     found = [(one.projected(comm, V), one.tau) for one in terms]
     viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
-    return of_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
+    return from_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
 
 
 #: Force or energy of r over that of the entries (`antiosc.fem.linalg.algebra`) below which r counts

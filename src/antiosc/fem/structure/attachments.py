@@ -25,10 +25,10 @@ from antiosc.base.checks import (
     checked_by,
     choice,
     coordinates,
-    in_words,
+    list_of,
     nonnegative,
+    point_text,
     positive,
-    several,
     shown,
 )
 from antiosc.base.errors import InputError
@@ -200,7 +200,7 @@ class Footing:
                 self.radius, self.G, self.nu, self.rho,
                 "vertical" if axis == self.up else "horizontal",
             )
-            for axis in several("along", self.along, str, "directions as \"x\"")
+            for axis in list_of("along", self.along, str, "directions as \"x\"")
         }  # fmt: skip
         mass = nonnegative("mass", self.mass, "kg") + sum(cone.mass for cone in soil.values())
         return [
@@ -217,7 +217,7 @@ Attachment = PointMass | Spring | Damper | Footing
 def attachments_of(given: object) -> list[PointMass | Spring | Damper]:
     """Checked attachments, a footing by its parts."""
     known = (PointMass, Spring, Damper, Footing)
-    found: list[Attachment] = several(
+    found: list[Attachment] = list_of(
         "attached", given, known, "PointMass, Spring, Damper and Footing objects"
     )
     return [part for one in found for part in (one._parts() if isinstance(one, Footing) else [one])]
@@ -322,9 +322,9 @@ def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[Closest
         nearest = closest(mesh, in_space(where))
         if nearest.distance > NEAR * mesh.extent():
             raise InputError(
-                f"the point {in_words(where)} of a mass, spring or damper is "
+                f"the point {point_text(where)} of a mass, spring or damper is "
                 f"{nearest.distance:.3g} m off the structure; its nearest point is "
-                f"{in_words(nearest.x)}."
+                f"{point_text(nearest.x)}."
             )
         return [nearest]
     group = mesh.group(where)

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from antiosc.base import plausible
 from antiosc.base._types import Array, Box, IntArray
-from antiosc.base.checks import array, several, shown, whole
+from antiosc.base.checks import array, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements.beam import Beam
@@ -447,13 +447,13 @@ def assembled(
     if order not in (1, 2):
         raise InputError(f"order must be 1 or 2; got {order}.")
     checked_choice(solver)
-    held = several("supports", supports, Support, "Support(where, fix)")
+    held = list_of("supports", supports, Support, "Support(where, fix)")
     carried = attachments_of(attached)
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]
     materials = [*(one for one, _ in parts), *stiffeners]
-    doubts = plausible.tell(
+    doubts = plausible.warn_each(
         [
             plausible.of_part(mesh.extent(), mesh.stated, mesh.tdim == 1),
             *map(plausible.of_material, materials),

@@ -18,9 +18,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import coordinates, in_words, nonnegative, shown, store
+from antiosc.base.checks import coordinates, nonnegative, point_text, shown, store
 from antiosc.base.errors import AccuracyError, InputError
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh import Mesh
@@ -42,7 +42,7 @@ NO_DOFS = np.zeros(0, dtype=np.int32)
 
 
 @dataclass(frozen=True)
-class Support(Given):
+class Support(FieldsRepr):
     """Displacements and rotations fixed (set to zero) on a part of the mesh.
 
     Parameters
@@ -146,7 +146,7 @@ def fixed_dofs(
             count += mesh.comm.allreduce(len(dofs))
             fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
-            low, high = map(in_words, bounds(mesh.comm, mesh.dolfinx.geometry.x))
+            low, high = map(point_text, bounds(mesh.comm, mesh.dolfinx.geometry.x))
             raise InputError(
                 f"the support {support.label} fixes nothing: no point of the mesh lies "
                 f"there; check the group or the coordinates (the mesh spans {low} to {high})."
@@ -196,7 +196,9 @@ def ball(given: object) -> Region:
     point, radius = _pair("near", given, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
-    return Region(f"within {radius:g} m of {in_words(centre)}", partial(_off_ball, centre, radius))
+    return Region(
+        f"within {radius:g} m of {point_text(centre)}", partial(_off_ball, centre, radius)
+    )
 
 
 def _off_ball(centre: Array, radius: float, x: Array) -> Array:
@@ -209,10 +211,10 @@ def _box(given: object) -> Region:
     lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
     if (lower > upper).any():
         raise InputError(
-            f"box=(lower, upper) has a lower corner {in_words(lower)} above the upper corner "
-            f"{in_words(upper)} in some direction: exchange these coordinates."
+            f"box=(lower, upper) has a lower corner {point_text(lower)} above the upper corner "
+            f"{point_text(upper)} in some direction: exchange these coordinates."
         )
-    words = f"in the box from {in_words(lower)} to {in_words(upper)}"
+    words = f"in the box from {point_text(lower)} to {point_text(upper)}"
     return Region(words, partial(_off_box, lower, upper))
 
 
@@ -231,7 +233,7 @@ def _plane(given: object) -> Region:
     if length == 0:
         raise InputError("the normal of plane must not be the zero vector.")
     across = ", ".join(f"{c:g}" for c in normal / length)
-    words = f"on the plane through {in_words(point)} across ({across})"
+    words = f"on the plane through {point_text(point)} across ({across})"
     return Region(words, partial(_off_plane, point, normal / length))
 
 

@@ -24,9 +24,9 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody, SiteModes
-from antiosc.simulation.assembly import Assembly, known
+from antiosc.simulation.assembly import Assembly, given_parts
 from antiosc.simulation.bodies import RigidBody, SceneBody
-from antiosc.simulation.histories.energy import Energy, balance
+from antiosc.simulation.histories.energy import Energy, energy_balance
 from antiosc.simulation.histories.parts import (
     BodyHistory,
     ContactHistory,
@@ -38,10 +38,10 @@ from antiosc.simulation.histories.results import HistoryResults
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.states import (
     blocks,
-    braked,
+    damping_accelerations,
     forces,
     largest_rotation,
-    located,
+    locate,
     node_states,
     states,
 )
@@ -111,7 +111,7 @@ class History(HistoryResults, OneContact):
     @cached_property
     def energy(self) -> Energy:
         """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
-        return balance(self.assembly, self._nodes)
+        return energy_balance(self.assembly, self._nodes)
 
     # -- of one contact: force and numbers are those of `OneContact`
 
@@ -141,7 +141,11 @@ class History(HistoryResults, OneContact):
         if self.given is not None:
             return self.given
         found = self._numbers
-        return float(found.closed / found.steps) if found.steps else self.assembly.lasting
+        return (
+            float(found.closed / found.steps)
+            if found.steps
+            else self.assembly.contact_time_estimate
+        )
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
@@ -168,14 +172,14 @@ class History(HistoryResults, OneContact):
     @property
     def momentum(self) -> Array:
         """Momentum of the structure (n, 3) [kg m/s], in the axes of its mesh."""
-        return self._moving.momentum
+        return self._free_structure.momentum
 
     @property
     def angular_momentum(self) -> Array:
         """Angular momentum of the structure (n, 3) [kg m^2/s] about its centre of mass at rest."""
-        inertia = self._moving.placed.inertia
+        inertia = self._free_structure.placed.inertia
         assert inertia is not None
-        return self._moving.angular_momentum(inertia.centre)
+        return self._free_structure.angular_momentum(inertia.centre)
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,): the parabolas between the nodes."""
@@ -196,8 +200,8 @@ class History(HistoryResults, OneContact):
 
         The nodes may lie far apart in flight: values are not to be interpolated between them.
         """
-        t = self._within(times)
-        return self._bodies(t, *self.states(t), forces(self.run, *located(self.run, t)))
+        t = self._times_in_run(times)
+        return self._bodies(t, *self.states(t), forces(self.run, *locate(self.run, t)))
 
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
         """Modal displacements and velocities (n, J) of all bodies, one after the other, at times
@@ -211,13 +215,9 @@ class History(HistoryResults, OneContact):
         `t` of shape (n,) gives (n, C), a single time (C,). They are those of its form in free modes
         (`of`): one for each hidden rigid-body motion of a free body follows lambda.
         """
-        name, times = self.name_of(body), self._within(t)
-        _, own = self.of(name)
-        a = self.assembly
-        q, _ = self.states(times)
-        acting = a.pushes(times) - forces(self.run, *located(self.run, times)) @ a.G
-        acting = acting[:, a.columns[name]]
-        found = own.coordinates(q[:, a.spans[name]], acting)
+        _, own = self.of(body)
+        one = self.at(t)[self.name_of(body)]
+        found = own.coordinates(one.q, one.forces)
         return found if np.ndim(t) else found[0]
 
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
@@ -227,7 +227,7 @@ class History(HistoryResults, OneContact):
         """
         model, own = self.of(body)
         if own.basis is None:
-            raise InputError(no_field(model))
+            raise InputError(no_field_message(model))
         return own.field(self.coordinates(t, body))
 
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
@@ -260,7 +260,7 @@ class History(HistoryResults, OneContact):
         Of bodies whose inertia in space is known.
         """
         a = self.assembly
-        if not a.turns:
+        if not a.may_rotate:
             return "", 0.0
         return largest_rotation(self.run, a.system, a.bodies, a.spans)
 
@@ -295,7 +295,7 @@ class History(HistoryResults, OneContact):
         return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
 
     @property
-    def _moving(self) -> BodyHistory:
+    def _free_structure(self) -> BodyHistory:
         """The structure, if its momentum is known."""
         found = self.bodies[self._ends[0].name]
         if found.placed.inertia is None:
@@ -329,7 +329,7 @@ class History(HistoryResults, OneContact):
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
         if a.system.first is not None:
-            accelerations -= braked(self.run, a.system, *located(self.run, time))
+            accelerations -= damping_accelerations(self.run, a.system, *locate(self.run, time))
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
         found = {}
@@ -350,9 +350,9 @@ class History(HistoryResults, OneContact):
         return found
 
     def _located(self, t: ArrayLike) -> tuple[Index, Array]:
-        return located(self.run, self._within(t))
+        return locate(self.run, self._times_in_run(t))
 
-    def _within(self, t: ArrayLike) -> Array:
+    def _times_in_run(self, t: ArrayLike) -> Array:
         """Times (n,) of the run; InputError for others."""
         times = checks.column("t", t)
         end = float(self.run.time[-1])
@@ -364,7 +364,7 @@ class History(HistoryResults, OneContact):
         return np.minimum(times, end)
 
     def __getstate__(self) -> dict[str, object]:
-        """The fields, for pickle; a structure stays behind."""
+        """Return the fields for pickle, without the structure."""
         return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}
 
 
@@ -375,13 +375,15 @@ class SceneHistory(History):
 
 
 def with_model(hit: History, model: object) -> History:
-    """The same history with the structure's model told more of itself."""
+    """Return the same history with another record of the structure's model."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
-    return replace(hit, assembly=replace(hit.assembly, parts=known(hit.assembly.scene, bodies)))
+    return replace(
+        hit, assembly=replace(hit.assembly, parts=given_parts(hit.assembly.scene, bodies))
+    )
 
 
-def no_field(model: object) -> str:
+def no_field_message(model: object) -> str:
     """Why a model has no displacement field, and the remedy."""
     name = type(getattr(model, "body", model)).__name__
     return (
@@ -391,22 +393,22 @@ def no_field(model: object) -> str:
 
 
 #: What knows the motion of a body.
-Motions = History | BodyHistory
+AnyHistory = History | BodyHistory
 
 
-def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
+def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     if isinstance(history, BodyHistory):
         model, own = history.placed.body, history.placed.modes
     else:
         model, own = history.of(body)
     if own.basis is None:
-        raise InputError(no_field(model))
+        raise InputError(no_field_message(model))
     return own
 
 
-def times_of(history: Motions, times: ArrayLike | None) -> Array:
-    """The times (n,) that are asked; those of the history for None."""
+def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
+    """Times (n,) that a user asks for; the history's own for None."""
     if times is None:
         return history.time
     if isinstance(history, BodyHistory):
@@ -414,26 +416,31 @@ def times_of(history: Motions, times: ArrayLike | None) -> Array:
             "the motion of a body of a scene is known at its own times: probe "
             "hit.at(times)[name], or the scene's history with body=name."
         )
-    return checks.filled("times", times)
+    return checks.nonempty("times", times)
 
 
-def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -> Array:
+def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
+    """Motion of a body at `times`; a BodyHistory keeps its own times."""
+    if isinstance(history, BodyHistory):
+        return history
+    return history.at(times)[history.name_of(body)]
+
+
+def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
 
     Velocities and accelerations are those of the modes: what a residual compliance adds to the
     displacement has no inertia, and follows the force.
     """
-    own = modes_of(history, body)
-    if derivative == 0 and not isinstance(history, BodyHistory):
-        return own.amplitudes(history.coordinates(times, body))
-    q, forces = _modal(history, times, body, derivative)
-    return _factors(own, q, np.zeros_like(forces) if derivative else forces)
+    own, one = modes_of(history, body), _motion_at(history, times, body)
+    q = (one.q, one.v, one.a)[derivative]
+    return _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
 
 
-def of_unit_energies(own: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (2, B) of the body's shapes, and the number of its elastic modes.
+def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:
+    """Factors (2, B) of the body's shapes that make q'Kq, and q'Mq, of each elastic mode 1.
 
-    They make q'Kq, and q'Mq, of each of these modes 1.
+    The second result is the number of elastic modes.
     """
     elastic = own.omega > 0
     q = np.vstack([np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0), elastic])
@@ -445,35 +452,28 @@ def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
     return own.amplitudes(own.coordinates(q, forces))
 
 
-def modal_sizes(
-    history: Motions, times: Array, body: str, derivative: int
+def modal_amplitudes(
+    history: AnyHistory, times: Array, body: str, derivative: int
 ) -> tuple[Array, Array, Array]:
     """Frequencies (J,) of a body's modes, their factors (J, B), and their largest amplitudes (J,).
 
-    The amplitudes are those of the oscillations at `times`, or of their derivatives, without what
-    follows the forces slowly; those of rigid-body modes are zero.
+    Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
+    forces slowly; 0 of rigid-body modes.
     """
-    own = modes_of(history, body)
-    (v, forces), (a, _) = (_modal(history, times, body, k) for k in (1, 2))
+    own, one = modes_of(history, body), _motion_at(history, times, body)
     omega = own.omega
     # of the oscillation x: x' = v and x'' = a
-    swing = np.hypot(omega * v, a).max(axis=0)
+    swing = np.hypot(omega * one.v, one.a).max(axis=0)
     sizes = np.zeros(omega.size)
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
-    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, forces.shape[1])))
+    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, one.forces.shape[1])))
     return omega, shapes, sizes
 
 
-def _modal(history: Motions, times: Array, body: str, derivative: int) -> tuple[Array, Array]:
-    """Modal displacements, velocities or accelerations (n, J), and the forces (n, P)."""
-    one = history if isinstance(history, BodyHistory) else history.at(times)[history.name_of(body)]
-    return (one.q, one.v, one.a)[derivative], one.forces
-
-
-def forces_of(history: Motions, times: Array, body: str) -> Array:
+def forces_of(history: AnyHistory, times: Array, body: str) -> Array:
     """Forces (n, P) on the columns of the body's model: of contacts and of loads, N."""
     modes_of(history, body)
-    return _modal(history, times, body, 0)[1]
+    return _motion_at(history, times, body).forces
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -553,22 +553,11 @@ Force = tuple[Array, Array]
 def peak_deflections(
     bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float
 ) -> Array:
-    """Largest displacement u [m] of each body's site along the impact, up to `duration` [s].
+    """Largest displacement u (S,) [m] of each body's site along the impact, up to `duration` [s].
 
-    Parameters
-    ----------
-    bodies : sequence of LinearBody
-        At rest at the start.
-    forces : sequence of (time, force)
-        The force [N] on each, linear between its times [s] and zero outside them.
-    duration : float
-        [s].
-
-    Returns
-    -------
-    ndarray, shape (S,)
-        Exact at the times of the force, and at 200 times over the duration or more: 40 a period of
-        the first mode.
+    The bodies are at rest at the start. forces : times [s] and the force [N] on each body, linear
+    between the times and zero outside. The result is exact at the times of the force, and at 200
+    times over the duration or more: 40 a period of the first mode.
     """
     duration = checks.positive("duration", duration, "s")
     peaks = [
@@ -581,9 +570,9 @@ def peak_deflections(
 def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float) -> Array:
     modal = [body.modal() for body in bodies]
     omega, b, decay = (
-        _padded([m.omega for m in modal], 0.0),
-        _padded([m.b for m in modal], 0.0),
-        _padded([np.zeros(m.b.size) if m.decay is None else m.decay for m in modal], 0.0),
+        _padded_rows([m.omega for m in modal], 0.0),
+        _padded_rows([m.b for m in modal], 0.0),
+        _padded_rows([np.zeros(m.b.size) if m.decay is None else m.decay for m in modal], 0.0),
     )
     r = np.array([m.r for m in modal])
     peak = np.zeros(len(modal))
@@ -597,10 +586,10 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Motions of bodies that were at rest: (time (S,), modal displacements (S, J), force (S,)).
+    """Motions of bodies from rest, step by step: times, modal displacements (S, J), forces.
 
     At the times of each force [s] and at `samples` over the duration; the last one is repeated
-    where a body has fewer than another. `omega`, `b`, `decay`: (S, J) of the modes.
+    where a body has fewer than another. omega, b, decay : (S, J) of the modes.
     """
     even = np.linspace(0, duration, samples)
     times = [np.union1d(even, time) for time, _ in forces]
@@ -609,7 +598,7 @@ def motions(
         np.interp(at, t, F, left=0.0, right=0.0) if t.size else np.zeros_like(at)
         for at, (t, F) in steps
     ]
-    time, F = _padded(times, None), _padded(force, 0.0)
+    time, F = _padded_rows(times, None), _padded_rows(force, 0.0)
     q, v = np.zeros_like(b), np.zeros_like(b)
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
@@ -623,7 +612,7 @@ def motions(
         yield time[:, k + 1], q, F[:, k + 1]
 
 
-def _padded(rows: Sequence[Array], filler: float | None) -> Array:
+def _padded_rows(rows: Sequence[Array], filler: float | None) -> Array:
     """Rows of different length as one array; None repeats the last value."""
     size = max(row.size for row in rows)
     return np.array(

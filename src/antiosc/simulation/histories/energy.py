@@ -15,7 +15,7 @@ from antiosc.contact.base import Compiled, is_compiled
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.march.system import Kept
-from antiosc.simulation.states import blocks, node_states, part_of, starts, touches
+from antiosc.simulation.states import blocks, contact_intervals, node_states, run_slice, starts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,11 +50,6 @@ class Energy(ReprMixin):
         return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
 
 
-def stored_alone(law: ContactLaw, force: Array, depth: Array) -> Array:
-    """Energy (n,) of a contact whose law knows its indentation alone."""
-    return np.where(force != 0.0, law.energies(depth, law.touch(0.0)), 0.0)
-
-
 def replay(
     law: ContactLaw,
     force: Array,
@@ -63,18 +58,10 @@ def replay(
     speeds: Iterable[float],
     kept: Kept | None = None,
 ) -> tuple[Array, Array, Array]:
-    """What one contact can give back and has lost by plasticity [J], and its damping force [N].
+    """Energy that a contact can give back, its plastic loss up to each node [J], its damping force.
 
-    Parameters
-    ----------
-    law : the contact's.
-    force, depth : (n,) at the nodes.
-    spans, speeds : first and last node of each contact, and its closing speed [m/s].
-    kept : what goes on from a run before.
-
-    Returns
-    -------
-    stored, plastic, damping : (n,) each; `plastic` up to the node.
+    Three arrays (n,). force, depth : (n,) at the nodes. spans, speeds : first and last node of each
+    contact, and its closing speed [m/s]. kept : what goes on from a run before.
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
     state: State | None = None if kept is None else kept.state
@@ -86,7 +73,7 @@ def replay(
         span = slice(a, b + 1)
         if is_compiled(law):
             if law.has_memory:
-                stored[span], lost, state = _remembered(law, depth[span], state)
+                stored[span], lost, state = _replay_memory(law, depth[span], state)
                 plastic[span] += lost
             else:  # the state lasts as long as the contact
                 stored[span] = law.energies(depth[span], state)
@@ -110,7 +97,7 @@ def replay(
     return stored, np.cumsum(plastic), damping
 
 
-def _remembered(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
+def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
     """Stored energy (n,) of one contact of a law with memory, what each node loses, and its end.
 
     The state changes where the indentation exceeds its turning point and all before it, and is
@@ -131,10 +118,10 @@ def _remembered(law: Compiled, depth: Array, state: State) -> tuple[Array, Array
     return stored, lost, states[-1]
 
 
-def path_work(force: Array, way: Array) -> Array:
+def path_work(force: Array, displacement: Array) -> Array:
     """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
     f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
+    w0, w1, w2 = displacement[:-2:2], displacement[1:-1:2], displacement[2::2]
     b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
     d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
 
@@ -144,7 +131,7 @@ def path_work(force: Array, way: Array) -> Array:
         )
 
     whole = until(1.0)
-    total = np.zeros_like(way)
+    total = np.zeros_like(displacement)
     total[2::2] = np.cumsum(whole, axis=0)
     total[1::2] = total[:-1:2] + until(0.5)
     return total
@@ -160,11 +147,11 @@ def impulses(time: Array, force: Array) -> Array:
 
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
-BALANCED = 5000  # nodes up to which the balance of several contacts is always made
-SHORT = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
+BALANCED_NODES = 5000  # nodes up to which the balance of several contacts is always made
+SHORT_PHASE = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
 
 
-def balance(assembly: Assembly, run: Run) -> Energy:
+def energy_balance(assembly: Assembly, run: Run) -> Energy:
     """Energies at the nodes."""
     a = assembly
     stored, lost = contact_energies(a, run)
@@ -175,7 +162,7 @@ def balance(assembly: Assembly, run: Run) -> Energy:
         nodes, between = slice(2 * first, 2 * last + 1), slice(2 * first, 2 * last)
         kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
-        part = part_of(run, first, last)
+        part = run_slice(run, first, last)
         if np.any(a.system.loads):
             work[between] = _work(a, part, q, v)
         if a.system.first is not None:
@@ -183,11 +170,11 @@ def balance(assembly: Assembly, run: Run) -> Energy:
             held = np.diff(kinetic[nodes] + modal[nodes])
             braked[between] = work[between] - pushed - held
         elif a.system.damped:
-            braked[between] = _braked(a, part, q, v)
+            braked[between] = _damping_losses(a, part, q, v)
     acting = a.pushes(run.time)
     felt = acting - run.force @ a.G
     residual = felt @ a.r
-    work, braked = _in_flight(a, run, kinetic + modal, work, braked)
+    work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
         work = work + path_work(acting, residual).sum(axis=1)
     return Energy(
@@ -199,20 +186,20 @@ def balance(assembly: Assembly, run: Run) -> Energy:
     )
 
 
-def gained(a: Assembly, run: Run) -> float:
-    """Energy that came from nowhere, relative to the highest.
+def energy_gain(a: Assembly, run: Run) -> float:
+    """Largest spurious gain of energy over the run, relative to the highest energy.
 
-    The balance is dear to find: of one contact, and of a long run, it is made only where the march
-    had a doubt, and of other methods. A law of one's own need not know its energy.
+    The balance is costly: it is made only where the march reports a doubtful run, and for several
+    contacts up to BALANCED_NODES nodes. A user's law need not know its energy.
     """
     system = a.system
     if not all(map(is_compiled, system.laws)):
         return 0.0
     doubted = run.gained > 0.1 * GAIN * run.highest
-    if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED):
+    if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
         return 0.0
     if system.damped or (a.scene.loads and a.r.any()):
-        energy = balance(a, run)
+        energy = energy_balance(a, run)
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
         force, mechanical = run.force[::2], np.empty(run.time.size // 2 + 1)
@@ -222,7 +209,7 @@ def gained(a: Assembly, run: Run) -> float:
             here = mechanical[first : last + 1]
             here[...] = march.energies(np.stack([q, v], axis=1), system.omega)
             if system.loads.any():
-                work[first:last] = _work_by_step(a, part_of(run, first, last), q, v, here)
+                work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, here)
         held = mechanical.copy()
         if system.R.any():
             held += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
@@ -235,7 +222,7 @@ def gained(a: Assembly, run: Run) -> float:
     return float(total.max() - total[0]) / highest if highest > 0 else 0.0
 
 
-def _in_flight(
+def _work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, lost: Array
 ) -> tuple[Array, Array]:
     """Work (n,) of all modal loads since the start, and what the damping took.
@@ -257,7 +244,7 @@ def _in_flight(
     return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
 
 
-def _braked(a: Assembly, run: Run, q: Array, v: Array) -> Array:
+def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     """What the damping of the modes takes from node to node, (n - 1,), however long the steps.
 
     The work of a modal force that is a parabola in time, less the gain of the mode: by parts it
@@ -285,7 +272,7 @@ def _braked(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     energy = 0.5 * (v**2 + (system.omega * q) ** 2)
     work = end * q[1:] - start * q[:-1] - slope * area - bend * first
     power = 2 * system.decay * v**2
-    short = system.omega * step < SHORT
+    short = system.omega * step < SHORT_PHASE
     lost = np.where(short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
     return np.asarray(np.sum(np.where(system.decay > 0, lost, 0.0), axis=1))
 
@@ -337,15 +324,15 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
 
 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
-    """Energy that all contacts can give back, and what they lost, at the nodes."""
+    """Recoverable energy of all contacts, and their losses, at the nodes."""
     stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
-            stored += stored_alone(law, run.force[:, c], run.depth[:, c])
+            stored += np.where(run.force[:, c], law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
             continue
         force, depth = run.force[:, c], run.depth[:, c]
-        closed, _ = touches(run, system, c)
+        closed, _ = contact_intervals(run, system, c)
         nodes = [
             (
                 int(np.searchsorted(run.time, start)),
@@ -362,9 +349,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             lost += path_work(damping[:, None], depth[:, None])[:, 0]
     for c, (first, count) in enumerate(system.tangents.tolist()):
         for i in range(first, first + count):
-            T, way = run.force[:, i], run.depth[:, i]
+            T, displacement = run.force[:, i], run.depth[:, i]
             spring = 0.5 * T**2 / system.slip[c, 1]
-            work = path_work(T[:, None], way[:, None])[:, 0]
+            work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring
             lost += work - spring
     return stored, lost

@@ -19,13 +19,13 @@ from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import SceneBody
 from antiosc.simulation.histories.energy import impulses
 from antiosc.simulation.march.engine import Run
-from antiosc.simulation.scene_parts import along, find
-from antiosc.simulation.states import record_of, starts, touches, with_flights
+from antiosc.simulation.scene_parts import find_site, site_row
+from antiosc.simulation.states import contact_intervals, record_of, starts, with_flight_nodes
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: What a cause adds that does not apply.
-NO_SHARE = dict.fromkeys(QUANTITIES, 0.0)
+NO_ERROR = dict.fromkeys(QUANTITIES, 0.0)
 #: Causes of error, in the order in which they are told.
 CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model")
 #: Those that are told only of models that were measured.
@@ -142,7 +142,7 @@ def differences(one: object, other: object) -> dict[str, float]:
     return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
 
 
-def floored(errors: Mapping[str, float]) -> dict[str, float]:
+def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
     """Errors of the three quantities, each at least `FLOOR` times the largest."""
     worst = max(errors.values())
     return {name: max(error, FLOOR * worst) for name, error in errors.items()}
@@ -154,9 +154,9 @@ def _relative(a: float, b: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A run of a scene, of which a history and its contacts are read.
+    """A run of a scene, shared by a history and its contacts.
 
-    `flights`: its nodes lie close in flights too.
+    `flights`: flights have closely spaced nodes too.
     """
 
     assembly: Assembly
@@ -168,13 +168,13 @@ class Record:
         """The run at the nodes of the history."""
         if not self.flights:
             return self.run
-        return with_flights(self.run, self.assembly.system)
+        return with_flight_nodes(self.run, self.assembly.system)
 
 
 class OneContact:
-    """Force and numbers of one contact: what a `ContactHistory`, and a history of one contact has.
+    """Force and results of one contact, for `ContactHistory` and a history of one contact.
 
-    `_record` has the run, and `_row` is that of the contact among all.
+    `_record` has the run; `_row` is the row of the contact among all.
     """
 
     _record: Record
@@ -246,7 +246,7 @@ class OneContact:
 
     @cached_property
     def _touches(self) -> tuple[NDArray[np.void], bool]:
-        return touches(self._record.run, self._record.assembly.system, self._row)
+        return contact_intervals(self._record.run, self._record.assembly.system, self._row)
 
     @cached_property
     def _numbers(self) -> march.Numbers:
@@ -369,8 +369,8 @@ class BodyHistory(ReprMixin):
     def _row(self, site: str, direction: ArrayLike | None) -> Array:
         checks.instance("site", site, str, "the name of a site")
         name = self.placed.name
-        _, found = find(f"{name}:{site}" if site else name, {name: self.placed})
+        _, found = find_site(f"{name}:{site}" if site else name, {name: self.placed})
         line = None if direction is None else checks.array("direction", direction, (3,))
         if line is None:
             line = self.placed.pushes.get(found)
-        return along(self.placed, found, line, f"{name}:{found}")
+        return site_row(self.placed, found, line, f"{name}:{found}")

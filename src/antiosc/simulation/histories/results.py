@@ -13,18 +13,12 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
 import numpy as np
 
 from antiosc import __version__
-from antiosc.base import checks, files, march
+from antiosc.base import checks, errors, files, march
 from antiosc.base._types import Array
-from antiosc.base.errors import (
-    AccuracyWarning,
-    AntioscWarning,
-    InputError,
-    MissingDependencyError,
-    warn,
-)
-from antiosc.base.texts import ReprMixin, engineering, percent, place as placed
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin, engineering, percent, point_text as placed
 from antiosc.models import model_file
-from antiosc.models.body import info_of, places_of
+from antiosc.models.body import info_of, site_points
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.march.convergence import Converged, stopped
@@ -51,29 +45,29 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Status and message of a run; `odd`: causes a warning although the status is 0."""
+    """Status and message of a run; `unusual`: warn although the status is 0."""
 
     status: int
     message: str
-    odd: bool = False
+    unusual: bool = False
 
     def with_shortage(self, shortage: str) -> CheckResult:
-        """The same verdict for a model with too few anti-oscillators."""
+        """The same result for a model with too few anti-oscillators."""
         worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
-        return CheckResult(worse, f"{self.message} {shortage}", self.odd)
+        return CheckResult(worse, f"{self.message} {shortage}", self.unusual)
 
-    def tell(self) -> None:
+    def warn(self) -> None:
         """Warn at the caller's line unless the run completed as requested."""
         if self.status:
-            warn(self.message, AccuracyWarning)
-        elif self.odd:
-            warn(self.message)
+            errors.warn(self.message, errors.AccuracyWarning)
+        elif self.unusual:
+            errors.warn(self.message)
 
 
-class Ended(NamedTuple):
-    """How a run ended: what its verdict is made of.
+class RunEnd(NamedTuple):
+    """How a run ended, as the check of a run needs it.
 
-    `time` [s] reached, `touches` their number, `open` the contacts that go on, and the errors.
+    `time` [s] reached, `touches` their number, `open` the contacts still closed, and the errors.
     """
 
     answer: int
@@ -85,8 +79,8 @@ class Ended(NamedTuple):
     certain: float
 
 
-def touching(run: Run, system: System) -> list[int]:
-    """The contacts that touched during the run and go on at its end."""
+def open_contacts(run: Run, system: System) -> list[int]:
+    """Contacts that touched during the run and are closed at its end."""
     if len(system.laws) == 1 and (not len(run.events) or run.events[-1, 2] == march.APART):
         return []
     events = run.events.tolist()
@@ -96,27 +90,29 @@ def touching(run: Run, system: System) -> list[int]:
     return [c for c in on if c in parted or not system.closed[c]]
 
 
-def verdict_of(
+def check_result(
     assembly: Assembly,
-    ended: Ended,
+    ended: RunEnd,
     tol: float,
     limits: tuple[int, int],
     failure: str = "",
     gain: Callable[[], float] = lambda: 0.0,
 ) -> CheckResult:
-    """The verdict on a run; `limits`: max_contacts, max_steps; `gain`: relative, of energy."""
+    """Check a run; `limits`: max_contacts, max_steps; `gain`: returns the relative energy gain."""
     failure = failure or stopped(ended.answer, ended.time, *limits)
     if failure:
         return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
-    cut = cut_short(assembly, ended)
-    if doubt := inexact(ended, tol, limits[1], gain):
+    cut = cut_short_message(assembly, ended)
+    if doubt := inexact_message(ended, tol, limits[1], gain):
         return CheckResult(INEXACT, f"{doubt} {cut}".rstrip())
-    if untouched := never_touched(assembly, ended):
-        return CheckResult(COMPLETED, f"Never touched: {untouched}.", odd=True)
+    if untouched := no_contact_message(assembly, ended):
+        return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
     return CheckResult(TOUCHING, cut) if cut else CheckResult(COMPLETED, "Completed.")
 
 
-def inexact(ended: Ended | Converged, tol: float, max_steps: int, gain: Callable[[], float]) -> str:
+def inexact_message(
+    ended: RunEnd | Converged, tol: float, max_steps: int, gain: Callable[[], float]
+) -> str:
     """Why a run that reached its end does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
     if worst == np.inf:
@@ -144,8 +140,8 @@ def inexact(ended: Ended | Converged, tol: float, max_steps: int, gain: Callable
     return ""
 
 
-def cut_short(assembly: Assembly, ended: Ended) -> str:
-    """The warning of contacts that last at the end of the run; "" if only resting ones do."""
+def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
+    """Warning of contacts that are closed at the end of the run; "" if they were always closed."""
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
@@ -157,13 +153,16 @@ def cut_short(assembly: Assembly, ended: Ended) -> str:
     )
 
 
-def never_touched(assembly: Assembly, ended: Ended) -> str:
+def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
     """Why no contact touched, which may come from a wrong sign; "" if one did."""
     system = assembly.system
     if ended.touches or np.any(system.pressed):
         return ""
     p = len(assembly.laws)
-    speed, push = _felt(system.beta[:p], system.v), _felt(system.beta[:p], system.loads[0])
+    speed, push = (
+        _without_rounding(system.beta[:p], system.v),
+        _without_rounding(system.beta[:p], system.loads[0]),
+    )
     for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
         c = int(np.argmax(motion))
         contact, most = assembly.scene.contacts[c], float(motion[c])
@@ -184,34 +183,34 @@ def never_touched(assembly: Assembly, ended: Ended) -> str:
     return "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
 
 
-def _felt(beta: Array, modal: Array) -> Array:
+def _without_rounding(beta: Array, modal: Array) -> Array:
     """beta modal (p,), 0 where it is rounding."""
     felt = beta @ modal
     return np.where(abs(felt) > ROUNDING * (abs(beta) @ abs(modal)), felt, 0.0)
 
 
-def tell_rotation(name: str, angle: float) -> None:
+def warn_large_rotation(name: str, angle: float) -> None:
     """Warn of a body that turned so far that its rotation is not small."""
     if angle > SMALL_ROTATION:
-        warn(
+        errors.warn(
             f"{name!r} turned by {angle:.2g} rad; rotations are taken as small, below"
             f" {SMALL_ROTATION:g} rad.",
-            AccuracyWarning,
+            errors.AccuracyWarning,
         )
 
 
-def tell_all(verdicts: Sequence[CheckResult]) -> None:
+def warn_batch(results: Sequence[CheckResult]) -> None:
     """One warning for each kind of failure in a batch of runs, with the scenes that have it."""
     kinds: dict[tuple[int, bool], list[int]] = {}
-    for i, one in enumerate(verdicts):
-        if one.status or one.odd:
-            kinds.setdefault((one.status, one.odd), []).append(i)
+    for i, one in enumerate(results):
+        if one.status or one.unusual:
+            kinds.setdefault((one.status, one.unusual), []).append(i)
     for (status, _), scenes in kinds.items():
         named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
-        warn(
-            f"{len(scenes)} of {len(verdicts)} scenes ({named}), as scene {scenes[0]}:"
-            f" {verdicts[scenes[0]].message}",
-            AccuracyWarning if status else AntioscWarning,
+        errors.warn(
+            f"{len(scenes)} of {len(results)} scenes ({named}), as scene {scenes[0]}:"
+            f" {results[scenes[0]].message}",
+            errors.AccuracyWarning if status else errors.AntioscWarning,
         )
 
 
@@ -219,7 +218,7 @@ def tell_all(verdicts: Sequence[CheckResult]) -> None:
 #: circle's half thickness the stretching adds 11 % to the force (1 + 0.443 (w/h)²).
 SMALL_DEFLECTION = 0.5
 #: Looks at a run in a period of the lowest mode, as a flight is one step, and at most in all.
-LOOKS, MOST_LOOKS = 32, 4096
+SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
 
 
 def beyond_linear(name: str, deflection: float, thickness: float) -> str:
@@ -237,9 +236,9 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
     )
 
 
-def too_far(history: History) -> str:
+def large_deflection_message(history: History) -> str:
     """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
-    a, worst, told = history.assembly, 0.0, ""
+    a, worst, message = history.assembly, 0.0, ""
     if not a.thin:
         return ""
     for name, body in a.bodies.items():
@@ -248,17 +247,17 @@ def too_far(history: History) -> str:
             continue
         own, columns = a.spans[name], a.columns[name]
         sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
-        w = float(abs(_seen(history, body.omega)[:, own] @ sites).max(initial=0.0))
+        w = float(abs(_sampled_motion(history, body.omega)[:, own] @ sites).max(initial=0.0))
         if w > worst * h:
-            worst, told = w / h, beyond_linear(name, w, h)
-    return told
+            worst, message = w / h, beyond_linear(name, w, h)
+    return message
 
 
-def _seen(history: History, omega: Array) -> Array:
-    """Modal displacements (n, J) at the ends of steps and at even times in between."""
+def _sampled_motion(history: History, omega: Array) -> Array:
+    """Modal displacements (n, J) at the ends of steps and at evenly spaced times."""
     end = float(history.run.time[-1])
     periods = end * float(omega.min()) / (2 * np.pi) if omega.size else 0.0
-    t = np.linspace(0.0, end, int(min(MOST_LOOKS, LOOKS * (1 + periods))))
+    t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
     return np.vstack([free_steps(history.run, history.assembly.system), history.states(t)[0]])
 
 
@@ -326,7 +325,7 @@ class Results(ReprMixin):
         try:
             import pandas as pd
         except ImportError:
-            raise MissingDependencyError(
+            raise errors.MissingDependencyError(
                 "to_dataframe needs pandas: install python3-pandas (or pip install pandas), or use "
                 "columns(), to_csv or to_json."
             ) from None
@@ -430,7 +429,7 @@ class HistoryResults(Results):
         own = cast("History", self)
         table: dict[str, Array] = {"time [s]": own.time}
         for contact in own.contact_histories:
-            name = f"{_shown(contact)} " if self.named else ""
+            name = f"{_contact_label(contact)} " if self.named else ""
             table[f"{name}force [N]"] = contact.force
             table[f"{name}indentation [m]"] = contact.indentation
             for i, friction in enumerate(contact.friction.T):
@@ -451,22 +450,22 @@ class HistoryResults(Results):
     def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         own = cast("History", self)
-        contacts = {_shown(one): _numbers(one) for one in own.contact_histories}
+        contacts = {_contact_label(one): _numbers(one) for one in own.contact_histories}
         (alone,) = contacts.values() if len(contacts) == 1 else ({},)
         found = {"restitution": own.restitution, "step": float(own.step)} if alone else {}
         return {
             **({"contacts": contacts} if self.named else {**alone, **found}),
             "energy_drift": float(own.energy.drift),
             "error": {name: float(value) for name, value in own.error.items()},
-            "error_covers": covers(own),
-            "sites": {name: list(point) for name, point in sites(own).items()},
+            "error_covers": error_scope(own),
+            "sites": {name: list(point) for name, point in history_sites(own).items()},
             "status": int(own.status),
             "message": self.explanation,
         }
 
     @property
     def explanation(self) -> str:
-        """The message, and whether the bodies of the one contact approach each other in the end."""
+        """The message, with a note if the bodies of a single contact still approach at the end."""
         own = cast("History", self)
         e = own.restitution if own.status != STOPPED and len(own.contact_histories) == 1 else None
         if e is None or e >= 0:
@@ -480,7 +479,7 @@ class HistoryResults(Results):
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
         own = cast("History", self)
-        places = {name: placed(point) for name, point in sites(own).items()}
+        places = {name: placed(point) for name, point in history_sites(own).items()}
         if not self.named:
             e = own.restitution
             rows = [
@@ -492,19 +491,19 @@ class HistoryResults(Results):
                 ("restitution", "-" if e is None else f"{e:.4f}"),
                 ("energy drift", f"{own.energy.drift:.1e}"),
                 ("step", engineering(own.step, "s")),
-                ("force error", covered(own)),
+                ("force error", error_text(own)),
                 ("status", self.explanation),
             ]
             return "\n".join(f"{name:<13} {value}" for name, value in rows)
         lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
         for h in own.contact_histories:
             lines.append(
-                f"{_shown(h):<24} {engineering(h.peak_force, 'N', 4):>11}"
+                f"{_contact_label(h):<24} {engineering(h.peak_force, 'N', 4):>11}"
                 f" {engineering(h.impulse, 'N s', 4):>11} {len(h.contacts):>7}"
                 f" {engineering(h.contact_time, 's', 4):>10}"
             )
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
-        lines.append(f"energy drift {own.energy.drift:.1e}; force error {covered(own)}")
+        lines.append(f"energy drift {own.energy.drift:.1e}; force error {error_text(own)}")
         return "\n".join([*lines, self.explanation])
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -515,12 +514,15 @@ class HistoryResults(Results):
         return [
             ("bodies", ", ".join(own.assembly.bodies)),
             ("contacts", f"{len(contacts)}, {sum(bool(c.contacts) for c in contacts)} closed"),
-            ("peak force", f"{engineering(largest.peak_force, 'N', 4)} of {_shown(largest)}"),
+            (
+                "peak force",
+                f"{engineering(largest.peak_force, 'N', 4)} of {_contact_label(largest)}",
+            ),
             ("run", f"{length}, {own.time.size} nodes, status {own.status}"),
         ]
 
 
-def _shown(contact: ContactHistory) -> str:
+def _contact_label(contact: ContactHistory) -> str:
     """The name of a contact in tables."""
     return " - ".join(contact.ends)
 
@@ -535,7 +537,7 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
     }
 
 
-def covers(history: History) -> str:
+def error_scope(history: History) -> str:
     """What the `error` of a history covers, and where the mesh's stands."""
     bodies = [placed.body for placed in history.assembly.bodies.values()]
     facts = [info_of(one) for one in bodies]
@@ -548,27 +550,27 @@ def covers(history: History) -> str:
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
 
-def covered(history: History) -> str:
+def error_text(history: History) -> str:
     """The error of the force of a history, with what it covers."""
     known = percent(history.error["force"]) if "force" in history.error else "not estimated"
-    return f"{known} ({covers(history)})"
+    return f"{known} ({error_scope(history)})"
 
 
-def sites(history: History) -> dict[str, tuple[float, ...]]:
-    """Where the sites of the bodies lie [m]: "body:site", or "body" -> point.
+def history_sites(history: History) -> dict[str, tuple[float, ...]]:
+    """Points [m] of the sites of all bodies, by "body:site" or "body".
 
-    Where bodies are not named, those of the structure, by the site alone.
+    For histories of `simulate`: those of the structure, by site.
     """
     if not history.named:
-        return places_of(history.model)
+        return site_points(history.model)
     return {
         f"{name}:{site}" if site else name: point
         for name, placed in history.assembly.bodies.items()
-        for site, point in places_of(placed.body).items()
+        for site, point in site_points(placed.body).items()
     }
 
 
 def _quoted(name: str) -> str:
-    """A name as CSV has it."""
+    """Quote a column name for CSV where it needs quotes."""
     name = files.table_text(name)
     return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name

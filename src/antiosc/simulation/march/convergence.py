@@ -32,13 +32,18 @@ class Converged:
 
 
 def converge(
-    system: System, lasting: float, duration: float, tol: float, max_contacts: int, max_steps: int
+    system: System,
+    contact_time_estimate: float,
+    duration: float,
+    tol: float,
+    max_contacts: int,
+    max_steps: int,
 ) -> Converged:
     """Finer runs until the forces of two agree to the tolerance: `aom_solve` of the march.
 
-    `lasting`: expected time of a contact [s], the shortest.
+    `contact_time_estimate`: expected time of a contact [s], the shortest.
     """
-    fine = lasting / FINE
+    fine = contact_time_estimate / FINE
     options = march.Options(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)
     run, found = solve(system, options)
     return Converged(run, found.share, found.force, found.peak, found.certain)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from antiosc.base import march
 from antiosc.contact import ContactLaw, State
-from antiosc.models.damping import SideBySide
+from antiosc.models.damping import StackedModes
 from antiosc.simulation.march.laws import packed, raise_error
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ class System:
     given: float = 0.0
     least_speed: float = 0.0
     kept: Sequence[Kept | None] | None = None
-    first: SideBySide | None = None
+    first: StackedModes | None = None
     gamma: Array | None = None
     block: Array | None = field(default=None, init=False)
 

@@ -19,13 +19,13 @@ from antiosc.base.errors import (
     AccuracyWarning,
     AntioscError,
     InputError,
-    takes,
+    check_signature,
     warn,
     without_warnings,
 )
-from antiosc.base.files import check_readable, complete
+from antiosc.base.files import atomic_file, check_readable
 from antiosc.base.progress import counting
-from antiosc.simulation.batch import as_they_come, check_executor, simulate_many
+from antiosc.simulation.batch import check_executor, completed_calls, simulate_many
 from antiosc.studies.chance.sample import Sample
 from antiosc.studies.map_results import ImpactMap
 
@@ -181,7 +181,7 @@ def monte_carlo(
     """
     checks.function("run", run, "a function of the inputs")
     given, size = checked(inputs), checks.whole("n", n, most=MOST)
-    takes("run", run, given)
+    check_signature("run", run, given)
     check_executor(executor)
     drawn = draws(given, size, checks.whole("seed", seed, least=0))
     mpi = sys.modules.get("mpi4py.MPI")
@@ -219,7 +219,7 @@ def made(
     if executor is None:
         yield from ((k, _rows(run, part)) for k, part in enumerate(given))
         return
-    for k, rows in as_they_come(executor, _rows, [((run, part), {}) for part in given]):
+    for k, rows in completed_calls(executor, _rows, [((run, part), {}) for part in given]):
         if isinstance(rows, InputError):
             raise rows
         yield k, [str(rows)] * len(given[k]) if isinstance(rows, AntioscError) else rows
@@ -381,7 +381,7 @@ def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]
             " name the results otherwise than the inputs."
         )
     with (
-        complete(path, "the campaign") as part,
+        atomic_file(path, "the campaign") as part,
         part.open("w", encoding="utf-8", newline="") as file,
     ):
         csv.writer(file).writerow(columns)

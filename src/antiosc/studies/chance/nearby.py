@@ -20,7 +20,7 @@ import scipy.linalg
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, InputError, takes
+from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.algebra import dot, multiply, rows
@@ -200,7 +200,7 @@ def nearby(
     """
     checks.function("build", build, "a function of the parameters")
     limits = {name: _range(name, given) for name, given in _named(ranges).items()}
-    takes("build", build, limits)
+    check_signature("build", build, limits)
     tol, n = checks.tolerance(tol), checks.whole("n", n)
     family = Family(build, site, tuple(limits))
     low, high = np.array(list(limits.values())).T

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import finished, panels
+from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Given, ReprMixin
+from antiosc.base.texts import FieldsRepr, ReprMixin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +27,7 @@ LEAST = 50
 
 
 @dataclass(frozen=True)
-class Quantile(Given):
+class Quantile(FieldsRepr):
     """A quantile or a probability with the bar (low, high) of its sampling.
 
     An end is infinite where the sample is too small for it; `note` says how many results have one,
@@ -171,7 +171,7 @@ class Sample(ReprMixin):
             axes.axvspan(max(at.low, found.min()), min(at.high, found.max()), alpha=0.15, color="k")
         axes.set(xlabel=name.replace("_", " "), ylabel="runs")
         axes.legend()
-        return finished(figure, path)
+        return figure_or_path(figure, path)
 
     def _of(self, quantity: str) -> Array:
         return self.values[checks.choice("quantity", quantity, tuple(self.values))]
@@ -210,7 +210,7 @@ class Sensitivity(ReprMixin):
         off = np.abs(self.bars - self.first[:, None])[order].T.tolist()
         axes.barh([self.inputs[i] for i in order], self.first[order], xerr=off, color="tab:blue")
         axes.set(xlabel=f"share of the variance of {self.quantity.replace('_', ' ')}")
-        return finished(figure, path)
+        return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
         order = np.argsort(-self.first)

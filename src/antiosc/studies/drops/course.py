@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.results.margin import HertzContact
@@ -257,7 +257,7 @@ class Impacts(tuple[Impact, ...]):
 
 
 @dataclass(frozen=True)
-class Peak(Given):
+class Peak(FieldsRepr):
     """The largest value of a signal, as `Fall.peak` finds it.
 
     Attributes
@@ -325,7 +325,7 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     """
     with without_warnings():
         found = list(_contacts(body, floor, episodes))
-    return max(found, key=lambda one: one.share).told(REMEDY) if found else ""
+    return max(found, key=lambda one: one.share).warning(REMEDY) if found else ""
 
 
 def _contacts(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Iterator[HertzContact]:

@@ -19,7 +19,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
-from antiosc.base.texts import Given, ReprMixin
+from antiosc.base.texts import FieldsRepr, ReprMixin
 from antiosc.models.motion import unit_vector
 from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
@@ -118,7 +118,7 @@ QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
 
 
 @dataclass(frozen=True)
-class Tilts(Given):
+class Tilts(FieldsRepr):
     """What varies in an ensemble of falls.
 
     Parameters
@@ -142,7 +142,7 @@ class Tilts(Given):
     def __post_init__(self) -> None:
         for name in ("height", "friction", "spin"):
             checks.store(self, **{name: checks.nonnegative(name, getattr(self, name))})
-        if not checks.rigid(self.sigma):
+        if not checks.is_rigid(self.sigma):
             checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
         if not any((self.sigma, self.height, self.friction, self.spin)):
             raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
@@ -382,7 +382,7 @@ def drop(
     whirl = body.extent * float(np.linalg.norm(moving["spin"]))
     _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))
-    plausible.tell([plausible.of_blow(None, (), arrival, moving["velocity"])])
+    plausible.warn_each([plausible.of_blow(None, (), arrival, moving["velocity"])])
     R = orientation(body, tilt, face, edge, corner, toward)
     start = hung(body, setting, R, **moving)
     if ensemble is None:

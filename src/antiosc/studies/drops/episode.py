@@ -19,7 +19,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import Inertia, ModalState
-from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import impulses
@@ -27,9 +27,14 @@ from antiosc.simulation.histories.results import COMPLETED, STOPPED
 from antiosc.simulation.march.convergence import FINE as FINEST
 from antiosc.simulation.march.engine import Run, run as march_once
 from antiosc.simulation.march.system import Kept, System
-from antiosc.simulation.scene import Scene, check_range, exactly, start as begin
+from antiosc.simulation.scene import (
+    Scene,
+    check_range,
+    integrate_exact,
+    set_initial_forces as begin,
+)
 from antiosc.simulation.scene_parts import Contact
-from antiosc.simulation.states import between, forces, located, marched_states
+from antiosc.simulation.states import forces, integrated_states, interpolated, locate
 from antiosc.studies.drops.bed import laid, stored
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State, turned
@@ -105,7 +110,7 @@ def scene_of(
         for k, (i, one) in enumerate(zip(which.tolist(), on, strict=True))
     ]
     gravity = (0.0, 0.0, -setting.gravity)
-    assembly = assemble(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
+    assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
     gaps = [
         max(h, 0.0) if one is None else h if i in body.laws else one.height
@@ -136,7 +141,7 @@ def scene_of(
     if drawn.any():
         offsets = system.offsets[:1] - [np.zeros(len(drawn)), drawn]
         breaks, loads = (
-            np.array([0.0, DRAWN * assembly.lasting]),
+            np.array([0.0, DRAWN * assembly.contact_time_estimate]),
             np.repeat(system.loads[:1], 2, axis=0),
         )
         system = replace(system, breaks=breaks, loads=loads, offsets=offsets)
@@ -173,8 +178,8 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
     its law, or where friction jams.
     """
     with without_warnings():
-        found, _ = exactly(assembly, duration, tol, None, *LIMITS)
-    if found.run.time[-1] <= JAMMED * assembly.lasting:
+        found, _ = integrate_exact(assembly, duration, tol, None, *LIMITS)
+    if found.run.time[-1] <= JAMMED * assembly.contact_time_estimate:
         raise _jam(assembly.system)
     history = _history(assembly, found.run, {"force": found.force, "peak": found.peak})
     check_range(history)
@@ -193,7 +198,7 @@ def run_once(
         duration,
         share,
         scale=scale,
-        fine=assembly.lasting / FINEST,
+        fine=assembly.contact_time_estimate / FINEST,
         max_contacts=LIMITS[0],
         max_steps=LIMITS[1],
     )
@@ -262,15 +267,15 @@ def on_path(
     arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
     ways = arms - arms[0] + (moved[:, :6] @ W[:, :3])[:, None]
     ways -= np.cross(path.turns[:, None], balls * AXES[0])  # a ball rolls
-    acting = forces(history.run, *located(history.run, path.times))
+    acting = forces(history.run, *locate(history.run, path.times))
     pushes, linear = np.zeros_like(arms), acting @ beta
-    offsets = between(path.times, old.breaks, old.offsets).copy()
+    offsets = interpolated(path.times, old.breaks, old.offsets).copy()
     for k, (first, count) in enumerate(old.tangents.tolist()):
         for row, axis in ((k, 2), *((first + i, i) for i in range(count))):
             pushes[:, k, axis] = acting[:, row]
             offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
     bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
-    off = offsets - (last := between(path.times, ran.breaks, ran.offsets))
+    off = offsets - (last := interpolated(path.times, ran.breaks, ran.offsets))
     if body.bed is not None:
         z, bed = _heights(body, start, path), body.bed
         # the depth is free - gap; what is not of the body is of the floor
@@ -290,12 +295,12 @@ def on_path(
         off[:, at] = bed.volume(pieces, free[:, at] - last[:, at]) - volume
         off[:, at] *= largest / max(float(volume.sum(axis=1).max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
-    loads = between(path.times, old.breaks, old.loads).copy()
+    loads = interpolated(path.times, old.breaks, old.loads).copy()
     loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
     change = 0.0
     for each, size in (
         (off, history.run.depth[:, : len(which)]),
-        (loads - between(path.times, ran.breaks, ran.loads), linear),
+        (loads - interpolated(path.times, ran.breaks, ran.loads), linear),
     ):
         change = max(change, float(np.abs(each).max()) / max(float(np.abs(size).max()), TINY))
     return replace(
@@ -322,7 +327,7 @@ def handed_over(
     a, run, t = history.assembly, history.run, float(path.times[-1])
     W, momentum = body.rigid_modes(start.R)
     moved, P = (path.q[-1] - path.q[0])[:6] @ W, path.v[-1, :6] @ momentum
-    whole = np.array(marched_states(run, a.system, *located(run, path.times[-1:])))[:, 0]
+    whole = np.array(integrated_states(run, a.system, *locate(run, path.times[-1:])))[:, 0]
     state = State(
         start.time + t,
         start.centre + moved[:3],
@@ -477,7 +482,7 @@ def episode(
         heights[body.idle] = np.inf
     which = np.array([np.argmin(heights)])
     base = scene_of(body, start, setting, which, held)
-    time, turns, cuts = base.lasting, TURNS, 0
+    time, turns, cuts = base.contact_time_estimate, TURNS, 0
     longest = min(LONGEST * LONG * time, GROWS * before)
     duration = min(LONG * time, longest)
     touched = _candidates(body, start, heights, time, [*held])

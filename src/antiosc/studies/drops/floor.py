@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.contact import ContactLaw, Gonthier, Hertz, Power
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.models.body import LinearBody, checked_body
-from antiosc.models.damping import SideBySide
+from antiosc.models.damping import StackedModes
 from antiosc.models.modal import ModalBody, SiteModes
 from antiosc.models.motion import ModalState
 from antiosc.simulation.bodies import Sphere
@@ -29,7 +29,7 @@ LARGEST_LOSS = 1.0
 
 
 @dataclass(frozen=True)
-class SoftLayer(Given):
+class SoftLayer(FieldsRepr):
     """A soft sheet on a rigid floor, thin against the area of contact.
 
     Parameters
@@ -68,7 +68,7 @@ def cushion(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class Floor(Given):
+class Floor(FieldsRepr):
     """What a part falls on: the plane z = 0, below it a half-space, a rigid ground or a model.
 
     Parameters
@@ -160,7 +160,7 @@ class Ground:
     """
 
     body: SiteModes
-    modes: SideBySide
+    modes: StackedModes
     shape: Array
 
     @property
@@ -191,7 +191,7 @@ class Ground:
 
 def _ground(own: ModalBody) -> Ground:
     decay = np.zeros(own.omega.size) if own.decay is None else own.decay
-    moving = SideBySide([(own.omega, decay, own.first_order, None)])
+    moving = StackedModes([(own.omega, decay, own.first_order, None)])
     body = SiteModes(
         own.omega,
         np.outer(-own.b, [1.0, 0.0, 0.0]),

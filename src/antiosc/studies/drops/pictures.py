@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.charts import finished, new_figure
+from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import InputError
 from antiosc.base.surfaces import LIGHT
 from antiosc.studies.drops.body import skin_of
@@ -55,7 +55,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     force.bar(np.arange(1, len(peaks) + 1), peaks)
     force.set(xlabel="impact", ylabel="peak force (N)")
     force.xaxis.get_major_locator().set_params(integer=True)
-    return finished(figure, path)
+    return figure_or_path(figure, path)
 
 
 def _surface(fall: Fall) -> tuple[Array, IntArray]:
@@ -128,7 +128,7 @@ def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
 
     moving = animation.FuncAnimation(figure, drawn, len(times))
     kind = "ffmpeg" if target.suffix.lower() == ".mp4" else "pillow"
-    with files.complete(target, "the film") as part:
+    with files.atomic_file(target, "the film") as part:
         own = part.with_name(f"{part.name}{target.suffix}")
         moving.save(str(own), writer=kind, fps=RATE)
         own.replace(part)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import finished, panels
+from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin
@@ -160,7 +160,7 @@ class FoundImpact(ReprMixin):
         t = np.linspace(0.0, end, 400)
         right.plot(1e3 * (t + self.start), self.history.force_at(t), color="C3")
         right.set(xlabel="time (ms)", ylabel="force (N)", ylim=(0, None), title="contact force")
-        return finished(figure, path)
+        return figure_or_path(figure, path)
 
 
 #: What may be unknown, besides the start.
@@ -276,7 +276,7 @@ def find_impact(
     """
     started = time.perf_counter()
     checks.instance("structure", structure, Structure, "a Structure")
-    sensors = checks.several("sensors", sensors, Sensor, "Sensor")
+    sensors = checks.list_of("sensors", sensors, Sensor, "Sensor")
     if not sensors:
         raise InputError("sensors must hold one Sensor or more.")
     names = _names(unknown, impactor, contact)
@@ -388,7 +388,7 @@ def _told(
     extent = float(np.ptp(model.surface.points, axis=0).max()) or 1.0
     limits = np.array([
         DETERMINED_PLACE * extent if name == "place"
-        else blow.lasting if name == "start" else DETERMINED
+        else blow.contact_time_estimate if name == "start" else DETERMINED
         for name in best.names
     ])  # fmt: skip
     scaled = best.covariance / limits / limits[:, None]
@@ -452,7 +452,7 @@ def _verdict(
             " band."
         )
     if others:
-        places = "; ".join(checks.in_words(place) for place in others)
+        places = "; ".join(checks.point_text(place) for place in others)
         return UNDETERMINED, (
             f"cannot tell the place: the signals fit as well at {places}; add a sensor off the"
             " axis of symmetry."

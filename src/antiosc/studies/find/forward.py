@@ -9,12 +9,12 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
 from antiosc.contact import ContactLaw, Linear
-from antiosc.models.body import InModes
+from antiosc.models.body import ModalModel
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.bodies import RigidMass
 from antiosc.simulation.histories import History
 from antiosc.simulation.reference import Settings
-from antiosc.simulation.scene import impact
+from antiosc.simulation.scene import simulate_impact
 from antiosc.simulation.two_bodies import Impact
 from antiosc.studies.find.recording import Recording
 
@@ -157,7 +157,7 @@ class Blow:
     mass, velocity, stiffness : [kg], [m/s], [of the law].
     start : time of the first touch after the first sample [s].
     E : factor of the stiffness of the whole structure.
-    lasting : expected contact time [s].
+    contact_time_estimate : expected contact time [s].
     frequency : (J,) relative changes of the natural frequencies.
     share : (m, J) relative changes of the modes' shares in the signals.
     """
@@ -168,7 +168,7 @@ class Blow:
     velocity: float
     stiffness: float
     start: float
-    lasting: float
+    contact_time_estimate: float
     frequency: Array
     share: Array
     E: float = 1.0
@@ -227,14 +227,14 @@ class Struck:
         b, (r, local) = seen[:-2], np.maximum(seen[-2:], 0.0) / blow.E
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
         radius = float(self.radius[blow.site])
-        body = InModes(modes, float(local), None if np.isnan(radius) else radius)
+        body = ModalModel(modes, float(local), None if np.isnan(radius) else radius)
         law = self.law
         if hasattr(law, "stiffness"):
             law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
         end = len(self.data.values) * self.data.dt - blow.start
-        step = min(blow.lasting / STEPS, end / 20)
+        step = min(blow.contact_time_estimate / STEPS, end / 20)
         scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
-        return impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
+        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
 
     def seen(self, blow: Blow, at: Array) -> Seen:
         """What the sensors see of a blow on the place with `at` (J + 2,)."""

@@ -17,7 +17,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
-from antiosc.base.texts import Given
+from antiosc.base.texts import FieldsRepr
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import place
 from antiosc.fem.site import Reach, point_of
@@ -31,7 +31,7 @@ GAUGE_POINTS = 6
 
 
 @dataclass(frozen=True)
-class Sensor(Given):
+class Sensor(FieldsRepr):
     """A sensor on a structure: an accelerometer, a vibrometer, a strain gauge.
 
     Parameters

@@ -205,8 +205,17 @@ class Search:
             if better is None:
                 break
             trial, new = better
-            lasting = float(np.clip(seen.hit.contact_time, 0.2 * blow.lasting, 5 * blow.lasting))
-            blow, before = replace(trial, lasting=lasting), float(np.sum((factor * rest) ** 2))
+            contact_time_estimate = float(
+                np.clip(
+                    seen.hit.contact_time,
+                    0.2 * blow.contact_time_estimate,
+                    5 * blow.contact_time_estimate,
+                )
+            )
+            blow, before = (
+                replace(trial, contact_time_estimate=contact_time_estimate),
+                float(np.sum((factor * rest) ** 2)),
+            )
             if before - float(new @ new) < max(CONVERGED, ENOUGH * before):
                 steps = step + 1
         return self._finished(blow, chart, seen, rest, J, gains)
@@ -225,7 +234,7 @@ class Search:
             name: getattr(blow, name) * float(np.exp(c))
             for name, c in zip(self.logs, logs, strict=True)
         }
-        start = blow.start + blow.lasting * float(
+        start = blow.start + blow.contact_time_estimate * float(
             np.clip(change[d + k], -LONGEST_START, LONGEST_START)
         )
         T = self.model.data.duration
@@ -258,7 +267,9 @@ class Search:
             change = CHANGE_FREQUENCY if name == "E" else CHANGE
             value = {name: getattr(blow, name) * float(np.exp(change))}
             changed(replace(blow, **value), there, change)
-        changed(replace(blow, start=blow.start + CHANGE * blow.lasting), there, CHANGE)
+        changed(
+            replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), there, CHANGE
+        )
         n, m, J = seen.parts.shape
         p = len(columns)
         found = np.zeros((n * m + J + m * J, p + J + m * J))
@@ -284,7 +295,7 @@ class Search:
         inverse = covariance(J.T @ J)
         used = float(np.sum((J[:data] @ inverse) * J[:data]))
         chi2 = float(rest[:data] @ rest[:data]) / max(data - used, 1.0)
-        unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.lasting]])
+        unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.contact_time_estimate]])
         main = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
         names = (*("place",) * d, *self.logs, "start")
         cost = float(rest @ rest)
@@ -392,7 +403,7 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
     J, m = len(model.omega), len(model.rows)
     guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
     return Blow(
-        model.surface.points[i], i, start=float(scanned.start[i]), lasting=T,
+        model.surface.points[i], i, start=float(scanned.start[i]), contact_time_estimate=T,
         frequency=np.zeros(J), share=np.zeros((m, J)), **guess,
     )  # fmt: skip
 

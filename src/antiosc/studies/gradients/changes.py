@@ -23,19 +23,19 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix, of_factors
+from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.bodies import Impactor, RigidMass, Sphere
 from antiosc.simulation.error_budget import SAFETY
 from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.scene import start
+from antiosc.simulation.scene import set_initial_forces
 from antiosc.simulation.scene_parts import Contact, SceneParts
-from antiosc.simulation.states import marched_states
-from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest
-from antiosc.simulation.two_bodies import Impact, pose
+from antiosc.simulation.states import integrated_states
+from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest_model
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 from antiosc.studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]
@@ -306,7 +306,7 @@ def _leading(law: ContactLaw) -> Array:
 
 def impact_of(hit: History) -> Impact | None:
     """The arguments of `simulate` of a run; None of a scene."""
-    again = hit.budget.keywords["again"] if isinstance(hit.budget, partial) else None
+    again = hit.budget.keywords["rerun"] if isinstance(hit.budget, partial) else None
     return None if again is None else again.args[0]
 
 
@@ -314,9 +314,11 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
     """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
     impact = impact_of(hit)
     if impact is not None:
-        return pose(*impact._replace(model=model))
+        return assemble_pair(impact._replace(model=model))
     scene = hit.assembly.scene
-    return assemble(replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1]))
+    return assemble_scene(
+        replace(scene, bodies={**scene.bodies, name: model}), float(hit.run.time[-1])
+    )
 
 
 def changed_model(
@@ -340,7 +342,7 @@ def by_springs(
 
     def slope(size: float, other: Callable[[float], SceneParts]) -> float:
         step = STEPS[0] * size
-        below, above = (assemble(other(size + e), end).system.slip for e in (-step, step))
+        below, above = (assemble_scene(other(size + e), end).system.slip for e in (-step, step))
         return float(by.friction[:, 1] @ (above - below)[:, 1]) / (2 * step)
 
     for contact in scene.contacts:
@@ -385,10 +387,10 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
             "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
             " error= out."
         )
-    again, known = budget.keywords["again"], max(hit.error.values(), default=1e-3)
+    again, known = budget.keywords["rerun"], max(hit.error.values(), default=1e-3)
     tol = max(FINER * known, LEAST)
     less = model.n - max(1, round(FEWER * model.n))
-    turns: list[Turn] = [lambda one: one, lambda one: one.truncated(less), softest]
+    turns: list[Turn] = [lambda one: one, lambda one: one.truncated(less), softest_model]
     if model.strain_error is not None:
         turns.append(AntiOscillators.corrected)
     return [(again(turned(model), tol), turned) for turned in turns]
@@ -421,7 +423,9 @@ def first_order_weights(found: Recorded, weights: Array) -> Array:
     first, J = found.system.first, found.system.omega.size
     if first is None:
         return weights
-    return np.hstack([first.seen(weights[:, :J], weights[:, J : 2 * J]), weights[:, 2 * J :]])
+    return np.hstack(
+        [first.state_gradient(weights[:, :J], weights[:, J : 2 * J]), weights[:, 2 * J :]]
+    )
 
 
 def by_coupled(
@@ -476,7 +480,7 @@ def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
     if isinstance(given, DampingMatrix):
         root = np.sqrt(1 + by)
         factors = [(root * L, tau) for L, tau in given.factors]
-        return replace(model, damping=of_factors(root * given.factor, factors))
+        return replace(model, damping=from_factors(root * given.factor, factors))
     changes: dict[str, Any] = {name: given * (1 + by)}
     return replace(model, **changes)
 
@@ -486,7 +490,7 @@ def changed_coupled(
 ) -> float:
     """Change of the goal by the modes of one set of bodies to another, to first order."""
     for bodies in (before, after):
-        start(bodies)
+        set_initial_forces(bodies)
     here = _of_march(found)
     one, other = (_as_here(here, _of_march(bodies)) for bodies in (before, after))
     change = {n: other[n] - one[n] for n in one}
@@ -499,7 +503,7 @@ def changed_coupled(
     for (step, u, _), _, own in wanted.readings:
         since = u * float(found.edges[step + 1] - found.edges[step])
         at = np.array([step]), np.array([since])
-        state = np.hstack(marched_states(found.run, found.system, *at))[0]
+        state = np.hstack(integrated_states(found.run, found.system, *at))[0]
         moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
         total += float(np.sum(own * moved))
     return total
@@ -514,8 +518,8 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
     return {
         "omega": s.omega[None], "decay": s.decay[None], "beta": np.hstack([s.beta, s.gamma]),
         "loads": s.loads, "state": np.append(s.q, s.v)[None],
-        "B": first.seen(bodies.B.T, zero), "V": first.seen(zero, bodies.B.T),
-        "rigid": first.seen(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
+        "B": first.state_gradient(bodies.B.T, zero), "V": first.state_gradient(zero, bodies.B.T),
+        "rigid": first.state_gradient(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
     }  # fmt: skip
 
 

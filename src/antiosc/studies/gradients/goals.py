@@ -18,9 +18,9 @@ from antiosc.simulation.histories import History
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.states import (
     forces,
-    located,
+    integrated_starts,
+    locate,
     main_contact_time,
-    marched_starts,
     starts,
     states,
 )
@@ -75,7 +75,7 @@ class Recorded(Assembly):
         if self.run.every == 1 and self.run.states is not None:
             return self.run.states
         every = np.arange(self.edges.size)
-        return np.stack(marched_starts(self.run, self.system, every), axis=1)
+        return np.stack(integrated_starts(self.run, self.system, every), axis=1)
 
     def velocities(self) -> Array:
         """Velocities (n + 1, J) of the free modes at the edges."""
@@ -144,7 +144,7 @@ def seeds(
     t = checks.number("time", time, "s")
     if not 0 <= t <= end:
         raise InputError(f"time must lie within the run, 0 <= time <= {end:g} s; got {t:g} s.")
-    step, since = located(found.run, np.array([t]))
+    step, since = locate(found.run, np.array([t]))
     TIMED[str(goal)](found, contact, empty, int(step[0]), float(since[0]))
     return empty
 
@@ -288,7 +288,7 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
     edges, own = found.edges, _side(found, c)
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
     for _ in range(REFINED):
-        step, since = located(found.run, t)
+        step, since = locate(found.run, t)
         q, _ = states(found.run, found.system, step, since)
         pushed = -(forces(found.run, step, since) @ found.G)
         best = int(np.argmax(np.abs(q @ (found.B @ own) + pushed @ (found.r @ own))))

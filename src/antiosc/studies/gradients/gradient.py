@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.base.texts import ReprMixin, short
+from antiosc.base.texts import ReprMixin, value_text
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -84,7 +84,9 @@ class Gradient(ReprMixin):
     def _facts(self) -> list[tuple[str, str]]:
         told = [(self.goal, f"{self.value:.6g}")]
         for each in (*self.contacts.values(), *self.bodies.values()):
-            told.append(("d/d", ", ".join(f"{n} {short(v)}" for n, v in each.items() if short(v))))
+            told.append(
+                ("d/d", ", ".join(f"{n} {value_text(v)}" for n, v in each.items() if value_text(v)))
+            )
         return told
 
 

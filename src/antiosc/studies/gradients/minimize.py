@@ -16,7 +16,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 from antiosc.simulation.histories import History
 from antiosc.simulation.scene import simulate
-from antiosc.simulation.two_bodies import pose
+from antiosc.simulation.two_bodies import Impact, assemble_pair
 from antiosc.studies.gradients.changes import changed
 from antiosc.studies.gradients.goals import GOALS, Sampled
 from antiosc.studies.gradients.gradient import derived
@@ -141,7 +141,7 @@ class _Search:
             for sign in (-1, 1):
                 other = np.array(y)
                 other[i] += sign * CHANGE
-                ends.append(pose(*self._made(other)))
+                ends.append(assemble_pair(Impact(*self._made(other))))
             slopes[i] = changed(self.found, self.wanted, self.by, *ends) / (2 * CHANGE)
         return slopes
 

@@ -35,7 +35,7 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix, along
+from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.results.fields import checked_shapes
 from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
 from antiosc.studies.gradients.goals import Sampled
@@ -160,7 +160,7 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
         m=P**2,
         omega=np.sqrt(square),
         local_compliance=_local(model, part),
-        damping=along(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
+        damping=in_coordinates(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
         shapes=None,
         strain_error=None,
         strain_misfit=None,

@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import finished, legend, panels
+from antiosc.base.charts import figure_or_path, legend, panels
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import ReprMixin
@@ -82,7 +82,7 @@ class ForceComparison(ReprMixin):
         below.plot(1e3 * self.time, self.measured - self.computed, lw=1.0, color="C3")
         below.set_ylabel("difference (N)")
         below.set_xlabel("time (ms)")
-        return finished(figure, path)
+        return figure_or_path(figure, path)
 
 
 @checks.within_range

@@ -330,7 +330,7 @@ class FRF(ReprMixin):
         found: dict[str, Array] = {}
         for name in ("coherence", "sigma"):
             if getattr(self, name) is not None:
-                found[name] = checks.kept(checks.array(name, getattr(self, name), shape)[seen])
+                found[name] = checks.read_only(checks.array(name, getattr(self, name), shape)[seen])
         if self.sigma is not None and np.any(found["sigma"] <= 0):
             raise InputError("sigma must be > 0: it is the standard deviation of each value.")
         if self.coherence is not None:
@@ -344,8 +344,8 @@ class FRF(ReprMixin):
             raise InputError("values must not be 0 above 0 Hz: the measurement has dropouts.")
         checks.store(
             self,
-            frequency=checks.kept(f[seen]),
-            values=checks.kept(values[seen]),
+            frequency=checks.read_only(f[seen]),
+            values=checks.read_only(values[seen]),
             averages=checks.whole("averages", self.averages),
             sites=names,
             references=forced,
