@@ -125,6 +125,17 @@ def test_a_block_lands_on_a_layer_as_one_integration_says(tilt: tuple[int, ...],
     assert energy[-1] == pytest.approx(energy[0], rel=5e-4)
 
 
+@pytest.mark.parametrize(
+    "tilt", [(22.2, 0.6, 23.8), pytest.param((22.8, -14.6, 16.4), marks=pytest.mark.slow)]
+)
+def test_friction_on_a_layer_gives_no_energy(tilt: tuple[float, ...]) -> None:
+    """The centre of pressure moves along a face that rolls on the layer; friction acts there."""
+    part = block(0.5, np.array([0.05, 0.04, 0.015]))
+    floor = ao.Floor(layer=ao.SoftLayer(0.02, 1e6), friction=0.6)
+    energy = ao.drop(part, 0.05, tilt, floor, until=3).energy()[1].sum(axis=1)
+    assert np.diff(energy).max() < 1e-4 * energy[0]
+
+
 def test_a_filter_has_the_flight_after_the_last_impact() -> None:
     """The same impact, whether it is the last one or not."""
     part = ao.RigidBody(1.3, [2e-3] * 3, {"low": ((0, 0, -0.05), (0, 0, 1))})

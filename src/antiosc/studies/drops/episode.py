@@ -290,6 +290,11 @@ def on_path(
         bent = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
         arms[:, at] = bent @ np.swapaxes(R, 1, 2)
         bending += np.einsum("nkd,nkjd->nj", pushes[:, at] @ R, moving - shapes[at])
+        slid = _slid(R, path.q[:, 6:], bent, moving) + (moved[:, :6] @ W[:, :3])[:, None]
+        for k, (first, count) in enumerate(old.tangents[at].tolist()):
+            more = (slid[:, k] - ways[:, at[k]])[:, :count]
+            offsets[:, first : first + count] += more
+            off[:, first : first + count] += more
         # of a piece the force counts, over that of all pieces
         largest = float(np.abs(history.run.depth[:, : len(which)]).max())
         off[:, at] = bed.volume(pieces, free[:, at] - last[:, at]) - volume
@@ -306,6 +311,20 @@ def on_path(
     return replace(
         base, system=replace(old, breaks=path.times, loads=loads, offsets=offsets)
     ), change
+
+
+def _slid(R: Array, q: Array, places: Array, shapes: Array) -> Array:
+    """Displacements (n, k, 3) [m] of the material at places (n, k, 3) that move through a body.
+
+    Friction there acts against these, and not against those of one material point: it would do work
+    on the way by which the centre of pressure moves.
+
+    R : (n, 3, 3) orientations; q : (n, J) of the modes; shapes : (n, k, J, 3) of the modes there.
+    """
+    place, shape = (places[1:] + places[:-1]) / 2, (shapes[1:] + shapes[:-1]) / 2
+    steps = np.einsum("nab,nkb->nka", np.diff(R, axis=0), place)
+    steps += np.einsum("nab,nkjb,nj->nka", (R[1:] + R[:-1]) / 2, shape, np.diff(q, axis=0))
+    return np.concatenate((np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)))
 
 
 def _heights(body: FreeBody, start: State, path: Path) -> Array:
@@ -406,7 +425,10 @@ class Episode:
     def stored(self) -> float:
         """Energy of the contacts at the end [J]: > 0 of those that go on."""
         if self.body.bed is not None:
-            return self.layer
+            closed = (one for one in self.held.values() if one.kept.closed and one.stiffness > 0)
+            return self.layer + sum(
+                float(one.force[1:] @ one.force[1:]) / (2 * one.stiffness) for one in closed
+            )
         node = int(np.argmin(np.abs(self.history.time - self.duration)))
         return float(self.history.energy.contact[node])
 
