@@ -170,9 +170,9 @@ def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
     Python objects. While an exception is raised, that callback waits for ever (0.9): where a mesh
     is on all ranks or on one, their own communicators serve, which last.
     """
-    for contact_time_estimate in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        if MPI.Comm.Compare(mesh.comm, contact_time_estimate) in (MPI.IDENT, MPI.CONGRUENT):
-            return contact_time_estimate
+    for permanent in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        if MPI.Comm.Compare(mesh.comm, permanent) in (MPI.IDENT, MPI.CONGRUENT):
+            return permanent
     return mesh.comm
 
 
@@ -255,9 +255,8 @@ def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.
 SUMS = (
     "-O3", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-fno-math-errno",
 )  # fmt: skip
-#: The same with vector instructions where this processor has them: the flags are in the name of
-#: what is compiled, so that another machine on the same home folder compiles its own.
-FAST = (*SUMS, *(["-mavx2", "-mfma"] if {"avx2", "fma"} <= processor_features() else []))
+#: Vector instructions, for processors that have them.
+VECTOR = "avx2", "fma"
 
 
 def _compiled(form: ufl.Form, flags: Sequence[str] = ()) -> fem.Form:
@@ -456,7 +455,9 @@ def quadratic(
     given = {each: x for form in forms for each in form.arguments()}
     form = ufl.replace(ufl.Form([of_cells(one) for one in integrals]), own | given)
     total = np.zeros(cell_map(space.mesh).size_local)
-    compiled = _compiled(form, FAST)
+    # the flags are in the name of what is compiled: another machine on this folder compiles its own
+    vector = [f"-m{name}" for name in VECTOR] if {*VECTOR} <= processor_features() else []
+    compiled = _compiled(form, (*SUMS, *vector))
     if not total.size:  # the other ranks wait for this one until the form is compiled
         return total
     ufcx, in_cpp = compiled.ufcx_form, getattr(compiled, "_cpp_object", compiled)

@@ -290,7 +290,7 @@ def on_path(
         bent = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
         arms[:, at] = bent @ np.swapaxes(R, 1, 2)
         bending += np.einsum("nkd,nkjd->nj", pushes[:, at] @ R, moving - shapes[at])
-        slid = _slid(R, path.q[:, 6:], bent, moving) + (moved[:, :6] @ W[:, :3])[:, None]
+        slid = _displaced(R, path.q[:, 6:], bent, moving) + (moved[:, :6] @ W[:, :3])[:, None]
         for k, (first, count) in enumerate(old.tangents[at].tolist()):
             more = (slid[:, k] - ways[:, at[k]])[:, :count]
             offsets[:, first : first + count] += more
@@ -313,7 +313,7 @@ def on_path(
     ), change
 
 
-def _slid(R: Array, q: Array, places: Array, shapes: Array) -> Array:
+def _displaced(R: Array, q: Array, places: Array, shapes: Array) -> Array:
     """Displacements (n, k, 3) [m] of the material at places (n, k, 3) that move through a body.
 
     Friction there acts against these, and not against those of one material point: it would do work
