@@ -458,7 +458,8 @@ def quadratic(
     # the flags are in the name of what is compiled: another machine on this folder compiles its own
     vector = [f"-m{name}" for name in VECTOR] if {*VECTOR} <= processor_features() else []
     compiled = _compiled(form, (*SUMS, *vector))
-    if not total.size:  # the other ranks wait for this one until the form is compiled
+    vectors = np.ascontiguousarray(with_ghosts(space, vectors))
+    if not total.size:  # only now: all ranks compile and exchange together
         return total
     ufcx, in_cpp = compiled.ufcx_form, getattr(compiled, "_cpp_object", compiled)
 
@@ -476,7 +477,7 @@ def quadratic(
     arrays = (
         nodes, np.ascontiguousarray(space.mesh.geometry.x), coefficients,
         np.asarray(fem.assemble.pack_constants(in_cpp)),
-        np.ascontiguousarray(with_ghosts(space, vectors)), np.ascontiguousarray(weights),
+        vectors, np.ascontiguousarray(weights),
     )  # fmt: skip
     sizes = nodes.shape[1], coefficients.shape[1], int(entries[0]), entries.size, count
     cells = march.Cells(kernel, *sizes, *map(march.address, arrays))
