@@ -488,7 +488,7 @@ def quadratic(
         places = march.address(memory), march.address(total)
         march.library.aom_cell_sums(addressof(cells), begin, end, *places)
 
-    ends = np.linspace(0, total.size, threads() + 1).astype(int).tolist()
+    ends = np.linspace(0, total.size, min(threads(), total.size) + 1).astype(int).tolist()
     with ThreadPoolExecutor() as pool:
         list(pool.map(summed, ends, ends[1:]))
     return total
