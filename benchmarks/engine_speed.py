@@ -39,8 +39,10 @@ import json, sys, time
 import antiosc as ao
 n, count = int(sys.argv[1]), int(sys.argv[2])
 model = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1] * n, omega=[1e3 * (i + 1) for i in range(n)])
-mass, law, simulate = ao.RigidMass(0.24, 1.0), ao.Hertz(1.55e10), ao.simulate
-spent = []
+mass, law = ao.RigidMass(0.24, 1.0), ao.Hertz(1.55e10)
+began = time.process_time()
+simulate = ao.simulate
+spent = [1e3 * (time.process_time() - began)]
 for _ in range(count):
     began = time.process_time()
     simulate(model, mass, law, 4e-3)
@@ -68,7 +70,7 @@ def main(
     count : count instructions by valgrind, which takes a minute
     """
     models = {n: pinned_pinned(BEAM).anti_oscillators(n) for n in (20, 100)}
-    first = {n: [calls(n, 3) for _ in range(PROCESSES)] for n in models}
+    first = {n: [calls(n, 3)[1:] for _ in range(PROCESSES)] for n in models}
     impacts = []
     for n, model in models.items():
         for speed in (0.01, 1.0):
@@ -81,6 +83,7 @@ def main(
             both = {"engine": ms(alone, repeats), "simulate": ms(whole, repeats)}
             impacts.append({"n": n, "speed": speed, **both})
     result = {
+        "loading": float(np.median([calls(20, 0)[0] for _ in range(PROCESSES)])),
         "first": {n: np.median(each, axis=0).tolist() for n, each in first.items()},
         "impacts": impacts,
         "instructions": {n: instructions(n) for n in models if count},
@@ -93,7 +96,7 @@ def main(
 
 
 def calls(n: int, count: int, *before: str) -> list[float]:
-    """Times [ms] of the first calls of a new process."""
+    """Times [ms] of loading `ao.simulate`, beside a model, and of the first calls of a process."""
     command = [*before, sys.executable, "-c", FIRST, str(n), str(count)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     return [float(each) for each in json.loads(done.stdout)]
@@ -205,6 +208,7 @@ def threads(
 
 
 def report(result: dict[str, Any]) -> None:
+    print(f"loading ao.simulate, beside a model: {result['loading']:.0f} ms, once in a process")
     for n, first in result["first"].items():
         print(f"N = {n:>3}: first, second, third simulate of a process, ms:", np.round(first, 2))
     for r in result["impacts"]:

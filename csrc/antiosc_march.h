@@ -34,8 +34,9 @@
  *     } while (status == AOM_FULL || status == AOM_PAUSED);
  *
  * The library has no state of its own, allocates nothing and reads and writes no file: two threads
- * may run two steppers at once. Units are SI throughout. Arrays are row-major. It is C99; either
- * compile antiosc_march.c alone, which includes the other files, or all files but that one.
+ * may run two steppers at once. Units are SI throughout. Arrays are row-major. It is C99:
+ * compile antiosc_march.c, which includes the other files. What AOM_RUN_ONLY leaves out, a run alone
+ * does not need.
  */
 #ifndef ANTIOSC_MARCH_H
 #define ANTIOSC_MARCH_H
@@ -43,7 +44,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 7 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 8 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -89,7 +90,9 @@ AOM_API const char *aom_source_hash(void);
 
 /* ---- Contact laws ---------------------------------------------------------------------------- */
 
-/* Kinds of laws and their parameters. k [N/m^n] is a stiffness. */
+/* Kinds of laws and their parameters. k [N/m^n] is a stiffness. All but Hertz's law, which has its
+ * own, and AOM_USER may have one number more: the compliance c >= 0 of a patch [m/N], which the
+ * structure has already, so that F = f(delta + c F). */
 typedef enum aom_law_kind {
     AOM_LINEAR = 0, /* F = k delta.                                    k */
     AOM_POWER,      /* F = k delta^n.                                  k, n >= 1 */
@@ -101,6 +104,8 @@ typedef enum aom_law_kind {
     AOM_STRONGE,    /* elastic-plastic sphere.                         k, yield indentation */
     AOM_YANG_SUN,   /* laminates.                                      k, critical indentation */
     AOM_TAN_SUN,    /* laminates.                                      k, critical, slope */
+    AOM_ELASTIC_PLASTIC, /* sphere and half-space, one of which yields. k, yield indentation,
+                       k^(-2/3) */
     AOM_TABLE,      /* measured curves, monotone cubics.  elastic (0 or 1), permanent indentation
                        over the deepest, number of knots of loading and of unloading, index of the
                        first unloading parameter, loading, unloading; a curve of n knots is n each
@@ -145,7 +150,7 @@ typedef struct aom_law {
 
 /* The state of a law as a caller keeps it, n <= 3 numbers: damped (d/v0, fastest approach), with
  * memory (deepest indentation, turning point from which unloading starts, energy lost); AOM_USER has
- * its own. For all laws but AOM_USER: */
+ * its own. For all laws but AOM_USER, aom_law_check passed: */
 
 /* AOM_DONE, or AOM_BAD_LAW where parameters break the rules above. */
 AOM_API int aom_law_check(const aom_law *law);
@@ -166,6 +171,9 @@ AOM_API void aom_law_touch(const aom_law *law, double speed, int first, double *
 AOM_API void aom_law_advance(const aom_law *law, double delta, double *state);
 /* Indentation at which bodies part and touch again: 0, or the permanent one. */
 AOM_API double aom_law_origin(const aom_law *law, const double *state);
+/* Force [N] up to which the compliance of a patch stays below 0.7 of the law's own flexibility;
+ * beyond, 0.7 of that is taken. */
+AOM_API double aom_law_reach(const aom_law *law);
 
 /* ---- The system ------------------------------------------------------------------------------ */
 
@@ -206,8 +214,9 @@ typedef struct aom_system {
 
 typedef struct aom_options {
     double duration;      /* [s], > 0 */
-    double rel_tol;       /* error of a step's forces, over the force scale */
-    double force_scale;   /* [N]; 0: found as the run goes */
+    double rel_tol;       /* error of a step's forces, over the force scale of its contact */
+    double force_scale;   /* [N] of all contacts; 0: the largest force of each, found as the run goes,
+                             of which a contact has at least 1e-3 of the heaviest's */
     double step;          /* [s] under contact, halved where need be; 0: chosen from rel_tol */
     double resolution;    /* [s]: touches closer than this may count as one */
     int64_t max_contacts; /* touches */
@@ -286,18 +295,20 @@ typedef struct aom_summary {
 
 AOM_API aom_summary aom_summarize(const aom_stepper *stepper);
 
+#ifndef AOM_RUN_ONLY
 typedef struct aom_solution {
     int best;             /* the record that holds the finest run that counts */
     int answer;           /* the status of this run */
-    double force, peak;   /* estimated relative errors of its forces (L2 norm) and of their peak;
-                             infinite where no finer run reached the end */
+    double force, peak;   /* estimated relative errors of its forces (L2 norm, impulse) and of their
+                             peak, the largest of a contact (aom_compare); infinite where no finer run
+                             reached the end */
     double certain;       /* until when two runs agree [s] */
     double share;         /* rel_tol of the next run */
     aom_summary summary;  /* of the best run */
     int present;          /* the record of the run that goes on */
-    int before, runs, worse, failed; /* the rest is aom_solve's */
+    int before, runs, worse, failed, scaled; /* the rest is aom_solve's */
     int64_t used;
-    double finer, scale;
+    double finer;
     aom_summary earlier;
 } aom_solution;
 
@@ -308,6 +319,7 @@ typedef struct aom_solution {
  * one more than max_states. With max_runs = 1 it is one run to rel_tol, whose errors are not known. */
 AOM_API int aom_solve(aom_stepper *stepper, const aom_system *system, const aom_options *options,
                       aom_solution *solution, aom_record records[3], int64_t max_attempts);
+#endif
 
 /* Present modal state: q into state[0 .. n_modes-1], v behind it. */
 AOM_API void aom_modal_state(const aom_stepper *stepper, double *state);
@@ -336,8 +348,11 @@ typedef struct aom_goal {
     const double *time;          /* [n_nodes / 2 + 1] by the times at which steps begin and end */
 } aom_goal;
 
-#define AOM_LAW_SLOPES 3 /* parameters of a law with derivatives: the first ones, not of a table */
+/* Numbers of a law with derivatives: its first parameters, not of a table; then the compliance of a
+ * patch, of Hertz's law as well. */
+#define AOM_LAW_SLOPES 4
 
+#ifndef AOM_RUN_ONLY
 /* The derivatives of a goal by the numbers of a system; arrays of the caller's that are added to. */
 typedef struct aom_slopes {
     double *square, *decay;    /* [n_modes] by omega^2; by the decay, NULL: not wanted */
@@ -367,6 +382,7 @@ AOM_API int aom_gradient(aom_stepper *stepper, const aom_record *run, const aom_
 
 /* Derivatives of the force of a new contact at rest by the first parameters of its law, into out. */
 AOM_API void aom_law_slopes(const aom_law *law, double delta, double out[AOM_LAW_SLOPES]);
+#endif
 
 /* ---- Reading runs ---------------------------------------------------------------------------- */
 
@@ -386,16 +402,19 @@ AOM_API void aom_energies(int64_t n, int n_modes, const double *states, const do
                           double *out);
 
 typedef struct aom_difference {
-    double force, peak; /* relative differences, in the L2 norm and of the peak */
-    double until;       /* the time up to which the first is below the tolerance [s] */
+    double force, peak; /* relative differences, in the L2 norm or of the impulse, and of the peak */
+    double until;       /* the time up to which the L2 norm is below the tolerance [s] */
 } aom_difference;
 
-/* Compare the forces of two runs up to the end of the shorter one, at the nodes of both; `peaks`
- * is [2][n_rows] numbers to work in. */
+/* Compare the forces of two runs up to the end of the shorter one, at the nodes of both: the largest
+ * difference of a row, over its own forces, or over 1e-3 of those of the row with the largest; aom_solve
+ * takes rows of friction over their contact's. `memory` is AOM_COMPARED numbers a row to work in. */
+#define AOM_COMPARED 9
 AOM_API aom_difference aom_compare(int n_rows, int64_t n_a, const double *time_a,
                                    const double *force_a, int64_t n_b, const double *time_b,
-                                   const double *force_b, double tol, double *peaks);
+                                   const double *force_b, double tol, double *memory);
 
+#ifndef AOM_RUN_ONLY
 /* Of n spans of steps, first to last [n][2], the time integral of the force of a row, and its largest
  * value, into out [n][2]. */
 AOM_API void aom_pulses(const double *time, const double *force, int n_rows, int row, int64_t n,
@@ -432,7 +451,6 @@ AOM_API aom_numbers aom_read_contact(const aom_system *system, const aom_record 
 /* Time [s] from the first touch to the last release of the main impact, that with the largest
  * impulse; touches belong to one impact if the flight between them is shorter than it was until then. */
 AOM_API double aom_main_impact(int64_t n, const aom_touch *touches);
-
 /* ---- Models ---------------------------------------------------------------------------------- */
 
 /* Free modes of k0, m0 and n > 0 anti-oscillators of masses m > 0 with distinct ascending squared
@@ -461,11 +479,11 @@ typedef struct aom_expected {
     double depth, speed, time; /* largest indentation, closing speed, time of the contact, roughly */
 } aom_expected;
 
-/* What is expected of an impact; NaN where a law of the caller's fails. */
+/* What is expected of an impact; NaN where its law is none, or one of the caller's fails. */
 AOM_API aom_expected aom_expect(const aom_impact *impact);
 
 /* Indentation, at most `high`, that absorbs an energy and the work of a force `push`, of a new contact
- * that closes at a speed; `close` is its relative error. */
+ * that closes at a speed; `close` is its relative error. aom_law_check passed the law. */
 AOM_API double aom_law_deepest(const aom_law *law, double speed, double energy, double push,
                                double high, double close);
 
@@ -523,6 +541,7 @@ typedef struct aom_cells {
  * n_coefficients + 3 n_nodes + n_vectors n_dofs numbers. */
 AOM_API void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory,
                            double *out);
+#endif
 
 #ifdef __cplusplus
 }

@@ -83,6 +83,14 @@ int aom_batch_create(int n_modes, void *memory, size_t bytes, aom_batch **made) 
     return AOM_DONE;
 }
 
+/* Be for other rows, each a group, of the same modes, whose responses stay. */
+static void renew_rows(aom_stepper *st, const aom_system *system) {
+    st->system = *system;
+    find_spans(st);
+    for (int k = 0; k < SLOTS; k++)
+        st->slots[k].has_rows = false, st->slots[k].local_kind = NO_LOCAL;
+}
+
 /* Have the stepper ready for an impact; what depends on the frequencies alone is kept. */
 static int begin(aom_batch *b, const aom_impact *s) {
     size_t size = (size_t)b->n_modes * sizeof(double);

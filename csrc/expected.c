@@ -47,6 +47,8 @@ static double approach(int n, const double *beta, const double *modal) {
 }
 
 aom_expected aom_expect(const aom_impact *s) {
+    if (aom_law_check(&s->law) != AOM_DONE || (s->law.user != NULL && s->law.user->work == NULL))
+        return (aom_expected){NAN, NAN, NAN};
     double push = s->mass * approach(s->n_modes, s->beta, s->load);
     double speed = approach(s->n_modes, s->beta, s->v), T = s->duration;
     speed = sqrt(speed * speed + 2.0 * push / s->mass * s->gap);

@@ -1,4 +1,5 @@
-/* What the files of the march share: the stepper's memory, and the functions of each file. */
+/* What the files of the march share, which are one unit: the stepper's memory, and the functions of
+ * each file. */
 #ifndef AOM_INTERNAL_H
 #define AOM_INTERNAL_H
 
@@ -7,6 +8,12 @@
 #include <string.h>
 
 #include "antiosc_march.h"
+#include "arena.h"
+
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || \
+    defined(_M_FP_FAST)
+#error "antiosc computes with infinity and NaN: compile without -Ofast, -ffast-math, /fp:fast."
+#endif
 
 enum {
     LEVELS = 64,          /* steps H, H/2, H/4 ... */
@@ -90,6 +97,7 @@ typedef struct contact_state {
     double memory[AOM_MEMORY];  /* what the law remembers */
     double anchor[3][2];        /* where the tangential springs hang at 0, h/2, h */
     double depth_scale, speed_scale; /* the largest that were met or are expected */
+    double force_scale;              /* the same [N], or that of an earlier run */
 } contact_state;
 
 /* All that a run changes, but for the arrays beside it. */
@@ -101,6 +109,7 @@ typedef struct course {
     int level, segment, flown_segment;
     bool flying;
     bool smooth; /* the slopes of the forces at the end of the last step go on */
+    bool scaled; /* the scales of the forces are known from the start */
     int64_t steps, retries, touches, refused, idle;
 } course;
 
@@ -112,10 +121,17 @@ typedef struct newton_row {
     double share[3][2];
 } newton_row;
 
+/* A row in two runs: time integrals of |F_a - F_b|^2, |F_b|^2, F_a - F_b and |F_b|, the largest forces,
+ * those at the last node, and the first integral that ends what agrees. */
+typedef struct row_pair {
+    double apart, size, shift, impulse, peak[2], last[2], limit;
+} row_pair;
+
 typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
-    double *peaks;        /* [2][m] of two runs */
+    row_pair *pairs;      /* [m] of two runs */
+    double *highest;      /* [p] forces of an earlier run */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J], with gamma [2][J] */
     double *offset, *drift;         /* [m] */
@@ -141,6 +157,7 @@ struct aom_stepper {
     row_span *spans;     /* [m] */
     int n_groups;
     int *group;          /* [m] */
+    int *owner;          /* [m] the contact of a row */
     int *first, *second; /* [G] two rows of a group, the same of a group of one */
     int exit_contact; /* the contact that leaves its branch at the end of the step, or -1 */
     bound exit_bound;
@@ -161,47 +178,63 @@ struct aom_stepper {
 };
 
 /* ---- responses.c */
-void ready_rows(aom_stepper *st, int slot, double t);
-void ready_step(aom_stepper *st, int slot, double h);
-void ready_local(aom_stepper *st, int slot, double h);
-int count_groups(const aom_system *system);
-void find_groups(aom_stepper *st);
-void find_spans(aom_stepper *st);
-void renew_rows(aom_stepper *st, const aom_system *system);
+static void ready_rows(aom_stepper *st, int slot, double t);
+static void ready_step(aom_stepper *st, int slot, double h);
+static void ready_local(aom_stepper *st, int slot, double h);
+static int count_groups(const aom_system *system);
+static void find_groups(aom_stepper *st);
+static void find_spans(aom_stepper *st);
 
 /* ---- coupled.c */
-void add_rates(aom_stepper *st, slot *s);
-void couple(const aom_stepper *st, const double *response, const row_span *span, arm a, arm b,
+static void add_rates(aom_stepper *st, slot *s);
+static void couple(const aom_stepper *st, const double *response, const row_span *span, arm a, arm b,
             double total[4]);
-void push(const aom_stepper *st, const double *response, const row_span *span, arm a,
+static void push(const aom_stepper *st, const double *response, const row_span *span, arm a,
           const double f[3], double *q, double *v);
-void give(aom_stepper *st, double h);
+static void give(aom_stepper *st, double h);
 
+#ifndef AOM_RUN_ONLY
 /* ---- response_slopes.c */
-void response_slopes(int n, const double *omega, const double *decay, double t,
+static void response_slopes(int n, const double *omega, const double *decay, double t,
                      const double *response, bool by_decay, double *out);
+#endif
 
 /* ---- laws.c */
 #define SLOWEST 0.01 /* share of the fastest approach that a damped law's speed is held above */
-curve law_loading(const aom_law *law, double delta);
-double law_permanent(const aom_law *law, double deepest);
-curve law_shape(const aom_law *law, double x, bool back);
+/* Unloading or reloading by the whole indentation: from `low` over `width` to `force` by a power,
+ * less a compliance times the force. */
+typedef struct unloading {
+    double low, width, force, compliance, power;
+} unloading;
+
+static curve whole_loading(const aom_law *law, double delta);
+static curve whole_permanent(const aom_law *law, double deepest);
+static double whole_depth(const aom_law *law, double delta);
+static double patch_compliance(const aom_law *law);
+static curve law_loading(const aom_law *law, double delta);
+static double law_permanent(const aom_law *law, double deepest);
+static curve law_power(const aom_law *law, double deepest, bool back);
+static curve law_shape(const aom_law *law, double n, double x);
+static double law_share(const aom_law *law, const unloading *u, double delta);
+static unloading law_unloading(const aom_law *law, bool back, const double *memory);
+static curve law_kink(const aom_law *law, bool last);
 static inline bool remembers(int kind) { return kind >= AOM_THORNTON && kind <= AOM_TABLE; }
 /* Whether reloading goes back along the unloading curve. */
 static inline bool retraces(int kind) { return kind != AOM_YANG_SUN && kind != AOM_TAN_SUN; }
-tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delta, double rate,
+static tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delta, double rate,
                     const double *memory);
-branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
-int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, double delta,
+static branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
+static int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, double delta,
                 double rate, double *memory);
-int law_state_size(const aom_law *law);
-int resumed_branch(const aom_law *law, const aom_contact *contact, double delta, double rate,
+static int law_state_size(const aom_law *law);
+static int resumed_branch(const aom_law *law, const aom_contact *contact, double delta, double rate,
                    double *memory);
-void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed,
+static void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed,
                   const double *memory, double *depth, double *force);
-void user_advance(aom_stepper *st, const aom_user_law *user, double delta, double rate,
+static void user_advance(aom_stepper *st, const aom_user_law *user, double delta, double rate,
                   double *memory);
 
+#ifndef AOM_RUN_ONLY
 /* ---- law_slopes.c */
 
 /* Derivatives by the first parameters of a law, and by the first numbers that it remembers. */
@@ -209,48 +242,42 @@ typedef struct law_slopes {
     double params[AOM_LAW_SLOPES], memory[2];
 } law_slopes;
 
-law_slopes force_slopes(const aom_law *law, int branch, double delta, double rate,
+static law_slopes force_slopes(const aom_law *law, int branch, double delta, double rate,
                         const double *memory);
-law_slopes bound_slopes(const aom_law *law, int branch, bound exit, const double *memory);
-void undo_branch(const aom_law *law, const aom_exit *e, double slowest, law_slopes *by,
+static law_slopes bound_slopes(const aom_law *law, int branch, bound exit, const double *memory);
+static void undo_branch(const aom_law *law, const aom_exit *e, double slowest, law_slopes *by,
                  double *depth, double *rate);
+#endif
 
 /* ---- forces.c */
-bool eliminate(double *A, double *b, int n);
-bool one_force(aom_stepper *st, double h, const influence *local);
-bool all_forces(aom_stepper *st, const influence *local);
+static bool eliminate(double *A, double *b, int n);
+static bool one_force(aom_stepper *st, double h, const influence *local);
+static bool all_forces(aom_stepper *st, const influence *local);
 
 /* ---- steps.c */
-int try_step(aom_stepper *st);
+static int try_step(aom_stepper *st);
 
 /* ---- crossings.c */
-double crossing(double y0, double d0, double y1, double d1, double h, double edge);
-double polished(double at, const double y[3], const double d[3], double h, double edge);
+static double crossing(double y0, double d0, double y1, double d1, double h, double edge);
+static double polished(double at, const double y[3], const double d[3], double h, double edge);
 
 /* ---- flight.c */
-double acting_now(aom_stepper *st);
-void free_step(aom_stepper *st, int slot, double h, stages *out);
-void amplitudes(aom_stepper *st);
-int touching_now(const aom_stepper *st);
-bool clear_of_touches(aom_stepper *st, int slot);
+static double acting_now(aom_stepper *st);
+static void free_step(aom_stepper *st, int slot, double h, stages *out);
+static void amplitudes(aom_stepper *st);
+static int touching_now(const aom_stepper *st);
+static bool clear_of_touches(aom_stepper *st, int slot);
 
 /* ---- stepper.c */
-void write_state(const aom_stepper *st, aom_record *out);
+static int start_run(aom_stepper *st, const aom_system *system, const aom_options *options,
+                     const double *highest);
+static void write_state(const aom_stepper *st, aom_record *out);
 
 /* ---- runs.c */
-double mechanical_energy(int n, const double *x, const double *omega);
-
-/* Memory of the caller's: where the next array begins; without memory only the size is counted. */
-typedef struct arena {
-    char *at;
-    size_t used;
-} arena;
-
-static inline void *take(arena *a, size_t count, size_t size) {
-    size_t begin = a->used;
-    a->used += (count * size + 15) & ~(size_t)15;
-    return a->at == NULL ? NULL : a->at + begin;
-}
+#define LIGHT 1e-3 /* of the heaviest contact's: the least force, and impulse, that errors are over */
+static aom_difference compare_runs(int m, const int *owner, const aom_record *a,
+                                   const aom_record *b, double tol, row_pair *pairs);
+static double mechanical_energy(int n, const double *x, const double *omega);
 
 /* Answers of try_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
@@ -289,6 +316,10 @@ static inline bool moves_mode(const aom_system *s, int i, int j) {
 /* Numbers of a row of loads. */
 static inline int load_width(const aom_system *s) {
     return s->gamma == NULL ? s->n_modes : 2 * s->n_modes;
+}
+/* The force [N] that errors of a contact's rows are weighed by. */
+static inline double scale_of(const aom_stepper *st, int c) {
+    return larger(st->contacts[c].force_scale, LIGHT * st->now.force_scale);
 }
 /* The pair of two groups. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {

@@ -7,6 +7,20 @@
 
 #define FULLY_PLASTIC 84.0 /* Stronge's law */
 #define PRESSURE 3.3
+/* Share of a law's own flexibility that the compliance of a patch may take; beyond, it takes this. */
+#define TAKEN 0.7
+#define HERTZIAN 1.5 /* the power of Hertz's law */
+#define DEEP_POWER 1.25 /* of unloading from far beyond yield */
+
+/* Numbers of the kinds before AOM_TABLE, but for a compliance behind them. */
+static const int NUMBERS[] = {1, 2, 5, 3, 2, 2, 2, 3, 3};
+
+/* A sphere that yields, of s = (yield indentation/delta)^(1/4): F = F_y P(s)/s^4, and the share of
+ * the indentation that unloading recovers s^2 Q(s). Fitted by benchmarks/elastoplastic/fit.py. */
+static const double PRESSING[] = {10.156064, -28.117782, 42.624046, -40.571769,
+                                  21.962204, -5.052764};
+static const double RECOVERY[] = {4.506655, -7.059605, 5.444735, -1.891785};
+#define COUNT(array) ((int)(sizeof array / sizeof *array))
 
 static const tangent NO_FORCE = {0.0, 0.0, 0.0};
 
@@ -56,18 +70,46 @@ static double table_area(const double *x, int n, double at) {
     return total;
 }
 
+/* Value and slope of a polynomial, its constant first. */
+static curve polynomial(const double *c, int n, double s) {
+    curve sum = {0.0, 0.0};
+    for (int i = n - 1; i >= 0; i--) {
+        sum.slope = sum.slope * s + sum.value;
+        sum.value = sum.value * s + c[i];
+    }
+    return sum;
+}
+
 /* F/F_y of Stronge's law is `area growth`, with area = 2 delta/delta_y - 1. */
 static double stronge_growth(double area) {
     return 1.0 + log(smaller(area, 2.0 * FULLY_PLASTIC - 1.0)) / PRESSURE;
 }
 
-/* Virgin force and its slope of a law with memory. */
-curve law_loading(const aom_law *law, double delta) {
+static curve power(const double *p, double delta) {
+    double n = p[1], force;
+    if (n == 1.5)
+        force = p[0] * delta * sqrt(delta);
+    else if (n == 1.0)
+        force = p[0] * delta;
+    else
+        force = p[0] * exp(n * log(delta));
+    return (curve){force, n * force / delta};
+}
+
+/* Force and its slope of a new contact by its whole indentation, with that of a patch. */
+curve whole_loading(const aom_law *law, double delta) {
     if (delta <= 0.0)
         return (curve){0.0, 0.0};
     if (law->kind == AOM_TABLE)
         return table_at(loading_table(law), loading_knots(law), delta);
+    if (!remembers(law->kind))
+        return power(law->params, delta);
     double k = law->params[0], y = law->params[1];
+    if (law->kind == AOM_ELASTIC_PLASTIC && delta > y) {
+        double s = sqrt(sqrt(y / delta)), top = k * y * sqrt(y);
+        curve p = polynomial(PRESSING, COUNT(PRESSING), s);
+        return (curve){top * delta / y * p.value, top / y * (p.value - 0.25 * s * p.slope)};
+    }
     if (law->kind == AOM_THORNTON && delta > y)
         return (curve){k * sqrt(y) * (1.5 * delta - 0.5 * y), 1.5 * k * sqrt(y)};
     if (law->kind == AOM_STRONGE && delta > y) {
@@ -80,106 +122,114 @@ curve law_loading(const aom_law *law, double delta) {
     return (curve){k * delta * sqrt(delta), 1.5 * k * sqrt(delta)};
 }
 
-static double law_energy(const aom_law *law, double delta, const double *state);
+/* The integral of F/F_y from 1 to x of a sphere that yields. */
+static double pressing_area(double x) {
+    double s = sqrt(sqrt(1.0 / x)), power_of_s = 1.0, total = 0.0;
+    for (int i = 0; i < COUNT(PRESSING); i++) {
+        total += PRESSING[i] / (2.0 - 0.25 * i) * (x * x * power_of_s - 1.0);
+        power_of_s *= s;
+    }
+    return total;
+}
 
-double aom_law_loading_work(const aom_law *law, double delta) {
+/* Work of loading a new contact to a whole indentation. */
+static double whole_work(const aom_law *law, double delta) {
     const double *p = law->params;
-    if (delta <= 0.0 || law->kind == AOM_USER)
-        return 0.0;
     if (law->kind == AOM_TABLE)
         return table_area(loading_table(law), loading_knots(law), delta);
     if (!remembers(law->kind))
-        return law_energy(law, delta, NULL);
-    double k = p[0], y = p[1];
-    bool yields = (law->kind == AOM_THORNTON || law->kind == AOM_STRONGE) && delta > y;
-    double d = yields ? y : delta, elastic = 0.4 * k * d * d * sqrt(d);
-    if (!yields)
-        return elastic;
+        return power(p, delta).value * delta / (p[1] + 1.0);
+    double k = p[0], y = p[1], d = smaller(y, delta);
+    bool yields = law->kind == AOM_THORNTON || law->kind == AOM_STRONGE ||
+                  law->kind == AOM_ELASTIC_PLASTIC;
+    if (!yields || delta <= y)
+        return 0.4 * k * delta * delta * sqrt(delta);
+    double elastic = 0.4 * k * d * d * sqrt(d);
     if (law->kind == AOM_THORNTON)
         return elastic + k * sqrt(y) * (delta - y) * (0.75 * (delta + y) - 0.5 * y);
+    double scale = k * y * sqrt(y) * y;
+    if (law->kind == AOM_ELASTIC_PLASTIC)
+        return elastic + scale * pressing_area(delta / y);
     /* the integral of s (1 + ln s/P) ds/2 from 1 to s = 2 x - 1 */
     double s = 2.0 * delta / y - 1.0, full = 2.0 * FULLY_PLASTIC - 1.0, a = smaller(s, full);
     double work = (a * a - 1.0) / 4 + (a * a * (2.0 * log(a) - 1.0) + 1.0) / (8.0 * PRESSURE);
     if (s > full)
         work += (s * s - full * full) / 4 * (1.0 + log(full) / PRESSURE);
-    return elastic + k * y * sqrt(y) * y * work;
+    return elastic + scale * work;
 }
 
-/* Permanent indentation after a deepest one. */
-double law_permanent(const aom_law *law, double deepest) {
+/* Permanent indentation after a deepest one, and its slope. */
+curve whole_permanent(const aom_law *law, double deepest) {
     double y = law->params[1];
+    if (law->kind == AOM_TABLE) /* the share that remains */
+        return (curve){y * deepest, y};
+    if (deepest <= y)
+        return (curve){0.0, 0.0};
+    double x = deepest / y;
     switch (law->kind) {
     case AOM_THORNTON: {
-        if (deepest <= y)
-            return 0.0;
-        double x = sqrt(y / deepest);
-        return deepest * (1.0 - x) * (1.0 - x) * (2.0 + x) / 2.0;
+        double t = sqrt(1.0 / x);
+        return (curve){deepest * (1.0 - t) * (1.0 - t) * (2.0 + t) / 2.0,
+                       1.0 - 0.75 * t - 0.25 * t * t * t};
     }
     case AOM_STRONGE: {
-        double x = deepest / y;
-        if (x <= 1.0)
-            return 0.0;
-        double printed = y * (x - 1.0) * (x - 1.0) / (x + sqrt(2.0 * x - 1.0));
+        double root = sqrt(2.0 * x - 1.0), printed = y * (x - 1.0) * (x - 1.0) / (x + root);
         /* what gives back no more than was put in */
-        double work = aom_law_loading_work(law, deepest);
-        return larger(printed, deepest - 2.5 * work / law_loading(law, deepest).value);
+        curve top = whole_loading(law, deepest);
+        double work = whole_work(law, deepest), least = deepest - 2.5 * work / top.value;
+        if (printed >= least)
+            return (curve){printed, 1.0 - 1.0 / root};
+        return (curve){least, 2.5 * work * top.slope / (top.value * top.value) - 1.5};
     }
-    case AOM_YANG_SUN:
-        return deepest <= y ? 0.0 : deepest * (1.0 - exp(0.4 * log(y / deepest)));
+    case AOM_YANG_SUN: {
+        double kept = exp(0.4 * log(1.0 / x));
+        return (curve){deepest * (1.0 - kept), 1.0 - 0.6 * kept};
+    }
     case AOM_TAN_SUN:
-        return law->params[2] * larger(deepest - y, 0.0);
-    default: /* a table: the share that remains */
-        return y * deepest;
+        return (curve){law->params[2] * (deepest - y), law->params[2]};
+    default: {
+        double s = sqrt(sqrt(1.0 / x));
+        curve q = polynomial(RECOVERY, COUNT(RECOVERY), s);
+        double recovers = s * s * q.value;
+        return (curve){larger(deepest * (1.0 - recovers), 0.0),
+                       1.0 - 0.5 * recovers + 0.25 * s * s * s * q.slope};
+    }
     }
 }
 
-/* The power of the unloading (`back`) or the reloading curve. */
-static double shape_power(const aom_law *law, bool back) {
+/* The power of the unloading (`back`) or the reloading curve of a contact that was so deep, by the
+ * whole indentation, and its slope. */
+curve law_power(const aom_law *law, double deepest, bool back) {
+    double x = deepest / law->params[1];
+    if (law->kind == AOM_ELASTIC_PLASTIC && x > 1.0)
+        return (curve){DEEP_POWER + (HERTZIAN - DEEP_POWER) / sqrt(x),
+                       -0.5 * (HERTZIAN - DEEP_POWER) / (x * sqrt(x)) / law->params[1]};
     bool laminate = law->kind == AOM_YANG_SUN || law->kind == AOM_TAN_SUN;
-    return back && laminate ? 2.5 : 1.5;
+    return (curve){back && laminate ? 2.5 : HERTZIAN, 0.0};
 }
 
-/* Unloading (`back`) or reloading curve from (0, 0) to (1, 1). */
-curve law_shape(const aom_law *law, double x, bool back) {
+/* Unloading (`back`) or reloading curve of a power n from (0, 0) to (1, 1); a table has its own. */
+curve law_shape(const aom_law *law, double n, double x) {
     if (x <= 0.0)
         return (curve){0.0, 0.0};
     if (law->kind == AOM_TABLE)
         return table_at(unloading_table(law), unloading_knots(law), x);
     double root = sqrt(x);
-    if (shape_power(law, back) > 2.0)
+    if (n == HERTZIAN)
+        return (curve){x * root, 1.5 * root};
+    if (n == 2.5)
         return (curve){x * x * root, 2.5 * x * root};
-    return (curve){x * root, 1.5 * root};
+    double value = exp(n * log(x));
+    return (curve){value, n * value / x};
 }
 
 /* Its integral from 0. */
-static double shape_area(const aom_law *law, double x, bool back) {
+static double shape_area(const aom_law *law, double n, double x) {
     if (x <= 0.0)
         return 0.0;
     if (law->kind == AOM_TABLE)
         return table_area(unloading_table(law), unloading_knots(law), x);
-    double n = shape_power(law, back);
-    return pow(x, n + 1.0) / (n + 1.0);
-}
-
-/* Force and slope of a law with memory (deepest indentation, turning point). */
-static curve hysteretic(const aom_law *law, int branch, double delta, const double *memory) {
-    double deepest = memory[0], turn = memory[1];
-    if (branch == AOM_FORWARD && delta >= deepest)
-        return law_loading(law, delta);
-    double low = law_permanent(law, deepest);
-    if (delta <= low || deepest <= 0.0)
-        return (curve){0.0, 0.0};
-    double top = law_loading(law, deepest).value, from = deepest;
-    if (branch == AOM_BACK) {
-        if (turn <= low)
-            return (curve){0.0, 0.0};
-        if (turn < deepest) {
-            top *= law_shape(law, (turn - low) / (deepest - low), false).value;
-            from = turn;
-        }
-    }
-    curve part = law_shape(law, (delta - low) / (from - low), branch == AOM_BACK);
-    return (curve){top * part.value, top * part.slope / (from - low)};
+    return law_shape(law, n, x).value * x / (n + 1.0);
 }
 
 static curve hertz(const double *p, double delta) {
@@ -202,15 +252,204 @@ static curve hertz(const double *p, double delta) {
     return (curve){s * s * s, 1.0 / ((2.0 / 3.0) * a / s - c)};
 }
 
-static curve power(const double *p, double delta) {
-    double n = p[1], force;
-    if (n == 1.5)
-        force = p[0] * delta * sqrt(delta);
-    else if (n == 1.0)
-        force = p[0] * delta;
-    else
-        force = p[0] * exp(n * log(delta));
-    return (curve){force, n * force / delta};
+/* Energy [J] of Hertz's law. */
+static double hertz_energy(const double *p, double delta) {
+    double force = hertz(p, delta).value;
+    if (p[1] == 0.0)
+        return 0.4 * force * delta;
+    double top = smaller(force, p[3] * p[3] * p[3]);
+    double stored = 0.4 * p[2] * pow(top, 5.0 / 3.0) - 0.5 * p[1] * top * top;
+    return stored + 0.5 * p[4] * (force * force - top * top);
+}
+
+/* ---- the compliance of a patch, which is the structure's already */
+
+static int count_numbers(const aom_law *law) {
+    if (law->kind == AOM_TABLE)
+        return (int)law->params[4] + 5 * unloading_knots(law) + 2;
+    return law->kind == AOM_USER ? 0 : NUMBERS[law->kind];
+}
+
+/* c [m/N], 0: none. That of Hertz's law is a number of its own. */
+double patch_compliance(const aom_law *law) {
+    int n = count_numbers(law);
+    return law->n_params > n ? law->params[n] : 0.0;
+}
+
+static double linear_stiffness(const aom_law *law) {
+    return law->params[0] / (1.0 - patch_compliance(law) * law->params[0]);
+}
+
+/* The most that the patch may take off an indentation, over what unloading recovers. */
+static double most_taken(const aom_law *law) {
+    if (law->kind == AOM_TABLE)
+        return TAKEN / law_shape(law, HERTZIAN, 1.0).slope;
+    return TAKEN / (remembers(law->kind) ? law_power(law, 0.0, true).value : law->params[1]);
+}
+
+/* Whether a patch may take so much off a whole indentation. */
+static bool in_reach(const aom_law *law, double taken, double delta) {
+    double low = remembers(law->kind) ? whole_permanent(law, delta).value : 0.0;
+    return taken <= most_taken(law) * (delta - low);
+}
+
+/* The indentation without the patch's, by the whole one. */
+static curve outside(const aom_law *law, double delta) {
+    double c = patch_compliance(law), most = most_taken(law);
+    curve force = whole_loading(law, delta), low = {0.0, 0.0};
+    if (remembers(law->kind))
+        low = whole_permanent(law, delta);
+    if (c * force.value <= most * (delta - low.value))
+        return (curve){delta - c * force.value, 1.0 - c * force.slope};
+    return (curve){delta - most * (delta - low.value), 1.0 - most * (1.0 - low.slope)};
+}
+
+static curve inside_shape(const aom_law *law, const double with[3], double z) {
+    curve shape = law_shape(law, with[2], z);
+    return (curve){with[0] * z - with[1] * shape.value, with[0] - with[1] * shape.slope};
+}
+
+static curve inside_loading(const aom_law *law, const double with[3], double delta) {
+    (void)with;
+    return outside(law, delta);
+}
+
+/* Where a rising function of x in low to high has a value. */
+static double inverse(curve (*function)(const aom_law *, const double *, double), const aom_law *law,
+                    const double with[3], double value, double low, double high) {
+    double x = low;
+    for (int tries = 0; tries < 100; tries++) {
+        curve at = function(law, with, x);
+        if (at.value < value)
+            low = x;
+        else
+            high = x;
+        double next = x + (value - at.value) / at.slope;
+        if (!(next >= low && next <= high))
+            next = 0.5 * (low + high);
+        bool close = fabs(next - x) <= 1e-9 * x; /* Newton's error is the square of it */
+        x = next;
+        if (close)
+            break;
+    }
+    return x;
+}
+
+/* The whole indentation of a new contact. */
+double whole_depth(const aom_law *law, double delta) {
+    double c = patch_compliance(law), d = delta;
+    if (delta <= 0.0 || c == 0.0)
+        return delta;
+    for (int tries = 0; tries < 10; tries++) { /* Newton, quick within the law's range */
+        curve force = whole_loading(law, d);
+        double slope = 1.0 - c * force.slope, step = (delta - d + c * force.value) / slope;
+        if (slope < 1.0 - TAKEN)
+            break;
+        d += step;
+        if (fabs(step) > 1e-7 * d) /* the error is the square of it, or less */
+            continue;
+        if (in_reach(law, c * force.value, d))
+            return d;
+        break;
+    }
+    return inverse(inside_loading, law, NULL, delta, delta, delta / (1.0 - most_taken(law)));
+}
+
+/* Share of the width of an unloading or reloading curve at an indentation. */
+double law_share(const aom_law *law, const unloading *u, double delta) {
+    double with[3] = {u->width, u->compliance * u->force, u->power};
+    double low = (delta - u->low) / u->width;
+    if (with[1] == 0.0)
+        return low;
+    return inverse(inside_shape, law, with, delta - u->low, low, low / (1.0 - TAKEN));
+}
+
+/* Compliance that the patch takes from a contact that unloads from a deepest whole indentation. */
+static double taken_compliance(const aom_law *law, double force, double width) {
+    double c = patch_compliance(law), most = most_taken(law) * width;
+    return c * force <= most ? c : most / force;
+}
+
+/* Of an elastic-plastic law below yield: Hertz's law, and where it ends. */
+typedef struct elastic_part {
+    double hertz[5], end;
+} elastic_part;
+
+static elastic_part elastic_of(const aom_law *law) {
+    const double *p = law->params;
+    double k = p[0], y = p[1], a = p[2], c = patch_compliance(law);
+    if (c == 0.0)
+        return (elastic_part){{k, 0.0, a, INFINITY, 0.0}, y};
+    double end = TAKEN * 2 * a / (3 * c), reach = (a - c * end) * end * end;
+    return (elastic_part){{k, c, a, end, (2.0 / 3.0) * a / end - c},
+                          smaller(outside(law, y).value, reach)};
+}
+
+/* Force and its slope of a new contact. */
+curve law_loading(const aom_law *law, double delta) {
+    if (law->kind == AOM_ELASTIC_PLASTIC && delta > 0.0) {
+        elastic_part part = elastic_of(law);
+        if (delta <= part.end)
+            return hertz(part.hertz, delta);
+    }
+    double d = whole_depth(law, delta);
+    curve force = whole_loading(law, d);
+    double taken = patch_compliance(law) * force.value;
+    bool whole = fabs(d - delta - taken) <= 1e-9 * d; /* all of it is taken */
+    if (d > delta)
+        force.slope /= whole ? 1.0 - taken * force.slope / force.value : outside(law, d).slope;
+    return force;
+}
+
+/* Permanent indentation after a deepest one. */
+double law_permanent(const aom_law *law, double deepest) {
+    return whole_permanent(law, whole_depth(law, deepest)).value;
+}
+
+double aom_law_loading_work(const aom_law *law, double delta) {
+    if (delta <= 0.0 || law->kind == AOM_USER)
+        return 0.0;
+    if (law->kind == AOM_HERTZ)
+        return hertz_energy(law->params, delta);
+    if (law->kind == AOM_LINEAR)
+        return 0.5 * linear_stiffness(law) * delta * delta;
+    if (law->kind == AOM_ELASTIC_PLASTIC) {
+        elastic_part part = elastic_of(law);
+        if (delta <= part.end)
+            return hertz_energy(part.hertz, delta);
+    }
+    double d = whole_depth(law, delta);
+    return whole_work(law, d) - 0.5 * (d - delta) * whole_loading(law, d).value;
+}
+
+/* How a contact unloads (`back`) from its turning point, or reloads to its deepest indentation. */
+unloading law_unloading(const aom_law *law, bool back, const double *memory) {
+    double deepest = whole_depth(law, memory[0]);
+    unloading u = {.low = whole_permanent(law, deepest).value};
+    u.force = whole_loading(law, deepest).value;
+    u.width = deepest - u.low;
+    u.compliance = taken_compliance(law, u.force, u.width);
+    u.power = law_power(law, deepest, false).value;
+    if (back && memory[1] < memory[0]) {
+        double share = law_share(law, &u, memory[1]);
+        u.force *= law_shape(law, u.power, share).value;
+        u.width *= share;
+    }
+    u.power = law_power(law, deepest, back).value;
+    return u;
+}
+
+/* Force and slope of a law with memory (deepest indentation, turning point). */
+static curve hysteretic(const aom_law *law, int branch, double delta, const double *memory) {
+    bool back = branch == AOM_BACK;
+    if (!back && delta >= memory[0])
+        return law_loading(law, delta);
+    unloading u = law_unloading(law, back, memory);
+    if (delta <= u.low || memory[0] <= 0.0 || (back && memory[1] <= u.low))
+        return (curve){0.0, 0.0};
+    curve part = law_shape(law, u.power, law_share(law, &u, delta));
+    double rise = u.force * part.slope;
+    return (curve){u.force * part.value, rise / (u.width - u.compliance * rise)};
 }
 
 static tangent user_tangent(aom_stepper *st, const aom_user_law *user, double delta, double rate,
@@ -230,15 +469,17 @@ tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delt
     const double *p = law->params;
     if (!pressing(branch))
         return NO_FORCE;
-    if (law->kind == AOM_LINEAR)
-        return (tangent){p[0] * delta, p[0], 0.0};
+    if (law->kind == AOM_LINEAR) {
+        double k = linear_stiffness(law);
+        return (tangent){k * delta, k, 0.0};
+    }
     if (law->kind == AOM_USER)
         return user_tangent(st, law->user, delta, rate, memory);
     if (delta <= 0.0)
         return NO_FORCE;
     curve found = law->kind == AOM_HERTZ ? hertz(p, delta)
                   : remembers(law->kind) ? hysteretic(law, branch, delta, memory)
-                                         : power(p, delta);
+                                         : law_loading(law, delta);
     if (law->kind != AOM_DAMPED)
         return (tangent){found.value, found.slope, 0.0};
     double grip = 1.0 + memory[0] * rate;
@@ -249,6 +490,18 @@ static double origin(const aom_law *law, const double *memory) {
     if (law->kind == AOM_USER)
         return memory[law->user->n_state];
     return remembers(law->kind) ? law_permanent(law, memory[0]) : 0.0;
+}
+
+/* A kink of the loading curve, where the contact yields or is fully plastic; infinite: none. The
+ * slope is that by the yield indentation. */
+curve law_kink(const aom_law *law, bool last) {
+    bool yields = law->kind == AOM_THORNTON || law->kind == AOM_STRONGE ||
+                  law->kind == AOM_ELASTIC_PLASTIC;
+    if (!yields || (last && law->kind != AOM_STRONGE))
+        return (curve){INFINITY, 0.0};
+    double times = last ? FULLY_PLASTIC : 1.0, at = times * law->params[1];
+    double share = 1.5 * patch_compliance(law) * whole_loading(law, at).value;
+    return (curve){outside(law, at).value, times - share / law->params[1]};
 }
 
 /* Where a branch ends. */
@@ -269,15 +522,16 @@ branch_bounds law_bounds(const aom_law *law, int branch, const double *memory) {
             return b;
         }
         b.slow = 0.0; /* loading or reloading, up to the next kink */
-        double deepest = memory[0], from = memory[2], y = law->params[1];
+        double deepest = memory[0], from = memory[2];
+        double first = law_kink(law, false).value;
+        if (law->kind == AOM_ELASTIC_PLASTIC && larger(deepest, from) < first)
+            b.slow = -INFINITY; /* it goes back as it came */
         if (from < deepest)
             b.high = deepest;
-        else if (law->kind == AOM_THORNTON || law->kind == AOM_STRONGE) {
-            if (from < y)
-                b.high = y;
-            else if (law->kind == AOM_STRONGE && from < FULLY_PLASTIC * y)
-                b.high = FULLY_PLASTIC * y;
-        }
+        else if (from < first)
+            b.high = first;
+        else if (from < law_kink(law, true).value)
+            b.high = law_kink(law, true).value;
     }
     return b;
 }
@@ -403,35 +657,23 @@ static double force_at(const aom_law *law, double delta, const double *state) {
 }
 
 static double hysteretic_energy(const aom_law *law, double delta, const double *state) {
-    double deepest = state[0], turn = state[1], low = law_permanent(law, deepest);
-    if (delta <= low)
+    double memory[2] = {larger(state[0], delta), larger(state[1], delta)};
+    double force = force_at(law, delta, state);
+    if (force <= 0.0)
         return 0.0;
-    if (delta >= turn) {
-        double left = law_permanent(law, larger(delta, deepest));
-        return force_at(law, delta, state) * (delta - left) * shape_area(law, 1.0, true);
-    }
-    double part = shape_area(law, (delta - low) / (turn - low), true);
-    return force_at(law, turn, state) * (turn - low) * part;
+    if (delta >= state[1])
+        memory[1] = delta;
+    unloading u = law_unloading(law, true, memory);
+    double taken = u.compliance * force, part = (delta + taken - u.low) / u.width;
+    return u.force * u.width * shape_area(law, u.power, part) - 0.5 * taken * force;
 }
 
 static double law_energy(const aom_law *law, double delta, const double *state) {
-    const double *p = law->params;
     if (delta <= 0.0 || law->kind == AOM_USER)
         return 0.0;
-    if (elastic_table(law))
-        return aom_law_loading_work(law, delta);
-    if (remembers(law->kind))
+    if (remembers(law->kind) && !elastic_table(law))
         return hysteretic_energy(law, delta, state);
-    if (law->kind == AOM_LINEAR)
-        return 0.5 * p[0] * delta * delta;
-    if (law->kind != AOM_HERTZ)
-        return power(p, delta).value * delta / (p[1] + 1.0);
-    double force = hertz(p, delta).value;
-    if (p[1] == 0.0)
-        return 0.4 * force * delta;
-    double top = smaller(force, p[3] * p[3] * p[3]);
-    double stored = 0.4 * p[2] * pow(top, 5.0 / 3.0) - 0.5 * p[1] * top * top;
-    return stored + 0.5 * p[4] * (force * force - top * top);
+    return aom_law_loading_work(law, delta);
 }
 
 void aom_law_forces(const aom_law *law, int64_t n, const double *delta, const double *state,
@@ -459,9 +701,12 @@ void aom_law_touch(const aom_law *law, double speed, int first, double *state) {
 static double reloading_work(const aom_law *law, double delta, double deepest) {
     if (deepest == 0.0)
         return aom_law_loading_work(law, delta);
-    double low = law_permanent(law, deepest);
-    double part = shape_area(law, (smaller(delta, deepest) - low) / (deepest - low), false);
-    double work = law_loading(law, deepest).value * (deepest - low) * part;
+    double memory[2] = {deepest, deepest}, reached = smaller(delta, deepest);
+    unloading u = law_unloading(law, false, memory);
+    double share = law_share(law, &u, reached);
+    double force = u.force * law_shape(law, u.power, share).value;
+    double work = u.force * u.width * shape_area(law, u.power, share);
+    work -= 0.5 * u.compliance * force * force;
     if (delta > deepest)
         work += aom_law_loading_work(law, delta) - aom_law_loading_work(law, deepest);
     return work;
@@ -478,6 +723,25 @@ void aom_law_advance(const aom_law *law, double delta, double *state) {
 }
 
 double aom_law_origin(const aom_law *law, const double *state) { return origin(law, state); }
+
+double aom_law_reach(const aom_law *law) {
+    double c = patch_compliance(law), most, low = 1e-30, high = 1e30;
+    if (law->kind == AOM_HERTZ && law->params[1] > 0.0)
+        return law->params[3] * law->params[3] * law->params[3];
+    if (c == 0.0 || law->kind == AOM_LINEAR)
+        return INFINITY;
+    most = most_taken(law);
+    for (int tries = 0; tries < 80; tries++) {
+        double middle = sqrt(low * high), left = middle;
+        if (remembers(law->kind))
+            left -= whole_permanent(law, middle).value;
+        if (c * whole_loading(law, middle).value <= most * left)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low < 1e29 ? whole_loading(law, low).value : INFINITY;
+}
 
 /* ---- checks */
 
@@ -501,13 +765,22 @@ static bool good_tables(const aom_law *law) {
     if (!(p[2] >= 2.0 && p[2] <= most && p[3] >= 2.0 && p[3] <= most))
         return false;
     double second = 5.0 + 5.0 * floor(p[2]) + 2.0;
-    return p[4] == second && second + 5.0 * floor(p[3]) + 2.0 == most &&
+    return p[4] == second && most - (second + 5.0 * floor(p[3]) + 2.0) <= 1.0 &&
+           most >= second + 5.0 * floor(p[3]) + 2.0 &&
            good_table(loading_table(law), loading_knots(law)) &&
            good_table(unloading_table(law), unloading_knots(law));
 }
 
+/* The right number of parameters, and what may stand behind them. */
+static bool good_numbers(const aom_law *law) {
+    int n = NUMBERS[law->kind];
+    if (law->params == NULL || law->n_params < n || law->n_params > n + (law->kind != AOM_HERTZ))
+        return false;
+    double c = patch_compliance(law);
+    return c >= 0.0 && c < INFINITY && (law->kind != AOM_LINEAR || c * law->params[0] < 1.0);
+}
+
 int aom_law_check(const aom_law *law) {
-    static const int numbers[] = {1, 2, 5, 3, 2, 2, 2, 3};
     const double *p = law->params;
     bool good;
     if (law->kind == AOM_USER)
@@ -515,9 +788,8 @@ int aom_law_check(const aom_law *law) {
                law->user->n_state <= AOM_MEMORY - 2 && law->user->force && law->user->touch &&
                law->user->advance;
     else if (law->kind == AOM_TABLE)
-        good = p != NULL && good_tables(law);
-    else if (law->kind < 0 || law->kind > AOM_USER || law->n_params != numbers[law->kind] ||
-             p == NULL || !positive(p[0]))
+        good = p != NULL && good_tables(law) && patch_compliance(law) >= 0.0;
+    else if (law->kind < 0 || law->kind > AOM_USER || !good_numbers(law) || !positive(p[0]))
         good = false;
     else if (law->kind == AOM_LINEAR)
         good = true;
@@ -528,6 +800,7 @@ int aom_law_check(const aom_law *law) {
         good = p[1] == 0.0 || (positive(p[1]) && positive(p[2]) && positive(p[3]) &&
                                positive(p[4]) && 2.0 * p[2] - 3.0 * p[1] * p[3] > 0.0);
     else
-        good = positive(p[1]) && (law->kind != AOM_TAN_SUN || (p[2] > 0.0 && p[2] < 1.0));
+        good = positive(p[1]) && (law->kind != AOM_TAN_SUN || (p[2] > 0.0 && p[2] < 1.0)) &&
+               (law->kind != AOM_ELASTIC_PLASTIC || positive(p[2]));
     return good ? AOM_DONE : AOM_BAD_LAW;
 }

@@ -203,14 +203,6 @@ void ready_step(aom_stepper *st, int index, double h) {
     fill_rows(st, half, 0.5 * h);
 }
 
-/* Be for other rows, each a group, of the same modes, whose responses stay. */
-void renew_rows(aom_stepper *st, const aom_system *system) {
-    st->system = *system;
-    find_spans(st);
-    for (int k = 0; k < SLOTS; k++)
-        st->slots[k].has_rows = false, st->slots[k].local_kind = NO_LOCAL;
-}
-
 /* ---- groups of rows */
 
 /* Whether rows i and k are of one group: where they differ, no other row is moved, nor both. */

@@ -89,56 +89,88 @@ static double walk_force(const walk *w, int m, int i) {
     return f0 + u * ((4.0 * f1 - 3.0 * f0 - f2) + 2.0 * u * (f0 - 2.0 * f1 + f2));
 }
 
-/* Integrals of |F_a - F_b|^2 and |F_b|^2 over time into `total`, and the largest |F_a| and |F_b| of
- * every row, up to `end`; the time at which the first integral exceeds the limit, else the end. */
-static double integrals(int m, walk a, walk b, double end, double limit, double total[2],
-                        double *peaks) {
-    double before = 0.0, last[2] = {0.0, 0.0}, until = end;
-    total[0] = total[1] = 0.0;
-    memset(peaks, 0, 2 * (size_t)m * sizeof *peaks);
+/* Add what two runs have between the last node and the next one, `h` later, to the sums of a row. */
+static void add_node(row_pair *row, double h, double fa, double fb) {
+    double a = row->last[0], b = row->last[1], before = a - b, now = fa - fb, half = 0.5 * h;
+    row->apart += half * (before * before + now * now);
+    row->size += half * (b * b + fb * fb);
+    row->shift += half * (before + now);
+    row->impulse += half * (fabs(b) + fabs(fb));
+    row->peak[0] = larger(row->peak[0], fabs(fa));
+    row->peak[1] = larger(row->peak[1], fabs(fb));
+    row->last[0] = fa;
+    row->last[1] = fb;
+}
+
+/* The sums of every row up to `end`; the time at which the runs are apart by the limit of a row, else
+ * the end. */
+static double integrals(int m, walk a, walk b, double end, row_pair *rows) {
+    double before = 0.0, until = end;
+    for (int i = 0; i < m; i++)
+        rows[i] = (row_pair){.limit = rows[i].limit};
     while (a.node < a.n || b.node < b.n) {
         bool from_a = b.node >= b.n || (a.node < a.n && a.time[a.node] <= b.time[b.node]);
-        double t = from_a ? a.time[a.node++] : b.time[b.node++], now[2] = {0.0, 0.0};
+        double t = from_a ? a.time[a.node++] : b.time[b.node++];
         if (t > end)
             break;
         walk_to(&a, t);
         walk_to(&b, t);
         for (int i = 0; i < m; i++) {
-            double fa = walk_force(&a, m, i), fb = walk_force(&b, m, i);
-            now[0] += (fa - fb) * (fa - fb);
-            now[1] += fb * fb;
-            peaks[i] = larger(peaks[i], fabs(fa));
-            peaks[m + i] = larger(peaks[m + i], fabs(fb));
-        }
-        for (int k = 0; k < 2; k++) {
-            total[k] += 0.5 * (t - before) * (now[k] + last[k]);
-            last[k] = now[k];
+            add_node(rows + i, t - before, walk_force(&a, m, i), walk_force(&b, m, i));
+            if (rows[i].apart > rows[i].limit && until == end)
+                until = t;
         }
         before = t;
-        if (total[0] > limit && until == end)
-            until = t;
     }
     return until;
 }
 
+/* The difference of a row, over the forces of its contact, or LIGHT of the heaviest: `most`, is added to
+ * those that were found; its limit. */
+static double add_difference(const row_pair *row, const row_pair *contact, const row_pair *most,
+                             double tol, aom_difference *found) {
+    double size = larger(contact->size, LIGHT * LIGHT * most->size);
+    double impulse = larger(contact->impulse, LIGHT * most->impulse);
+    double peak = larger(contact->peak[1], LIGHT * most->peak[1]);
+    double force = larger(sqrt(row->apart / size), fabs(row->shift) / impulse);
+    found->force = larger(found->force, force);
+    found->peak = larger(found->peak, fabs(row->peak[0] - row->peak[1]) / peak);
+    return tol * tol * size;
+}
+
+aom_difference compare_runs(int m, const int *owner, const aom_record *a, const aom_record *b,
+                            double tol, row_pair *rows) {
+    walk one = {a->n_nodes, 0, 0, a->time, a->force, 0.0};
+    walk two = {b->n_nodes, 0, 0, b->time, b->force, 0.0};
+    double end = smaller(a->time[a->n_nodes - 1], b->time[b->n_nodes - 1]);
+    aom_difference found = {0.0, 0.0, end};
+    row_pair most = {0};
+    if (one.n < 3 || two.n < 3) /* one stopped at once */
+        return found;
+    for (int i = 0; i < m; i++)
+        rows[i].limit = INFINITY;
+    integrals(m, one, two, end, rows);
+    for (int i = 0; i < m; i++) {
+        most.apart = larger(most.apart, rows[i].apart);
+        most.size = larger(most.size, rows[i].size);
+        most.impulse = larger(most.impulse, rows[i].impulse);
+        most.peak[1] = larger(most.peak[1], rows[i].peak[1]);
+    }
+    if (most.size == 0.0)
+        return most.apart == 0.0 ? found : (aom_difference){1.0, 1.0, 0.0};
+    for (int i = 0; i < m; i++) {
+        const row_pair *contact = rows + (owner == NULL ? i : owner[i]);
+        rows[i].limit = add_difference(rows + i, contact, &most, tol, &found);
+    }
+    if (found.force > tol)
+        found.until = integrals(m, one, two, end, rows);
+    return found;
+}
+
 aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const double *force_a,
                            int64_t n_b, const double *time_b, const double *force_b, double tol,
-                           double *peaks) {
-    walk a = {n_a, 0, 0, time_a, force_a, 0.0}, b = {n_b, 0, 0, time_b, force_b, 0.0};
-    aom_difference found = {0.0, 0.0, smaller(time_a[n_a - 1], time_b[n_b - 1])};
-    double total[2], apart = 0.0, most = 0.0;
-    if (n_a < 3 || n_b < 3) /* one stopped at once */
-        return found;
-    integrals(m, a, b, found.until, INFINITY, total, peaks);
-    if (total[1] == 0.0)
-        return total[0] == 0.0 ? found : (aom_difference){1.0, 1.0, 0.0};
-    for (int i = 0; i < m; i++) {
-        apart = larger(apart, fabs(peaks[i] - peaks[m + i]));
-        most = larger(most, peaks[m + i]);
-    }
-    found.force = sqrt(total[0] / total[1]);
-    found.peak = apart / most;
-    if (found.force > tol)
-        found.until = integrals(m, a, b, found.until, tol * tol * total[1], total, peaks);
-    return found;
+                           double *memory) {
+    const aom_record a = {.n_nodes = n_a, .time = (double *)time_a, .force = (double *)force_a};
+    const aom_record b = {.n_nodes = n_b, .time = (double *)time_b, .force = (double *)force_b};
+    return compare_runs(m, NULL, &a, &b, tol, (row_pair *)memory);
 }

@@ -23,19 +23,21 @@
 /* Error left in the finer of two runs, of their difference; `finer`: ratio of their shares. */
 static double left_over(double finer) { return MARGIN / (finer - 1.0); }
 
-/* The largest force of a contact in a run. */
-static double highest_force(const aom_system *system, const aom_record *run) {
-    double most = 1e-300;
-    for (int64_t n = 0; n < run->n_nodes; n++)
-        for (int c = 0; c < system->n_contacts; c++)
-            most = larger(most, run->force[n * system->n_rows + c]);
-    return isfinite(most) ? most : 0.0;
+/* The largest force of each contact in a run; whether they are finite. */
+static bool highest_forces(const aom_system *system, const aom_record *run, double *highest) {
+    double most = 0.0;
+    for (int c = 0; c < system->n_contacts; c++) {
+        highest[c] = 1e-300;
+        for (int64_t n = 0; n < run->n_nodes; n++)
+            highest[c] = larger(highest[c], run->force[n * system->n_rows + c]);
+        most = larger(most, highest[c]);
+    }
+    return isfinite(most);
 }
 
 static aom_difference apart(const aom_stepper *st, const aom_record *a, const aom_record *b,
                             double tol) {
-    return aom_compare(st->system.n_rows, a->n_nodes, a->time, a->force, b->n_nodes, b->time,
-                       b->force, tol, st->work.peaks);
+    return compare_runs(st->system.n_rows, st->owner, a, b, tol, st->work.pairs);
 }
 
 /* Begin the next run, in a record that holds neither the best run nor the one before. */
@@ -47,11 +49,10 @@ static int begin_run(aom_stepper *st, const aom_system *system, const aom_option
     if (s->before >= 0 && room < run.max_steps)
         run.max_steps = room > CHEAP ? room : run.max_steps < CHEAP ? run.max_steps : CHEAP;
     run.rel_tol = s->share;
-    run.force_scale = s->scale;
     for (s->present = 0; s->present == s->best || s->present == s->before;)
         s->present++;
     aom_clear(records + s->present);
-    return aom_start(st, system, &run);
+    return start_run(st, system, &run, s->scaled ? st->work.highest : NULL);
 }
 
 /* The run of a record is the best so far. */
@@ -74,7 +75,7 @@ static bool last_run(aom_stepper *st, const aom_options *options, aom_solution *
     bool unstable = answer == AOM_GREW || answer == AOM_STUCK;
     s->used += told.attempts;
     s->failed = unstable ? s->failed + 1 : 0;
-    s->scale = highest_force(&st->system, now);
+    s->scaled = highest_forces(&st->system, now, st->work.highest);
     if (s->before >= 0 && answer == AOM_TOO_MANY_STEPS) {
         const aom_record *before = records + s->before;
         if (s->best < 0)
@@ -114,7 +115,7 @@ int aom_solve(aom_stepper *st, const aom_system *system, const aom_options *opti
     bool first = s->finer == 0.0, next = first;
     if (first) {
         bool once = options->max_runs == 1;
-        *s = (aom_solution){.best = -1, .before = -1, .scale = once ? options->force_scale : 0.0};
+        *s = (aom_solution){.best = -1, .before = -1};
         s->share = once ? options->rel_tol : larger(FIRST * options->rel_tol, FINEST);
         s->finer = SECOND;
     }

@@ -46,7 +46,8 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
     w->motion = take(a, m, sizeof(stages));
-    w->peaks = take(a, 2 * m, sizeof(double));
+    w->pairs = take(a, m, sizeof *w->pairs);
+    w->highest = take(a, p, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, L, sizeof(double));
     w->load_rate = take(a, L, sizeof(double));
@@ -70,6 +71,7 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     lay_out_work(&to->work, &a, (size_t)load_width(system), m, p, G);
     to->spans = take(&a, m, sizeof(row_span));
     to->group = take(&a, m, sizeof(int));
+    to->owner = take(&a, m, sizeof(int));
     to->first = take(&a, G, sizeof(int));
     to->second = take(&a, G, sizeof(int));
     size_t changing = a.used;
@@ -195,6 +197,13 @@ static double mass_felt(const aom_stepper *st, int c, double t) {
     return give > 0.0 ? 0.5 * t * t / give : INFINITY;
 }
 
+/* A force of a contact that was met or is expected, unless its scale is known. */
+static void set_scale(aom_stepper *st, int c, double force) {
+    contact_state *state = st->contacts + c;
+    state->force_scale = st->now.scaled ? state->force_scale : larger(state->force_scale, force);
+    st->now.force_scale = larger(st->now.force_scale, state->force_scale);
+}
+
 /* The scales of a contact that begins or goes on at a speed, and how deep it goes, roughly. */
 static double expect(aom_stepper *st, int c, double speed) {
     const aom_contact *contact = st->system.contacts + c;
@@ -202,14 +211,14 @@ static double expect(aom_stepper *st, int c, double speed) {
     double depth, force;
     law_expected(st, &contact->law, contact->mass, speed, state->memory, &depth, &force);
     state->depth_scale = larger(state->depth_scale, depth);
-    if (st->options.force_scale > 0.0)
+    if (st->now.scaled)
         return depth;
     double all = depth;
     for (int tries = 0; tries < 3; tries++) { /* with the mass that takes part while it lasts */
         double mass = smaller(mass_felt(st, c, 1.5 * depth / speed), contact->mass);
         law_expected(st, &contact->law, mass, speed, state->memory, &depth, &force);
     }
-    st->now.force_scale = larger(st->now.force_scale, force);
+    set_scale(st, c, force);
     return all;
 }
 
@@ -248,15 +257,20 @@ static void start_rows(aom_stepper *st) {
     }
 }
 
-static void start_contacts(aom_stepper *st) {
+static void start_contacts(aom_stepper *st, const double *highest) {
     const aom_system *s = &st->system;
     int m = s->n_rows;
     memset(st->contacts, 0, (size_t)s->n_contacts * sizeof *st->contacts);
+    memset(st->owner, 0, (size_t)m * sizeof *st->owner);
     for (int c = 0; c < s->n_contacts; c++) {
         st->contacts[c].depth_scale = s->contacts[c].expected_depth;
         st->contacts[c].speed_scale = s->contacts[c].expected_speed;
         st->rows[c].force = s->contacts[c].preload;
-        st->now.force_scale = larger(st->now.force_scale, s->contacts[c].preload);
+        st->contacts[c].force_scale = highest != NULL ? highest[c] : st->options.force_scale;
+        set_scale(st, c, s->contacts[c].preload);
+        st->owner[c] = c;
+        for (int r = 0; r < s->contacts[c].n_tangential; r++)
+            st->owner[s->contacts[c].first_tangential + r] = c;
     }
     for (int i = 0; i < m; i++)
         for (int c = 0; c < s->n_contacts; c++)
@@ -287,7 +301,8 @@ static bool rate_of_massless(const aom_system *system) {
     return false;
 }
 
-int aom_start(aom_stepper *st, const aom_system *system, const aom_options *options) {
+int start_run(aom_stepper *st, const aom_system *system, const aom_options *options,
+              const double *highest) {
     if (system->n_modes != st->system.n_modes || system->n_rows != st->system.n_rows ||
         system->n_contacts != st->system.n_contacts || system->n_breaks < 1 ||
         (system->gamma == NULL) != (st->system.gamma == NULL))
@@ -312,7 +327,7 @@ int aom_start(aom_stepper *st, const aom_system *system, const aom_options *opti
     now.cap = options->duration / 16.0;
     if (options->step > 0.0)
         now.cap = smaller(now.cap, options->step);
-    now.force_scale = options->force_scale;
+    now.scaled = highest != NULL || options->force_scale > 0.0;
     st->now = now;
     st->rated = rate_of_massless(system);
     st->slots[SCRATCH].span = st->slots[SCRATCH + 1].span = NAN;
@@ -320,9 +335,13 @@ int aom_start(aom_stepper *st, const aom_system *system, const aom_options *opti
     memcpy(st->x + J, system->v, (size_t)J * sizeof *st->x);
     st->x[2 * J] = 0.0;
     start_rows(st);
-    start_contacts(st);
+    start_contacts(st, highest);
     st->now.given = st->now.highest = system->stored + mechanical_energy(J, st->x, system->omega);
     return st->law_failed ? AOM_LAW_FAILED : AOM_DONE;
+}
+
+int aom_start(aom_stepper *st, const aom_system *system, const aom_options *options) {
+    return start_run(st, system, options, NULL);
 }
 
 /* ---- a step is taken */
@@ -443,8 +462,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
         if (contact->branch == AOM_APART)
             continue;
         memcpy(contact->anchor[0], contact->anchor[2], sizeof contact->anchor[0]);
-        if (st->options.force_scale == 0.0)
-            now->force_scale = larger(now->force_scale, st->rows[c].force);
+        set_scale(st, c, st->rows[c].force);
         if (given->law.kind == AOM_USER)
             user_advance(st, given->law.user, st->rows[c].depth, st->rows[c].rate,
                          contact->memory);

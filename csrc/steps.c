@@ -168,16 +168,17 @@ static double misfit(double earlier, const double f[3], double before, double h,
     return INTERPOLATION * h * h * h * fabs(third);
 }
 
-/* Largest error of the parabolas of the step. */
+/* Largest error of the parabolas of the step, over the scales of their contacts. */
 static double worst_misfit(const aom_stepper *st) {
     double worst = 0.0;
     for (int i = 0; i < st->system.n_rows; i++)
         worst = larger(worst, misfit(st->rows[i].middle, st->work.force[i].f, st->now.last_step,
-                                     st->now.step, st->rows[i].fresh));
+                                     st->now.step, st->rows[i].fresh) /
+                                  scale_of(st, st->owner[i]));
     return worst;
 }
 
-/* Force that the vibrations which a step h does not resolve may cause, at most.
+/* Force that the vibrations which a step h does not resolve may cause, at most, over its scale.
  *
  * A mode with omega h > 2 vibrates about its deflection under the present forces. Unresolved
  * vibrations can be driven by the steps themselves, and at omega h = 2 pi the nodes do not see
@@ -196,7 +197,7 @@ static double ripple(aom_stepper *st, double h) {
         double residual = st->system.residual[(ptrdiff_t)c * (m + 1)];
         double begun = 0.0, swing = 0.0, soft = residual;
         if (row->fresh) {
-            stiffness = larger(stiffness, st->now.force_scale / contact->depth_scale);
+            stiffness = larger(stiffness, scale_of(st, c) / contact->depth_scale);
             double depth = row->depth + h * row->rate;
             double after =
                 law_tangent(st, law, contact->branch, depth, row->rate, contact->memory).force;
@@ -216,7 +217,7 @@ static double ripple(aom_stepper *st, double h) {
             soft += beta[j] * beta[j] / w2;
         }
         swing += begun * (soft - residual);
-        worst = larger(worst, stiffness * swing / (1.0 + stiffness * soft));
+        worst = larger(worst, stiffness * swing / (1.0 + stiffness * soft) / scale_of(st, c));
     }
     return worst;
 }
@@ -224,13 +225,12 @@ static double ripple(aom_stepper *st, double h) {
 /* The level at which the tries begin. */
 static int first_level(aom_stepper *st, bool blind) {
     int level = st->now.level;
-    double limit = st->options.rel_tol * st->now.force_scale;
     while (level_step(st, level) > st->now.cap && level < LEVELS - 3)
         level++;
     if (blind)
         return level + 3 < LEVELS - 3 ? level + 3 : LEVELS - 3;
     while (st->options.step > 0.0 && level < LEVELS - 3 &&
-           !(ripple(st, level_step(st, level)) <= RIPPLE * limit)) {
+           !(ripple(st, level_step(st, level)) <= RIPPLE * st->options.rel_tol)) {
         level++;
         st->now.refused++;
     }
@@ -243,7 +243,7 @@ static int refinement(aom_stepper *st, int index, bool found, bool blind, double
     if (now->flying)
         return !clear_of_touches(st, index);
     bool jump = now->step <= 1e-9 * now->cap; /* no smaller step helps */
-    *worst = found ? worst_misfit(st) / (st->options.rel_tol * now->force_scale) : INFINITY;
+    *worst = found ? worst_misfit(st) / st->options.rel_tol : INFINITY;
     if (!(*worst > 1.0) || (found && (blind || jump)))
         return 0;
     now->refused++;
@@ -271,10 +271,16 @@ int try_step(aom_stepper *st) {
             if (first <= (now->flying ? 1e-15 * st->options.duration : 1e-9 * h))
                 return AT_ONCE;
             if (first < INFINITY && end_at_exits(st, first)) {
-                now->level = level;
-                return SCRATCH;
-            }
-            finer = first < INFINITY;
+                finer = now->flying ? 0 : refinement(st, SCRATCH, true, blind, &worst);
+                if (finer == 0) {
+                    now->level = level;
+                    return SCRATCH;
+                }
+                st->exit_contact = -1; /* what lies before the exit is too long for one step */
+                while (level_step(st, level) > now->step && level < LEVELS - 2)
+                    level++;
+            } else
+                finer = first < INFINITY;
         }
         if (finer == 0) {
             bool coarser = worst < 1.0 / 16.0 && level > 0 && (now->flying || index != SCRATCH);

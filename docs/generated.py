@@ -38,6 +38,7 @@ PICTURES = {
         "drop_on_corners": ["drop_on_corners.png"],
         "error_budget": ["../speed/error_budget_effectivity.png"],
         "local_quantities": ["../speed/local_quantities.png"],
+        "opened_part": ["opened_part.png"],
         "plate_impact": ["plate_impact.png"],
         "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
         "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],

@@ -98,15 +98,15 @@ def build_for_fmus() -> list[Path]:
 def build_for_page() -> Path:
     """Compile the engine of live reports; returns where it stands."""
     if shutil.which("clang") and shutil.which("wasm-ld"):
-        command = ["clang", "--target=wasm32"]
+        command, undefined = ["clang", "--target=wasm32"], "--allow-undefined"
     elif importlib.util.find_spec("ziglang"):
-        command = [*_zig(), "-target", "wasm32-freestanding"]
+        command, undefined = [*_zig(), "-target", "wasm32-freestanding"], "--import-symbols"
     else:
         raise SystemExit("antiosc: no compiler for WebAssembly; install clang and lld, or ziglang.")
     flags = ["-std=c99", "-Os", "-ffreestanding", "-nostdlib", "-mbulk-memory", "-DAOM_API="]
     flags += ["-nostdlibinc", "-isystem", str(SOURCE / "page" / "include"), *WARNINGS[:2]]
     flags += [f'-DAOM_SOURCE_HASH="{source_hash()}"']
-    linked = ["--no-entry", "--gc-sections", "--allow-undefined", "--strip-all"]
+    linked = ["--no-entry", "--gc-sections", undefined, "--strip-all"]
     flags += [f"-Wl,{each}" for each in (*linked, "-z,stack-size=65536")]
     made = ENGINE.with_suffix(".part")
     subprocess.run([*command, *flags, "-o", made, str(SOURCE / "page" / "engine.c")], check=True)

@@ -33,6 +33,17 @@ def pytest_report_header() -> str:
     return f"OpenBLAS: core type {', '.join(sorted(cores)) or 'none'}"
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Where the tests run that were skipped here."""
+    skipped = len(terminalreporter.stats.get("skipped", []))
+    if skipped:
+        terminalreporter.write_line(
+            f"{skipped} skipped: `.ci/more` installs what they need, as CI does before `.ci/run`"
+            " on Debian 12, 13 and sid (.github/workflows/ci.yml); series of ADIOS2 run on the last"
+            " two."
+        )
+
+
 def pytest_collection_finish() -> None:
     if "dolfinx.jit" in sys.modules:
         compile_quickly()

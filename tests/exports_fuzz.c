@@ -26,7 +26,7 @@ static void load(void) {
     fclose(stream);
 }
 
-/* Bytes of the file are set (place, value), the file is cut or goes on. */
+/* Bytes of the file are set (place, value), the file is cut or goes on; its checksum is right or not. */
 static void damaged_file(const uint8_t *data, size_t size) {
     char *bytes = malloc(whole_size + 8);
     memset(bytes, 0, whole_size + 8);
@@ -36,6 +36,10 @@ static void damaged_file(const uint8_t *data, size_t size) {
         length = data[1] < 8 ? whole_size + data[1] : (whole_size * data[1]) / 256;
     for (size_t k = 2; k + 3 < size; k += 3)
         bytes[(data[k] + 256u * data[k + 1]) % whole_size] = (char)data[k + 2];
+    if (data[0] & 2 && length >= sizeof(uint64_t)) {
+        uint64_t sum = axm_checksum(bytes, length - sizeof sum);
+        memcpy(bytes + length - sizeof sum, &sum, sizeof sum);
+    }
     FILE *stream = fmemopen(bytes, length > 0 ? length : 1, "rb");
     model_file file;
     memset(&file, 0, sizeof file);

@@ -37,6 +37,7 @@ class Fmu:
             each.attrib["name"]: int(each.attrib["valueReference"])
             for each in self.description.findall("ModelVariables/*")
         }
+        self.variables["time"] = 0  # which version 2 does not list
         place = march.platform() if self.version == 3 else "linux64"
         (binary,) = (folder / "binaries" / place).glob("*.so")
         self.library = ctypes.CDLL(str(binary))

@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from scipy.linalg import expm
 
+import law_formulas
 from antiosc.base import march
 from antiosc.simulation.march.engine import Run
 
@@ -105,6 +107,8 @@ def _loading(kind: int, p: np.ndarray, d: complex) -> complex:
     if kind == march.STRONGE and d.real > y.real:
         s = 2 * d / y - 1
         return k * y**1.5 * s * (1 + np.log(s if s.real < 2 * FULLY - 1 else 2 * FULLY - 1) / 3.3)
+    if kind == march.ELASTIC_PLASTIC and d.real > y.real:
+        return k * y**0.5 * d * polyval((y / d) ** 0.25, law_formulas.numbers_of("PRESSING"))
     return k * d**1.5
 
 
@@ -128,6 +132,9 @@ def _permanent(kind: int, p: np.ndarray, m: complex) -> complex:
         return m * (1 - (y / m) ** 0.4)
     if kind == march.TAN_SUN:
         return p[2] * (m - y)
+    if kind == march.ELASTIC_PLASTIC:
+        root = (y / m) ** 0.25
+        return m * (1 - root**2 * polyval(root, law_formulas.numbers_of("RECOVERY")))
     s = 2 * m / y - 1
     a = s if s.real < 2 * FULLY - 1 else 2 * FULLY - 1 + 0j
     work = (a * a - 1) / 4 + (a * a * (2 * np.log(a) - 1) + 1) / (8 * 3.3)
@@ -138,9 +145,11 @@ def _permanent(kind: int, p: np.ndarray, m: complex) -> complex:
     return printed if printed.real > lossless.real else lossless
 
 
-def _shape(kind: int, p: np.ndarray, x: complex, back: bool) -> complex:
+def _shape(kind: int, p: np.ndarray, x: complex, back: bool, deepest: complex) -> complex:
     if kind == march.TABLE:
         return _cubic(p[int(p[4].real) :], int(p[3].real), x)
+    if kind == march.ELASTIC_PLASTIC and deepest.real > p[1].real:
+        return np.exp((1.25 + 0.25 * np.sqrt(p[1] / deepest)) * np.log(x))
     return x ** (2.5 if back and kind in (march.YANG_SUN, march.TAN_SUN) else 1.5)
 
 
@@ -172,9 +181,9 @@ def force(s: Inputs, branch: int, d: complex, rate: complex, memory: np.ndarray)
         return 0j
     top, start = _loading(kind, p, deepest), deepest
     if branch == march.BACK and turn.real < deepest.real:
-        top *= _shape(kind, p, (turn - low) / (deepest - low), False)
+        top *= _shape(kind, p, (turn - low) / (deepest - low), False, deepest)
         start = turn
-    return top * _shape(kind, p, (d - low) / (start - low), branch == march.BACK)
+    return top * _shape(kind, p, (d - low) / (start - low), branch == march.BACK, deepest)
 
 
 def _remembers(kind: int) -> bool:

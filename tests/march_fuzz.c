@@ -197,12 +197,13 @@ static void run(const aom_system *system, const aom_options *options) {
                 break;
         }
         if (!again && record.n_states > 0 && record.n_nodes >= 3) {
-            double state[2 * MODES], f[ROWS], d[ROWS], peaks[2 * ROWS], out[2], energy;
+            double state[2 * MODES], f[ROWS], d[ROWS], work[AOM_COMPARED * ROWS], out[2];
+            double energy;
             int64_t span[2] = {0, (record.n_nodes - 1) / 2};
             aom_state_at(system, &record, 0, 0.3 * (time[2] - time[0]), state, f, d);
             aom_pulses(time, force, system->n_rows, 0, 1, span, out);
             aom_compare(system->n_rows, record.n_nodes, time, force, record.n_nodes, time, force,
-                        1e-3, peaks);
+                        1e-3, work);
             aom_energies(1, system->n_modes, states, system->omega, &energy);
         }
         if (status > AOM_LAW_FAILED)

@@ -28,7 +28,8 @@ AOM_API double part_mass_felt(const aom_stepper *st, int c, double t) {
 /* Force that vibrations which a step h does not resolve may cause, with contacts closed. */
 AOM_API double part_ripple(aom_stepper *st, double h, double depth, int fresh) {
     acting_now(st);
-    st->now.force_scale = 1.0;
+    for (int c = 0; c < st->system.n_contacts; c++)
+        st->contacts[c].force_scale = 1.0;
     for (int c = 0; c < st->system.n_contacts; c++) {
         st->contacts[c].branch = AOM_FORWARD;
         st->rows[c].depth = depth;

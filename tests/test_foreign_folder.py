@@ -138,3 +138,39 @@ def test_files_of_the_folder_have_no_effect(tried, probe):
     folder, _, printed = tried
     assert not (folder / MARKS[probe]).exists()
     assert MARKS[probe] not in printed
+
+
+@pytest.mark.parametrize("cache", ["empty", "user's"])
+def test_no_family_is_compiled_as_the_folder_says(tmp_path, cache):
+    """The options of a compiler are in the name of what it makes: other ones compile anew."""
+    for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
+        (tmp_path / name).write_text(WRAPPED.format(here=tmp_path))
+    (tmp_path / "wrapper").write_text(COMMAND.format(here=tmp_path, mark="marker"))
+    (tmp_path / "wrapper").chmod(0o755)
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}/src:{ROOT}/tests"}
+    if cache == "empty":
+        environment["XDG_CACHE_HOME"] = f"{tmp_path}-cache"
+    families = ["beam"] if cache == "empty" else []
+    done = subprocess.run(
+        [sys.executable, "-P", str(ROOT / "tests" / "foreign_families.py"), *families],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert not (tmp_path / "marker").exists()
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == (1 if families else 9)
+
+
+def test_the_folder_says_nothing_to_other_forms_of_the_process(tmp_path, monkeypatch):
+    """A program that uses antiosc and compiles forms of its own."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
+        Path(name).write_text('{"cffi_extra_compile_args": ["-wrapper", "x"]}')
+    program = (
+        "import antiosc.fem.platform.compat, dolfinx.jit as jit\n"
+        "own = getattr(jit, 'get_options', None) or jit.get_parameters\n"
+        "print(own()['cffi_extra_compile_args'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "wrapper" not in done.stdout

@@ -32,7 +32,8 @@ DEAR = {
     *("assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"),
     *("write_report", "from_frf", "save_fields", "read_mesh", "read_model", "peak_field"),
     "box_mesh",
-    *("reactions", "strike", "export", "find_impact", "drop", "contact_at", "nearby", "design_map"),
+    *("reactions", "strike", "export", "find_impact", "drop", "nearby", "design_map"),
+    "contact_between",
     *("StructureModes.write", "History.to_dataframe"),
 }
 ROOMS = ("plotting.", "Fall.", "Drops.", "Sample.", "PeakField.", "SavedFields.", "closed_form.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -86,3 +87,24 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
     assert "peak force" in run(str(fresh / "python"), "program.py")
     assert "antiosc" in run(str(fresh / "antiosc"), "info")
+
+
+def test_the_closing_lines_say_where_skipped_tests_run(tmp_path):
+    (tmp_path / "test_one.py").write_text("import pytest\n\ndef test_a():\n    pytest.skip('no')\n")
+    shutil.copy(ROOT / "tests" / "conftest.py", tmp_path)
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tests'}:{ROOT / 'src'}"}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    *_, told, closing = done.stdout.splitlines()
+    assert told.startswith("1 skipped: `.ci/more`")
+    assert "1 skipped" in closing
+
+
+@pytest.mark.parametrize("script", ["run", "more"])
+def test_scripts_of_continuous_integration_are_sound(script):
+    lists = (ROOT / ".ci" / script).read_text()
+    subprocess.run(["bash", "-n", ROOT / ".ci" / script], check=True)
+    for kind in re.findall(r"for list in ([\w ]+);", lists):
+        assert all((ROOT / ".ci" / f"packages-{name}").is_file() for name in kind.split())

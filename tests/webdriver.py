@@ -50,9 +50,13 @@ class Browser:
 
     def open(self, page: Path, width: int, height: int = 1000) -> None:
         """Open a file in a page of this width."""
+        self.address(page.resolve().as_uri(), width, height)
+
+    def address(self, url: str, width: int, height: int = 1000) -> None:
+        """Open an address in a page of this width."""
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.command("Emulation.setDeviceMetricsOverride", **metrics)
-        self._call("POST", "/url", url=page.resolve().as_uri())
+        self._call("POST", "/url", url=url)
 
     def command(self, name: str, **parameters: Any) -> Any:
         """A command of Chromium's DevTools."""

@@ -1,7 +1,11 @@
 /* A run that goes on by communication steps: whole steps of the stepper, read in between. */
 #include "antiosc_model.h"
 
-#include "../internal.h"
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#include "../arena.h"
 
 struct axm_run {
     const axm_model *model;
@@ -321,4 +325,12 @@ void axm_restore(axm_run *run, const void *state) {
     run->span[0] = -1.0;
     if (!is_port(run->model))
         aom_restore(run->stepper, (const char *)state + run->changing);
+}
+
+uint64_t axm_checksum(const void *bytes, size_t size) {
+    const unsigned char *at = bytes;
+    uint64_t sum = 14695981039346656037u;
+    for (size_t k = 0; k < size; k++)
+        sum = (sum ^ at[k]) * 1099511628211u;
+    return sum;
 }

@@ -72,5 +72,7 @@ AOM_API double axm_parameter(const axm_run *run, int parameter);
 AOM_API size_t axm_state_size(const axm_run *run);
 AOM_API void axm_save(const axm_run *run, void *state);
 AOM_API void axm_restore(axm_run *run, const void *state);
+/* FNV-1a of bytes: what a model file ends with, of all before it; of a kept state. */
+AOM_API uint64_t axm_checksum(const void *bytes, size_t size);
 
 #endif

@@ -106,36 +106,51 @@ static size_t doubles_of(const int32_t *counts) {
     return total < 1e9 ? (size_t)total : 0;
 }
 
-/* Whether so many bytes are left of a file: nothing is allocated for more. */
-static bool left_are(FILE *stream, double bytes) {
-    long at = ftell(stream);
-    if (at < 0 || fseek(stream, 0, SEEK_END) != 0)
-        return false;
-    long end = ftell(stream);
-    return (double)(end - at) == bytes && fseek(stream, at, SEEK_SET) == 0;
+/* The bytes of a file behind which their checksum stands, and how many they are; NULL: damaged. */
+static char *sound_bytes(FILE *stream, size_t *size) {
+    uint64_t sum;
+    long end = fseek(stream, 0, SEEK_END) == 0 ? ftell(stream) : -1;
+    if (end < (long)sizeof sum || fseek(stream, 0, SEEK_SET) != 0)
+        return NULL;
+    *size = (size_t)end - sizeof sum;
+    char *bytes = malloc(*size + 1);
+    if (bytes != NULL && fread(bytes, 1, *size, stream) == *size &&
+        fread(&sum, sizeof sum, 1, stream) == 1 && sum == axm_checksum(bytes, *size))
+        return bytes;
+    free(bytes);
+    return NULL;
 }
 
-static bool read_body(model_file *file, FILE *stream) {
+/* Copy the next bytes; `at` goes on. */
+static void copy_next(const char **at, void *to, size_t size) {
+    memcpy(to, *at, size);
+    *at += size;
+}
+
+static bool read_bytes(model_file *file, const char *at, size_t size) {
     char magic[8];
     int32_t counts[N_COUNTS];
-    if (fread(magic, 1, 8, stream) != 8 || memcmp(magic, MAGIC, 8) != 0 ||
-        fread(counts, sizeof *counts, N_COUNTS, stream) != N_COUNTS || counts[8] != ENDIAN_MARK ||
-        counts[9] != AOM_VERSION || fread(file->token, 1, TOKEN, stream) != TOKEN)
+    size_t head = sizeof magic + sizeof counts + TOKEN;
+    if (size < head)
         return false;
+    copy_next(&at, magic, sizeof magic);
+    copy_next(&at, counts, sizeof counts);
+    copy_next(&at, file->token, TOKEN);
     file->token[TOKEN - 1] = '\0';
     size_t doubles = doubles_of(counts);
-    if (doubles == 0)
+    if (memcmp(magic, MAGIC, sizeof magic) != 0 || counts[8] != ENDIAN_MARK ||
+        counts[9] != AOM_VERSION || doubles == 0)
         return false;
     size_t ints = CONTACT_INTS * (size_t)counts[2] + 2 * (size_t)counts[6];
-    if (!left_are(stream, 4.0 * (double)ints + 8.0 * (double)doubles))
+    if (size - head != ints * sizeof(int32_t) + doubles * sizeof(double))
         return false;
     file->ints = calloc(ints + 1, sizeof(int32_t));
     file->doubles = calloc(doubles, sizeof(double));
     file->contacts = calloc((size_t)counts[2] + 1, sizeof *file->contacts);
-    if (file->ints == NULL || file->doubles == NULL || file->contacts == NULL ||
-        fread(file->ints, sizeof(int32_t), ints, stream) != ints ||
-        fread(file->doubles, sizeof(double), doubles, stream) != doubles)
+    if (file->ints == NULL || file->doubles == NULL || file->contacts == NULL)
         return false;
+    copy_next(&at, file->ints, ints * sizeof(int32_t));
+    copy_next(&at, file->doubles, doubles * sizeof(double));
     const int32_t *contact = file->ints;
     double numbers = 0.0;
     for (int c = 0; c < counts[2]; c++, contact += CONTACT_INTS)
@@ -144,6 +159,14 @@ static bool read_body(model_file *file, FILE *stream) {
         return false;
     fill_model(file, counts);
     return axm_size(&file->model) > 0;
+}
+
+static bool read_body(model_file *file, FILE *stream) {
+    size_t size;
+    char *bytes = sound_bytes(stream, &size);
+    bool good = bytes != NULL && read_bytes(file, bytes, size);
+    free(bytes);
+    return good;
 }
 
 /* The path of a file in the folder of the resources, which is a path or a URI. */
@@ -379,8 +402,9 @@ static int do_step(instance *self, double at, double h) {
     if (!allowed(self, "a step", IN(STEPPING)))
         return FMI_ERROR;
     double now = self->start + axm_time(self->run), size = fabs(at) + fabs(h) + fabs(self->start);
-    if (!(h >= 0.0) || !isfinite(h) || !(fabs(at - now) <= 1e-9 * size))
-        return failure(self, "a step of %g s from %g s does not follow on %g s.", h, at, now);
+    if (!(h > 0.0) || !isfinite(h) || !(fabs(at - now) <= 1e-9 * size))
+        return failure(self, "a step of %g s from %g s does not follow on %g s, or is not > 0.", h, at,
+                       now);
     double to = at + h - self->start;
     int status = axm_advance(self->run, to > axm_time(self->run) ? to : axm_time(self->run));
     if (status != AOM_DONE) {
@@ -402,17 +426,9 @@ typedef struct kept {
 
 static size_t kept_size(const instance *self) { return sizeof(kept) + axm_state_size(self->run); }
 
-/* FNV-1a. */
-static uint64_t checksum(const char *bytes, size_t size) {
-    uint64_t sum = 14695981039346656037u;
-    for (size_t k = 0; k < size; k++)
-        sum = (sum ^ (unsigned char)bytes[k]) * 1099511628211u;
-    return sum;
-}
-
 static void keep(const instance *self, char *to) {
     axm_save(self->run, to + sizeof(kept));
-    uint64_t sum = checksum(to + sizeof(kept), kept_size(self) - sizeof(kept));
+    uint64_t sum = axm_checksum(to + sizeof(kept), kept_size(self) - sizeof(kept));
     kept head = {kept_size(self), sum, self->start, (int)self->phase, {0}};
     memcpy(head.token, self->file.token, TOKEN);
     memcpy(to, &head, sizeof head);
@@ -425,7 +441,7 @@ static bool is_state(const instance *self, const char *bytes) {
     size_t size = kept_size(self);
     return head.bytes == size && memcmp(head.token, self->file.token, TOKEN) == 0 &&
            head.phase >= INSTANTIATED && head.phase <= FAILED &&
-           head.sum == checksum(bytes + sizeof head, size - sizeof head);
+           head.sum == axm_checksum(bytes + sizeof head, size - sizeof head);
 }
 
 /* Room for a state in *state, which is NULL or a state, perhaps of another model. */

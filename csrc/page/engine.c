@@ -37,6 +37,7 @@ static struct {
     double first, last;  /* touch and release [s] */
     double force_error, peak_error, lasting;
     double n_nodes, time, force, depth; /* arrays of the best run */
+    double reach; /* force up to which the law holds without the patch's compliance [N] */
 } found;
 
 static aom_system posed;
@@ -143,6 +144,7 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
     found.answer = aom_law_check(&contact.law);
     if (found.answer != AOM_DONE)
         return &found.answer;
+    found.reach = aom_law_reach(&contact.law);
     aom_expected expected = aom_expect(&given);
     found.lasting = expected.time;
     contact.expected_depth = expected.depth;

@@ -7,6 +7,10 @@ from antiosc.app.export import (
 from antiosc.app.report import (
     write_report as write_report,
 )
+from antiosc.app.view import (
+    View as View,
+    view as view,
+)
 from antiosc.base.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,
@@ -33,11 +37,15 @@ from antiosc.closed_form.soil import (
 from antiosc.contact.base import (
     ContactLaw as ContactLaw,
 )
+from antiosc.contact.dent import (
+    Dent as Dent,
+)
 from antiosc.contact.geometry import (
     ContactStress as ContactStress,
     contact_stress as contact_stress,
 )
 from antiosc.contact.laws import (
+    ElasticPlastic as ElasticPlastic,
     Flores as Flores,
     Gonthier as Gonthier,
     Hertz as Hertz,
@@ -78,6 +86,9 @@ from antiosc.fem.elements import (
 from antiosc.fem.elements.beam import (
     Beam as Beam,
     Truss as Truss,
+)
+from antiosc.fem.elements.by_name import (
+    material as material,
 )
 from antiosc.fem.elements.shell import (
     Laminate as Laminate,
@@ -225,6 +236,9 @@ from antiosc.studies.advice import (
     Advice as Advice,
     advise as advise,
 )
+from antiosc.studies.between import (
+    contact_between as contact_between,
+)
 from antiosc.studies.chance.monte_carlo import (
     lognormal as lognormal,
     monte_carlo as monte_carlo,
@@ -255,7 +269,6 @@ from antiosc.studies.drops.fall import (
 from antiosc.studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
-    contact_at as contact_at,
 )
 from antiosc.studies.find import (
     FoundImpact as FoundImpact,

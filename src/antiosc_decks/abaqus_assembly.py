@@ -140,6 +140,9 @@ class Whole:
         nodes = instance.first_node = len(deck.points)
         start = instance.first_element = deck.n_elements
         instance.first_other = len(self.others)
+        labels = np.empty(len(mesh.points), dtype=np.int64)
+        labels[mesh.nodes.order] = mesh.nodes.labels
+        deck.labels = np.concatenate([deck.labels, labels])
         deck.points = np.vstack([deck.points, mesh.points @ instance.turn.T + instance.shift])
         for block in mesh.blocks:
             deck.blocks.append(block.mapped(lambda table: np.where(table >= 0, table + nodes, -1)))

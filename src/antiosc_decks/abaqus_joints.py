@@ -299,6 +299,7 @@ class _Joints:
     def _of_two(self, kind: str, nodes: list[int], place: Place) -> bool:
         """TIE, PIN, LINK and BEAM of two nodes; whether it is one of these."""
         joints, (a, b) = self.joints, nodes
+        place.needs(a != b, f"the *MPC of type {kind} joins a node with itself.")
         if kind in ("TIE", "PIN"):
             turn = all(not joints.used[n] or joints.has_rotations[n] for n in nodes)
             for c in range(6 if kind == "TIE" and turn else 3):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NoReturn
 
 import numpy as np
 
-from antiosc.io.deck import Array, IntArray, Place, real_number
+from antiosc.io.deck import Array, Block, IntArray, Place, real_number
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
@@ -171,7 +171,8 @@ NORMAL = 0.05
 STEEP = 0.1
 #: Degrees by which the angle of a layer may differ between elements.
 SAME_ANGLE = 0.5
-SECTION_CARDS = ("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION")
+OF_SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
+SECTION_CARDS = ("SOLIDSECTION", *OF_SHELLS, "BEAMSECTION", "BEAMGENERALSECTION")
 #: OFFSET= of shells -> the share of the thickness from the middle surface to the nodes.
 OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
 PLANE = {"plane stress", "plane strain"}
@@ -206,7 +207,10 @@ class Sections:
         roles = {block.role for block in blocks}
         composite = "COMPOSITE" in card.options
         name = card.within.spelled(card.option("ELSET"))
-        if card.keyword == "SHELLSECTION" and roles == {"shell"}:
+        if card.keyword in OF_SHELLS and roles == {"shell"}:
+            made = composite or "MATERIAL" in card.options or card.keyword == "SHELLSECTION"
+            card.needs(made, "*SHELL GENERAL SECTION with stiffnesses in place of a MATERIAL is "
+                       "not supported: give MATERIAL= and a thickness, or COMPOSITE.")  # fmt: skip
             self._shells(card, name, elements)
             return
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
@@ -218,11 +222,20 @@ class Sections:
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
             kind, arguments = self._plane(card, roles)  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
+            self._refuse_nodal(card, blocks)
             kind, arguments = self._beam(card, elements)
         else:
             self._refuse(card, roles, {block.type for block in blocks})
         name = "rods" if kind == "Truss" else name
         self.builder.add(name, elements, Family(kind, arguments, card.place))
+
+    def _refuse_nodal(self, card: Card, blocks: Sequence[Block]) -> None:
+        """MeshError for beams whose dimensions are those of their nodes."""
+        known = np.flatnonzero(np.isfinite(self.thickness))
+        nodal = any(np.isin(block.nodes, known).any() for block in blocks)
+        own = not nodal and "NODALTHICKNESS" not in card.options
+        card.needs(own, "beams with *NODAL THICKNESS are not supported: give the dimensions in "
+                   "*BEAM SECTION.")  # fmt: skip
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         kinds = ", ".join(sorted(types))

@@ -388,7 +388,8 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     systems.move(moved)
     placed.clear()
     points = [position(grid.whole(0), grid.place) for grid in grids]
-    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]))
+    own = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
+    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=own)
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     account = cards.account_for(bulk.entries, name)
     found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)

@@ -9,7 +9,7 @@ from scipy.integrate import trapezoid
 import antiosc as ao
 from antiosc.contact import ContactLaw, restitution_of
 from antiosc.simulation.histories.energy import replay
-from law_formulas import permanent, virgin
+from law_formulas import permanent, unloading_power, virgin, whole
 from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
 from scenes import HERTZ, rigid, thornton_restitution
 
@@ -147,6 +147,8 @@ def test_the_work_of_loading_is_the_integral_of_the_force():
         forces = [law.force(d, 0.0, law.touch(1.0)) for d in depths]
         work = np.append(0.0, np.cumsum(np.diff(depths) * (np.add(forces[1:], forces[:-1])) / 2))
         for i in (60, 900, 6000, 8000, 12001):
+            if law.compliance and forces[i] > law.valid_force:
+                break
             assert law.loading_work(depths[i]) == pytest.approx(work[i], rel=2e-3)
 
 
@@ -179,12 +181,13 @@ def test_unloading_and_reloading_are_those_of_the_formulas(law: ao.ContactLaw) -
         assert law.force(deepest, 0.0, state) == pytest.approx(top, rel=1e-9)
         return
     laminate = isinstance(law, ao.YangSun | ao.TanSun)
+    power, width = unloading_power(law, deepest), whole(law, deepest)[0] - low
     for share in (0.2, 0.7, 1.0):
-        d = low + share * (deepest - low)
-        expected = top * share ** (2.5 if laminate else 1.5)
-        assert law.force(d, 0.0, state) == pytest.approx(expected, rel=1e-9)
-        again = law.touch(0.3, state)
-        assert law.force(d, 0.0, again) == pytest.approx(top * share**1.5, rel=1e-9)
+        force, again = top * share**power, top * share ** (1.5 if laminate else power)
+        d = low + share * width - law.compliance * force
+        assert law.force(d, 0.0, state) == pytest.approx(force, rel=1e-9)
+        d = low + share * width - law.compliance * again
+        assert law.force(d, 0.0, law.touch(0.3, state)) == pytest.approx(again, rel=1e-9)
 
 
 @laws
@@ -197,6 +200,8 @@ def test_slopes_and_energies_are_derivatives_and_integrals(law: ao.ContactLaw) -
         assert by_delta == pytest.approx(slope, rel=1e-3)
         rise = (law.force(d, 0.11, state) - law.force(d, 0.09, state)) / 0.02
         assert by_rate == pytest.approx(rise, rel=1e-6, abs=1e-9)
+        if law.compliance and law.force(d, 0.0, state) > law.valid_force:
+            continue  # without a patch energies are exact within the law's range
         path = np.linspace(0, d, 1001)
         force = [law.force(each, 0.0, state) for each in path]
         work = float(trapezoid(force, path))
@@ -311,10 +316,11 @@ def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
     b = ao.simulate(without, striker, ao.Hertz(k), 2e-3, tol=1e-5)
     assert a.peak_force == pytest.approx(b.peak_force, rel=1e-4)
     assert a.contact_time == pytest.approx(b.contact_time, rel=1e-4)
-    assert "was subtracted" in a.message
-    twice = ao.simulate(with_patch, striker, ao.Power(k, 1.5), 2e-3)
-    assert twice.peak_force < 0.98 * a.peak_force
-    assert "stays in" in twice.message
+    assert "was subtracted" in " ".join(a.details)
+    power = ao.simulate(with_patch, striker, ao.Power(k, 1.5), 2e-3, tol=1e-5)
+    assert power.peak_force == pytest.approx(a.peak_force, rel=1e-6)
+    stiff = ao.simulate(with_patch, striker, ao.Linear(1e8), 2e-3)
+    assert "stays in" in " ".join(stiff.details)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ LIGHT = {
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
     *("api/errors", "api/exports", "api/measured", "api/find"),
 }
-MESHED = {"howto/deck", "howto/drop", "howto/damping"}
+MESHED = {"howto/open", "howto/deck", "howto/drop", "howto/damping"}
 #: The first programs of these pages are jobs that an engineer does: so many lines at most.
 JOBS = {
     *("howto/drop", "tutorials/composite", "howto/shaking", "howto/sweep", "assemblies"),
@@ -35,6 +35,7 @@ LONGEST_JOB = 15
 #: The first program of this page reads what the second one makes.
 BACKWARDS = {"howto/measured"}
 SLOW = {
+    "howto/contact_law",
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
     *("howto/units", "howto/damping", "howto/sweep", "howto/shaking", "howto/export"),
     "howto/gradient",

@@ -12,6 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
+from antiosc.contact.curvature import Curvature
 from antiosc.contact.laws import restitution_of
 from antiosc.studies.drops.bed import bedded
 from antiosc.studies.drops.body import FreeBody, free_body
@@ -45,6 +46,20 @@ def test_a_ball_bounces_by_the_law_it_has() -> None:
     assert elastic.peak("force").value == pytest.approx(
         k**0.4 * (1.25 * mass * v[0] ** 2) ** 0.6, rel=2e-3
     )
+
+
+def test_an_impact_lasts_as_long_as_its_force() -> None:
+    """Also where a dent that has parted begins an episode in which nothing pushes."""
+    yielding = ao.Floor(law=ao.Thornton(1e9, 1e-6))
+    fall = ao.drop(block(), 0.05, floor=yielding, until=4)
+    assert any(not one.forces()[1].any() for one in fall.episodes)
+    for one, own in zip(fall.impacts, fall.groups, strict=True):
+        times = []
+        for t, force in (fall.episodes[i].forces() for i in own):
+            times += [t[n] for n in np.flatnonzero(force.any(axis=1))]
+        assert one.contact_time == pytest.approx(max(times), rel=0.02)
+        free = fall.body.mass * (one.speed_before + one.speed_after + G * one.contact_time)
+        assert one.impulse == pytest.approx(free, rel=1e-3)
 
 
 @pytest.mark.parametrize("e", [0.2, 0.5, 0.9])
@@ -678,6 +693,9 @@ def test_the_first_impact_can_be_predicted() -> None:
     assert fall.horizon(1e-6) >= 2
 
 
+SOIL = ao.soil_cone(0.1, 1e8, 0.3, 1800.0)
+
+
 @pytest.mark.parametrize(
     ("change", "word"),
     [
@@ -699,12 +717,46 @@ def test_the_first_impact_can_be_predicted() -> None:
         ({"floor": ao.SoftLayer(0.01, 1e6)}, r"Floor\(layer=...\)"),
         ({"floor": ao.Hertz(1e9)}, r"Floor\(law=...\)"),
         ({"executor": object()}, "ensemble"),
+        ({"modes": "x"}, "modes must be a whole number"),
+        ({"modes": 10**9}, "modes must be at most 5000"),
+        ({"damping": np.nan}, "ratio must be finite"),
+        ({"ensemble": ao.Tilts(spin=1e9), "n": 2}, "standard deviations .* spin in rad/s"),
+        ({"ensemble": ao.Tilts(height=1e12), "n": 2}, "standard deviations"),
+        ({"floor": ao.Floor(law=ao.Hertz(1e9), model=SOIL.model(1e-9))}, "1e-09 kg at its site"),
     ],
 )
 def test_bad_input(change: dict[str, object], word: str) -> None:
     given = {"height": 0.1, "floor": ao.Floor(law=ao.Hertz(1e9)), "until": 1} | change
     with pytest.raises(ao.InputError, match=word):
         ao.drop(block(), **given)  # type: ignore[arg-type]
+
+
+def test_the_peak_of_an_impact_lies_between_the_nodes_of_its_steps() -> None:
+    """A mass falls on a chain of masses: DOP853 of all of them."""
+    rng = np.random.default_rng(0)
+    k, m = 3e5 * rng.uniform(0.6, 1.5, 6), 0.05 * rng.uniform(0.5, 1.6, 6)
+    K = np.diag(k + np.append(k[1:], 0.0)) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    chain = ao.Structure.from_matrices(K, np.diag(m))
+    floor = ao.Floor(law=ao.Hertz(1e7), model=ao.extract(chain, ao.Site(dof=5), n=5))
+    ball = ao.RigidBody(0.05, (1e-5,) * 3, {"foot": ((0, 0, -0.01), (0, 0, 1))})
+
+    def force(depth: Any) -> Any:
+        return 1e7 * np.maximum(depth, 0.0) ** 1.5
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        F = force(y[5] - y[12])
+        pushed = -K @ y[:6]
+        pushed[5] -= F
+        return np.concatenate([y[6:12], pushed / m, [y[13], F / 0.05 - G]])
+
+    start = np.zeros(14)
+    start[13] = -np.sqrt(2 * G * 0.5)
+    times = np.linspace(0, 2e-3, 20_001)
+    run = solve_ivp(rates, (0, 2e-3), start, "DOP853", times, rtol=1e-10, atol=1e-14)
+    true = force(run.y[5] - run.y[12]).max()
+    for tol in (1e-2, 1e-3):
+        fall = ao.drop(ball, 0.5, floor=floor, until=1, tol=tol)
+        assert fall.impacts[0].peak_force == pytest.approx(true, rel=0.1 * tol)
 
 
 def test_a_fall_that_ends_above_the_floor_has_no_peak() -> None:
@@ -718,7 +770,10 @@ def test_floors_take_one_law() -> None:
         ao.Floor(model=ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[]))
     with pytest.raises(ao.InputError, match="friction"):
         ao.Floor(friction=-0.1)
+    with pytest.raises(ao.InputError, match="half-space, without a thickness"):
+        ao.Floor(ao.Shell(E=210e9, nu=0.3, rho=7850.0, thickness=1e-3))
     with pytest.raises(ao.InputError, match="one of"):
         ao.Floor(material=ao.Solid(210e9, 0.3, 7800), layer=ao.SoftLayer(0.01, 1e6))
-    soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), (0.1, 0.1), np.full(2, np.nan))
+    ball, unknown = Curvature.of_radii(0.1, 0.1), np.full(2, np.nan)
+    soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), ball, unknown)
     assert soft.force(1e-3, 0.0, soft.touch(0.0)) == pytest.approx(np.pi * 1e6 * 0.1 * 1e-6 / 0.01)

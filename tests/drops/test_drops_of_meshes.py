@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.contact.line import line_indentation
 from parts import line
 
 pytestmark = pytest.mark.fem
@@ -69,7 +70,7 @@ def test_the_body_of_a_mesh(case: ao.Structure) -> None:
 def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
     mesh = meshed(tmp_path, "Sphere(1) = {0, 0, 0, 0.02}", 0.006)
     part = ao.Structure(mesh, STEEL)
-    law = ao.contact_at(part, (0.0, 0.0, -0.02), ALUMINIUM)
+    law = ao.contact_between(part, ALUMINIUM, at=(0.0, 0.0, -0.02))
     known = ao.Hertz.from_radii(0.02, 210e9, 0.3, np.inf, 70e9, 0.33)
     assert law.stiffness == pytest.approx(known.stiffness, rel=0.05)
     fall = ao.drop(part, 0.05, floor=ao.Floor(STEEL), until=1, modes=3)
@@ -78,13 +79,86 @@ def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
     assert np.linalg.norm(fall.impacts[0].spin_after) < 2.0  # the force passes the centre
 
 
+@pytest.mark.parametrize("size", [0.01, 0.004])
+def test_laws_of_a_cylinder_by_closed_forms(tmp_path: Path, size: float) -> None:
+    """A ball, a plane, a crossed and a parallel cylinder, whatever the mesh."""
+    R, L, at = 0.01, 0.05, (0.01, 0.0, 0.022)
+    mesh = meshed(tmp_path, f"Cylinder(1) = {{0, 0, 0, 0, 0, {L}, {R}}}", size)
+    part, E = ao.Structure(mesh, ALUMINIUM), 1 / (0.8911 / 70e9 + 0.91 / 210e9)
+    ball = ao.contact_between(part, ao.Sphere(0.02, 210e9, 0.3, 7800.0), at=at)
+    known = ao.Hertz.from_radii((R, np.inf), 70e9, 0.33, 0.02, 210e9, 0.3)
+    assert ball.stiffness == pytest.approx(known.stiffness, rel=1e-5)
+    law = ao.contact_between(part, STEEL, at=at)
+    force, depth = 2e3, line_indentation(np.array([2e3]), E, R, L)[0]
+    assert law.force(depth, 0.0, law.touch(1.0)) == pytest.approx(force, rel=1e-4)
+    turned = ao.Placement(shift=(0.02, 0.025, 0.022), axis=(1, 0, 0), angle=np.pi / 2)
+    crossed = ao.assemble({"other": part}, at={"other": turned})
+    law = ao.contact_between(part, crossed, at=at)
+    known = ao.Hertz.from_radii(R, 70e9, 0.33, np.inf, 70e9, 0.33)
+    assert law.stiffness == pytest.approx(known.stiffness, rel=1e-5)
+
+
+def test_a_line_that_lands_is_told(tmp_path: Path) -> None:
+    """A cylinder on its side has forces of the mesh; on an end and on a layer it has not."""
+    mesh = meshed(tmp_path, "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}", 0.01)
+    part, floor = ao.Structure(mesh, ALUMINIUM), ao.Floor(STEEL)
+    with pytest.warns(ao.AccuracyWarning, match="along a line of its surface.* 8 vertices"):
+        flat = ao.drop(part, 1.0, (0, 0, 0), floor, until=1, modes=6)
+    assert "in 1 of 1 impacts" in flat.summary()
+    soft = ao.Floor(layer=ao.SoftLayer(0.01, 1e7))
+    for tilt, under in (((0, 20, 0), floor), ((0, 0, 0), soft)):
+        assert "line" not in ao.drop(flat.body, 0.1, tilt, under, until=1).summary()
+
+
+def test_a_corner_with_a_radius_has_a_limit_in_the_mesh(tmp_path: Path) -> None:
+    """Cells of 12 and 2 mm, straight and of second order; two tied halves are one part."""
+    plastic, size = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0), (0.12, 0.06, 0.02)
+    floor = ao.Floor(ao.Solid(E=30e9, nu=0.2, rho=2400.0))
+    low = (0.12, 0.0, 0.0)  # the corner that touches first
+    half = ao.Structure(ao.box_mesh((0.06, 0.06, 0.02), 0.012), plastic)
+    shape = "Box(1) = {0, 0, 0, 0.12, 0.06, 0.02}"
+    parts = {
+        "coarse": ao.Structure(ao.box_mesh(size, 0.012), plastic),
+        "fine": ao.Structure(ao.box_mesh(size, 0.012, refine=[(low, 0.002)]), plastic),
+        "second order": ao.Structure(meshed(tmp_path, shape, 0.012), plastic),
+        "halves": ao.assemble(
+            {"a": half, "b": half}, [ao.Tie("a:+x", "b:-x")], at={"b": (0.06, 0.0, 0.0)}
+        ),
+    }
+    peak = {}
+    for name, part in parts.items():
+        fall = ao.drop(part, 1.0, (25, 30, 0), floor, until=1, modes=12)
+        np.testing.assert_allclose(fall.impacts[0].place, low, atol=1e-9)
+        peak[name] = fall.peak_force
+    np.testing.assert_allclose(list(peak.values()), peak["fine"], rtol=0.02)
+
+
 @pytest.mark.slow
 def test_sharp_and_flat_places(case: ao.Structure) -> None:
-    with pytest.warns(ao.AccuracyWarning, match="radius"):
-        ao.contact_at(case, (0.12, 0.06, 0.0), STEEL)
-    law = ao.contact_at(case, (0.12, 0.06, 0.0), STEEL, radius=2e-3)
+    with pytest.raises(ao.InputError, match=r"sharp corner at \(0.12, 0.06, 0\) m: give"):
+        ao.contact_between(case, STEEL, at=(0.12, 0.06, 0.0))
+    with pytest.raises(ao.InputError, match="two flat surfaces"):
+        ao.contact_between(case, STEEL, at=(0.06, 0.03, 0.0))
+    law = ao.contact_between(case, STEEL, at=(0.12, 0.06, 0.0), radius=2e-3)
     known = ao.Hertz.from_radii(2e-3, 70e9, 0.33, np.inf, 210e9, 0.3)
     assert law.stiffness == pytest.approx(known.stiffness)
+
+
+def test_matrices_with_coordinates_have_sharp_corners() -> None:
+    """Four nodes, each a vertex: the default radius is a quarter of the least side, or 1 mm."""
+    x = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.05, 0], [0, 0, 0.002]])
+    arms = [a - b for i, a in enumerate(x) for b in x[:i]]
+    pairs = [(i, j) for i in range(4) for j in range(i)]
+    K = np.zeros((12, 12))
+    for (i, j), arm in zip(pairs, arms, strict=True):  # rods between the nodes
+        along = np.zeros(12)
+        along[3 * i : 3 * i + 3], along[3 * j : 3 * j + 3] = arm, -arm
+        K += 1e8 * np.outer(along, along) / (arm @ arm)
+    node, dof = np.repeat(np.arange(4), 3) + 1, np.tile([1, 2, 3], 4)
+    part = ao.Structure.from_matrices(K, 0.1 * np.eye(12), map=(node, dof, np.repeat(x, 3, axis=0)))
+    fall = ao.drop(part, 0.1, floor=ao.Floor(law=ao.Hertz(1e8)), until=1, modes=4)
+    assert fall.body.radii == pytest.approx(0.002 / 4)
+    assert any("radius of 0.0005 m" in note for note in fall.notes)
 
 
 def test_a_part_on_supports_does_not_fall(tmp_path: Path) -> None:
@@ -142,27 +216,30 @@ def test_friction_that_jams_is_told() -> None:
 
 @pytest.mark.parametrize("radius", [2e-3, None])
 def test_a_contact_that_yields_is_told(radius: float | None) -> None:
-    """The pressure is 1.5 F/(pi R delta); a law that yields and a soft one say nothing."""
+    """The law yields by itself; one that does not is told, and a soft one says nothing."""
     solid = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6)
     part = ao.Structure(ao.box_mesh((0.1, 0.05, 0.02), size=0.03), solid)
-    floor = ao.Floor(STEEL)
-    fall = ao.drop(part, 1.0, (20, 15, 0), floor, 1, modes=3, corner_radius=radius)
+    fall = ao.drop(part, 1.0, (20, 15, 0), ao.Floor(STEEL), 1, modes=3, corner_radius=radius)
     R, E = radius or 1e-3, 1 / ((1 - 0.36**2) / 2.3e9 + (1 - 0.3**2) / 210e9)
-    F = fall.peak_force  # of one corner
-    pressure = 1.5 * F / (np.pi * R * (F / (4 / 3 * E * np.sqrt(R))) ** (2 / 3))
-    (told,) = (note for note in fall.notes if "Thornton" in note)
-    assert f", {pressure / 42e6:.3g} times the yield strength" in told
-    assert f"Floor(law=Thornton.from_material({E:.4g}, {R:.4g}, 6.72e+07))" in told
+    law = ao.ElasticPlastic(E, R, 42e6, 0.36)
+    (one,) = fall.episodes[0].history.contact_histories
+    assert one.law.parameters() == pytest.approx(law.parameters())
+    (told,) = (note for note in fall.notes if "yields" in note)
+    assert one.dent.text in told
     assert told in fall.summary()
-    assert told == fall.worst("von_mises").margin().contact
+    assert fall.worst("von_mises").margin().contact
     damped = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(STEEL, restitution=0.8), until=1)
-    assert "Thornton" in damped.summary()
-    law = ao.Thornton.from_material(E, R, 1.6 * 42e6)
-    for gentle in (ao.Floor(law=law), ao.Floor(law=ao.Hertz(1e6))):
-        soft = ao.drop(fall.body, 1.0, (20, 15, 0), gentle, until=1)
-        assert soft.peak_force < F
-        assert not soft.worst("von_mises").margin().contact
-        assert "Thornton" not in soft.summary()
+    hard = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(law.stiffness)), until=1)
+    assert hard.peak_force > fall.peak_force
+    F = hard.peak_force
+    pressure = 1.5 * F / (np.pi * R * (F / law.stiffness) ** (2 / 3))
+    assert f", {pressure / 42e6:.3g} times the yield strength" in hard.summary()
+    for stiff in (damped, hard):
+        assert "force of this law is too high" in stiff.summary()
+        assert "Thornton" not in stiff.summary()
+    soft = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(1e6)), until=1)
+    assert soft.peak_force < fall.peak_force
+    assert not soft.worst("von_mises").margin().contact
 
 
 def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:

@@ -14,6 +14,7 @@ import pytest
 
 import antiosc as ao
 from antiosc import closed_form
+from antiosc.base import march
 from fmus import ERROR, OK, Fmu
 
 DURATION = 2e-3
@@ -145,7 +146,14 @@ def test_calls_in_a_wrong_order_are_errors(struck):
     assert run.call("EnterInitializationMode", *[0] * 5) == ERROR
     assert run.set("force", 1.0) == ERROR
     assert run.set("initial_velocity", 1.0) == ERROR
-    for at, h in [(0.0, -1e-4), (1.0, 1e-4), (0.0, np.nan), (np.nan, 1e-4), (0.0, np.inf)]:
+    for at, h in [
+        (0.0, -1e-4),
+        (0.0, 0.0),
+        (1.0, 1e-4),
+        (0.0, np.nan),
+        (np.nan, 1e-4),
+        (0.0, np.inf),
+    ]:
         assert run.step(at, h) == ERROR
     assert run.step(0.0, 1e-4) == OK
     assert run.call("Terminate") == OK
@@ -155,18 +163,94 @@ def test_calls_in_a_wrong_order_are_errors(struck):
 
 
 @VERSIONS
-@pytest.mark.parametrize("damage", ["cut", "longer", "counts", "missing"])
+@pytest.mark.parametrize("damage", ["cut", "longer", "counts", "number", "missing"])
 def test_a_damaged_model_file_is_refused(struck, damage):
     file = struck.folder / "resources" / "model.aom"
     content = bytearray(file.read_bytes())
     if damage == "counts":
         content[8:12] = (10**6).to_bytes(4, "little")
+    if damage == "number":
+        content[len(content) // 2] ^= 0x40
     file.write_bytes({"cut": content[:-8], "longer": content + b"0"}.get(damage, content))
     if damage == "missing":
         file.unlink()
     run = struck.instance()
     assert run.handle is None
     assert run.said
+
+
+@VERSIONS
+def test_every_variable_of_an_fmu_has_a_start_or_is_calculated(struck, fmi):
+    """A master that asks for the start of every other variable gets one; FMI 3 demands the time."""
+    for each in struck.description.findall("ModelVariables/*"):
+        own = each if fmi == 3 else each.find("Real")
+        told = "start" in own.attrib or each.attrib.get("initial") == "calculated"
+        assert told or (fmi == 3 and each.attrib["causality"] == "independent")
+
+
+def nasty_scene(model):
+    """Names that end a comment, that are equal when they are joined, and equal as words of C."""
+    ends = "*/ int opened(void) { return 1; } /*"
+    bodies = {"a": model, "b,c": BALL, "a,b": model, "c": BALL, ends: BALL, "b c": BALL}
+    pairs = [("a", "b,c"), ("a,b", "c"), ("a", ends), ("a,b", "b c")]
+    return ao.Scene(bodies, [ao.Contact(a, b, LAW) for a, b in pairs])
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_a_c_file_is_what_it_says_whatever_the_names(model, tmp_path):
+    ao.export(tmp_path / "blow1.c", nasty_scene(model), duration=1e-4)
+    ao.export(tmp_path / "blow2.c", nasty_scene(model), duration=1e-4)
+    uses = {
+        f"use{k}.c": f'#include "blow{k}.c"\nint use{k}(void) {{ return !!axm_size(&blow{k}); }}\n'
+        for k in (1, 2)
+    }
+    uses["main.c"] = "int use1(void), use2(void), opened = 3;\n"
+    uses["main.c"] += "int main(void) { return use1() + use2() + opened; }\n"
+    for name, text in uses.items():
+        (tmp_path / name).write_text(text)
+    build = ["cc", "-std=c99", "-pedantic", "-Wall", "-Werror", *uses, "-o", "both", "-lm"]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "both"], check=False).returncode == 5
+    text = (tmp_path / "blow1.c").read_text()
+    assert "aom_gradient(" not in text
+    assert "aom_batch_solve(" not in text
+    for flag in ("-ffast-math", "-ffinite-math-only"):
+        refused = subprocess.run(
+            ["cc", flag, "-c", "blow1.c"], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert "infinity" in refused.stderr
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_variables_of_an_fmu_have_different_names(model, tmp_path, fmi):
+    ao.export(tmp_path / "scene.fmu", nasty_scene(model), duration=1e-4, fmi=fmi)
+    described = Fmu(tmp_path / "scene.fmu", tmp_path / "unpacked").description
+    names = [each.attrib["name"] for each in described.findall("ModelVariables/*")]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\x1b[2J", "\ud800", "n" * 300, "", 3])
+def test_a_name_is_checked_where_it_enters(model, name):
+    for enter in (
+        lambda: ao.Scene({name: model, "ball": BALL}, [ao.Contact("ball", "ball:a", LAW)]),
+        lambda: ao.Contact(name, "ball", LAW),
+        lambda: ao.Load(name, [0.0, 1.0], [0.0, 1.0]),
+        lambda: ao.RigidBody(1.0, np.eye(3), sites={name: ([0, 0, 0], [0, 0, 1])}),
+        lambda: ao.SiteModes([1.0, 2.0], np.ones((2, 1)), sites=[name], r=[[1e-9]]),
+    ):
+        with pytest.raises(ao.InputError, match=r"name|end"):
+            enter()
+
+
+def test_nothing_is_expected_of_a_law_that_is_none():
+    """A table whose number of points is not that of its numbers is not read."""
+    values = (ctypes.c_double * 2)(1e9, 0.0)
+    one = (ctypes.c_double * 1)(1.0)
+    law = march.Law(march.TABLE, 2, ctypes.addressof(values), None)
+    at = ctypes.addressof(one)
+    blow = march.Impact(1, 0, at, at, at, at, at, None, law, 0.0, 0.0, 1.0, 1.0, 1e-3, 10, 1000)
+    found = march.library.aom_expect(ctypes.byref(blow))
+    assert np.isnan([found.depth, found.speed, found.time]).all()
 
 
 @VERSIONS

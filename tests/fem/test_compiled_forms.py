@@ -200,3 +200,15 @@ def test_no_place_for_compiled_elements(name, tmp_path):
     )
     assert "set XDG_CACHE_HOME" in run.stdout
     assert len(run.stdout.splitlines()) == 1
+
+
+def test_a_matrix_without_memory_is_told(monkeypatch):
+    """The error of dolfinx where PETSc cannot allocate, of which it has no text."""
+
+    def refused(*given, **options):
+        raise RuntimeError("basic_string: construction from null is not valid")
+
+    monkeypatch.setattr(dolfinx.fem.petsc, "assemble_matrix", refused)
+    line = ao.read_mesh(dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, 1))
+    with pytest.raises(ao.OutOfMemoryError, match="memory"):
+        ao.Structure(line, ao.Solid(70e9, 0.3, 2700.0, plane="stress", thickness=1e-3))

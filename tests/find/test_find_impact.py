@@ -25,6 +25,7 @@ pytestmark = pytest.mark.fem
 SIZE, RATE, SAMPLES = (0.4, 0.3), 16e3, 128
 POINTS = ((0.07, 0.06, 0), (0.33, 0.08, 0), (0.29, 0.25, 0), (0.11, 0.22, 0))
 SENSORS = [ao.Sensor(point, (0, 0, 1)) for point in POINTS]
+TWO = SENSORS[:2]
 DOWN, MODES = (0, 0, -1), 14
 BLOW, LAW, START = ao.RigidMass(0.3, 2.0), ao.Hertz(4e7), 4.7e-4
 
@@ -179,17 +180,27 @@ def test_signals_of_a_table_have_the_rate_of_its_times(tmp_path) -> None:
     values = np.random.default_rng(0).standard_normal((64, 2))
     t = 0.3 + np.arange(64)[:, None] / RATE
     path = tmp_path / "signals.csv"
-    given = recording(values, 2, RATE, None, None, 3e4)
+    given = recording(values, TWO, RATE, None, None, 3e4)
     for columns, rate in (([t, values], None), ([values], RATE)):
         np.savetxt(path, np.hstack(columns), header="a, b", delimiter=",")
-        found = recording(path, 2, rate, None, None, 3e4)
+        found = recording(path, TWO, rate, None, None, 3e4)
         assert np.allclose(found.compared, given.compared, rtol=1e-9)
         assert found.dt == pytest.approx(1 / RATE)
+    scaled = np.hstack([1e3 * t, values[:, :1] / 9.80665, 1e3 * values[:, 1:]])
+    for header in ("t [ms], a1 [g], a2 [mm/s²]", "x,y,z\nms,g,mm/s2", "ms, g, mm/s^2"):
+        np.savetxt(path, scaled, header=header, delimiter=",", encoding="utf-8")
+        found = recording(path, TWO, None, None, None, 3e4)
+        assert np.allclose(found.values, given.values, rtol=1e-9)
+        assert found.dt == pytest.approx(1 / RATE)
+    np.savetxt(path, scaled, header="t [ms], a1 [V], a2 [V]", delimiter=",")
+    with pytest.raises(ao.InputError, match="unit"):
+        recording(path, TWO, None, None, None, 3e4)
+    np.savetxt(path, values, header="a, b", delimiter=",")
     with pytest.raises(ao.InputError, match="rate"):
-        recording(path, 2, None, None, None, 3e4)
+        recording(path, TWO, None, None, None, 3e4)
     np.savetxt(path, np.hstack([np.exp(99 * t), values]))
     with pytest.raises(ao.InputError, match="step"):
-        recording(path, 2, None, None, None, 3e4)
+        recording(path, TWO, None, None, None, 3e4)
 
 
 @pytest.mark.parametrize(

@@ -109,6 +109,12 @@ def in_units(g: ao.Gradient, values: dict[str, Any], exponent: float) -> np.ndar
         (ao.Stronge(5e8, 2e-6), {}),
         (ao.YangSun(5e8, 2e-5), {"m0": 0.0}),
         (ao.TanSun(5e8, 2e-5, 0.4), {"damping": ao.Damping(0.03)}),
+        (ao.Power(2e8, 1.5, compliance=2e-9), {}),
+        (ao.Linear(5e6, compliance=5e-8), {}),
+        (ao.HuntCrossley(5e8, 0.7, compliance=2e-9), {}),
+        (ao.Thornton(5e8, 2e-5, compliance=2e-9), {}),
+        (ao.Stronge(5e8, 2e-6, compliance=2e-9), {}),
+        (ao.TanSun(5e8, 2e-5, 0.4, compliance=2e-9), {}),
     ],
 )
 def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) -> None:
@@ -129,6 +135,24 @@ def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) ->
     assert found[:2] == pytest.approx(UNITS[goal][:2], abs=1e-6)
     if goal != "peak_displacement":  # which may grow to the end of the run
         assert found[2] == pytest.approx(UNITS[goal][2], abs=2e-2)
+
+
+@pytest.mark.parametrize("goal", ["peak_force", "impulse"])
+@pytest.mark.parametrize("soft", [1e3, 1e7])
+def test_a_sphere_that_yields_by_all_its_numbers(soft: float, goal: str) -> None:
+    """Central differences; on the stiff structure the dent is loaded anew."""
+    numbers = {"modulus": 5e10, "radius": 0.01, "yield_strength": 3e8, "nu": 0.3}
+    numbers |= {"compliance": 2e-9}
+    model = {"m0": 0.02, "k0": soft, "m": [0.05], "omega": [3e4]}
+
+    def run(tol: float, **changed: float) -> ao.History:
+        return blow(ao.ElasticPlastic(**(numbers | changed)), model, tol=tol)
+
+    g = ao.gradient(run(1e-6), goal)
+    for name, value in numbers.items():
+        ends = [getattr(run(1e-8, **{name: value * f}), goal) for f in (1 - 1e-5, 1 + 1e-5)]
+        slope = (ends[1] - ends[0]) / (2e-5 * value)
+        assert getattr(g, name) == pytest.approx(slope, rel=1e-4), name
 
 
 def test_a_function_of_the_run() -> None:
@@ -333,7 +357,7 @@ def random_row(seed, count):
     kinds = [
         ao.Linear(k / 100), ao.Hertz(k), ao.Power(k / 5, 1.3), ao.HuntCrossley(k, 0.7),
         ao.Gonthier(k, 0.8), ao.Thornton(k, 1e-5), ao.Stronge(k, 1e-6), ao.YangSun(k, 1e-5),
-        ao.TanSun(k, 1e-5, 0.3),
+        ao.TanSun(k, 1e-5, 0.3), ao.Thornton(k, 1e-5, compliance=0.1 / k),
     ]  # fmt: skip
     laws = [kinds[(seed + i) % len(kinds)] for i in range(count)]
     massless = rng.random() < 0.3 and not laws[0].rate_dependent

@@ -226,3 +226,10 @@ def test_numbers_in_sixteen_characters_keep_12_to_15_digits(rng, low, high, off)
         text = dmig._large(float(value))
         assert len(text) <= 16
         assert float(fortran(text.encode())) == pytest.approx(value, rel=off, abs=0)
+
+
+def test_matrices_tell_that_damping_is_left_out():
+    damped = replace(ONE, damping=ao.Damping(ratio=0.02))
+    with pytest.warns(ao.AccuracyWarning, match="damping of the model is left out"):
+        found = damped.to_matrices()
+    np.testing.assert_array_equal(found.K, ONE.to_matrices().K)

@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.models.body import ModelInfo
-from antiosc.studies.measured import anti_oscillators
+from antiosc.studies.measured import anti_oscillators, fit
 from antiosc.studies.measured.fit import Measured, refined
 from antiosc.studies.measured.frf import Modes, Tail
 
@@ -279,3 +279,14 @@ def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
     assert max(made.damping.ratio) == pytest.approx(0.3)
     made.save(tmp_path / "fit.npz")
     assert ao.AntiOscillators.load(tmp_path / "fit.npz").damping == made.damping
+
+
+def test_long_records_are_made_triangular_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that an interrupt does not wait; R is that of the whole."""
+    A = np.random.default_rng(3).normal(size=(5 * fit.ROWS + 7, 9))
+    R = fit._triangular(A)
+    np.testing.assert_allclose(R.T @ R, A.T @ A, rtol=1e-12)
+    rows, qr = [], np.linalg.qr
+    monkeypatch.setattr(np.linalg, "qr", lambda a, **k: rows.append(len(a)) or qr(a, **k))
+    fit._triangular(A)
+    assert max(rows) <= fit.ROWS + 9

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +149,76 @@ def test_tables(header, tmp_path):
         ao.read_frf(path)
 
 
+def table(path: Path, header: str, *columns: np.ndarray) -> Path:
+    rows = [";".join(f"{value:.12e}" for value in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([header, *rows]))
+    return path
+
+
+ACCELERANCE, DEGREES = H * IW**2, np.degrees(np.angle(H * IW**2))
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("f [kHz]; re [m/s²/N]; im [m/s²/N]", (F / 1e3, ACCELERANCE.real, ACCELERANCE.imag)),
+        ("rpm; Re(H); Im(H)", (60 * F, ACCELERANCE.real, ACCELERANCE.imag)),
+        ("freq (rad/s); re; im", (2 * np.pi * F, ACCELERANCE.real, ACCELERANCE.imag)),
+        ("f_kHz; re; im", (F / 1e3, ACCELERANCE.real, ACCELERANCE.imag)),
+        ("f; mag [dB]; phase [deg]", (F, 20 * np.log10(abs(ACCELERANCE)), DEGREES)),
+        (
+            "f; mag [dB re 1e-6 (m/s^2)/N]; phase (rad)",
+            (F, 20 * np.log10(1e6 * abs(ACCELERANCE)), np.radians(DEGREES)),
+        ),
+        ("f; mag [g/kN]; phase(°)", (F, abs(ACCELERANCE) * 1e3 / 9.80665, DEGREES)),
+        ("frequency; real; imag\nkHz; mm/s2/N; mm/s2/N",
+         (F / 1e3, 1e3 * ACCELERANCE.real, 1e3 * ACCELERANCE.imag)),
+        ("Hz; (mm/s²)/N; (mm/s²)/N", (F, 1e3 * ACCELERANCE.real, 1e3 * ACCELERANCE.imag)),
+    ],
+)  # fmt: skip
+def test_units_in_headers_are_read(header, columns, tmp_path):
+    path = table(tmp_path / "a.csv", header, *columns)
+    frf = ao.read_frf(path, quantity="accelerance")
+    assert np.allclose(frf.receptance, H, rtol=1e-6)
+    assert np.allclose(frf.frequency, F)
+
+
+def test_units_tell_the_quantity_and_blanks_separate_columns(tmp_path):
+    rows = np.column_stack([F / 1e3, ACCELERANCE.real, ACCELERANCE.imag])
+    path = tmp_path / "a.txt"
+    np.savetxt(path, rows, header="f [kHz] re [m/s²/N] im [m/s²/N]", fmt="%.12e", encoding="utf-8")
+    frf = ao.read_frf(path)
+    assert frf.quantity == "accelerance"
+    assert np.allclose(frf.receptance, H, rtol=1e-6)
+    with pytest.raises(ao.InputError, match="units in the header"):
+        ao.read_frf(path, quantity="mobility")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "f [furlong]; re; im", "f; mag [dBm]; phase", "f; re [V/N]; im [V/N]", "f; re; phase [gon]",
+        "x [kHz]; y [m/N]; z [m/N]", "kHz; V/N; V/N", "f [Mhz]; re; im",
+    ],
+)  # fmt: skip
+def test_a_unit_that_is_not_known_is_refused(header, tmp_path):
+    path = table(tmp_path / "a.csv", header, F, H.real, H.imag)
+    with pytest.raises(ao.InputError, match=r"unit|no column"):
+        ao.read_frf(path, quantity="receptance")
+
+
+@pytest.mark.parametrize("header", ["time [ms],force [kN]", "time,force\nms,kN", "t/ms,F/kN"])
+def test_a_history_in_other_units_is_that_in_si(hit, header, tmp_path):
+    t = np.linspace(0.0, 2.5e-3, 501)
+    rows = np.column_stack([1e3 * t, 1e-3 * hit.force_at(t)])
+    path = tmp_path / "a.csv"
+    np.savetxt(path, rows, header=header, comments="", delimiter=",", fmt="%.12e")
+    assert ao.compare(hit, path).scale == pytest.approx(1.0, rel=1e-3)
+    path.write_text(path.read_text().replace("kN", "kV"))
+    with pytest.raises(ao.InputError, match=r"unit|columns"):
+        ao.compare(hit, path)
+
+
 @pytest.mark.parametrize("header", ["x, real, imag", "Hz, u, v"])
 def test_a_header_without_known_names_is_told_which_are_known(header, tmp_path):
     (tmp_path / "a.csv").write_text(header + "\n1, 2, 3\n2, 3, 4\n")
@@ -164,6 +236,45 @@ def test_arrays_in_a_file(tmp_path):
         ao.read_frf(path)
     with pytest.raises(ao.InputError, match="no regular file"):
         ao.read_frf(tmp_path / "none.npz")
+
+
+def test_an_archive_that_unpacks_to_much_more_is_refused_before(tmp_path):
+    path = tmp_path / "a.npz"
+    shape = {"descr": "<f8", "fortran_order": False, "shape": (16_000_000,)}
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("frequency.npy", "w", force_zip64=True) as member,
+    ):
+        np.lib.format.write_array_header_1_0(member, shape)
+        for _ in range(128):
+            member.write(bytes(1_000_000))
+    assert path.stat().st_size < 1_000_000
+    tracemalloc.start()
+    with pytest.raises(ao.InputError, match="at most"):
+        ao.read_frf(path, quantity="mobility")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 10_000_000
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"frequency": F, "values": np.full(F.size, "x")},
+        {"frequency": F, "real": np.full(F.size, "x"), "imag": F},
+        {"frequency": F, "real": F, "imag": F[:3]},
+        {"frequency": F, "magnitude": F, "phase": np.full(F.size, "x")},
+        {"frequency": F, "magnitude": np.full((3, 3), "a"), "phase": F},
+        {"frequency": F, "values": H, "sigma": np.full(F.size, "x")},
+        {"frequency": F + 1j, "values": H},
+        {"frequency": F, "values": H, "quantity": np.array(["a", "b"])},
+        {"frequency": F, "values": H, "coherence": np.array("x")},
+    ],
+)
+def test_arrays_that_are_no_measurement_are_refused(arrays, tmp_path):
+    np.savez(tmp_path / "a.npz", **{"quantity": "mobility", **arrays})
+    with pytest.raises(ao.InputError):
+        ao.read_frf(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize(

@@ -111,6 +111,8 @@ def test_other_scenes_are_not_repeated():
         pass
 
     assert assets.blow_of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), {}) is None
+    damped = replace(MODEL, damping=ao.DampingMatrix(5.0 * np.eye(1 + MODEL.n)))
+    assert assets.blow_of_history(ao.simulate(damped, STRIKER, ao.Hertz(1e9), 3e-3), {}) is None
 
 
 CASES = [

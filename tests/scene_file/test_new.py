@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("jinja2")
 
-from antiosc.app import new as template
+from antiosc.app import cli, new as template
 from antiosc.app.new import inspect_part
 from paths import DEMOS, MESHES
 from scene_files import antiosc, numbers
@@ -61,8 +61,11 @@ def test_nothing_is_overwritten_and_a_part_that_cannot_be_read_is_told(tmp_path,
     assert antiosc("new", scene) == 1
     assert "exists already" in capsys.readouterr().err
     assert part.read_text() == "// mine"
-    assert antiosc("new", scene, tmp_path / "none.msh") == 0
-    assert "could not be looked at" in capsys.readouterr().out
+    assert antiosc("new", scene, tmp_path / "none.msh") == 1
+    said = capsys.readouterr()
+    assert "no such file" in said.err.lower()
+    assert "next:" not in said.out
+    assert not scene.exists()
 
 
 def test_a_sheet_gets_the_anti_oscillators_that_its_waves_need(tmp_path):
@@ -85,3 +88,10 @@ def test_a_geometry_of_three_units_or_more_is_taken_in_millimetres(side, unit, t
     length = 1e-3 * side if unit else side
     assert found.length == pytest.approx(length)
     assert found.read["size"] == pytest.approx(length / 20, rel=0.34)
+
+
+@pytest.mark.parametrize("given", [["{n}"], ["{n}.toml"], ["{n}.msh"], ["x.toml", "{n}.msh"]])
+def test_a_name_that_no_system_takes_is_told(given, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cli.main(["new", *(each.format(n=300 * "n") for each in given)])
+    assert "too long" in "".join(capsys.readouterr())

@@ -11,9 +11,11 @@ psi_1 > 4 chi - 1, chi = 3.5 kappa/2, and rebounds then with psi_2 = psi_1 - 4 c
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy.integrate
 from scipy.optimize import brentq
 from scipy.special import beta
 
@@ -113,7 +115,7 @@ def test_a_patch_gives_way_sideways_once(given: dict[str, float]) -> None:
 def test_a_patch_that_gives_way_more_than_was_asked_is_told() -> None:
     hit = on_a_patch(ao.Hertz(1e9), 6e-8, tangential_stiffness=1e9)
     assert hit.assembly.system.slip[0, 1] == pytest.approx(1e10)
-    assert "less than a tenth of the compliance of tangential_stiffness" in hit.message
+    assert "less than a tenth of the compliance of tangential_stiffness" in " ".join(hit.details)
 
 
 @pytest.mark.sample
@@ -220,3 +222,54 @@ def test_gross_sliding_with_spin() -> None:
     np.testing.assert_allclose(change[:2], -0.2 * 2 * slide, atol=1e-4)
     assert change[2] == pytest.approx(2.0, abs=1e-4)
     assert hit.energy.drift < 1e-3
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], ids=["rest", "past"])
+@pytest.mark.parametrize("method", ["exact", "newmark"])
+@pytest.mark.filterwarnings("ignore:Never touched")
+def test_what_does_not_approach_runs(velocity: tuple[float, ...], method: str) -> None:
+    parts = struck(1.0, ao.Hertz(1e9)).assembly.scene
+    start = {"ball": ao.Motion(velocity=velocity)}
+    hit = ao.Scene(parts.bodies, parts.contacts, motion=start).run(1e-3, method=method)
+    assert hit.status == 0
+    assert hit["ball:foot", "floor"].peak_force == 0
+    moved = hit.bodies["ball"].displacement("foot", (1, 0, 0))[-1]
+    assert moved == pytest.approx(1e-3 * velocity[0], rel=1e-12)
+
+
+def test_an_oscillator_that_is_let_go_rubs_as_one_that_swings() -> None:
+    """From its turning point on, or a quarter of a period later at its fastest: the same blow."""
+    omega, way = 1e3, 1e-4
+    b = np.eye(3) / np.sqrt(MASS)
+    body = ao.SiteModes(
+        [omega] * 3, b, {"foot": (0, 1, 2)}, directions=[(0, 0, 1.0), (1.0, 0, 0), (0, 1.0, 0)]
+    )
+    contact = ao.Contact("body:foot", "floor", ao.Hertz(1e8), gap=way / 2, friction=MU)
+    q = np.sqrt(MASS) * way * np.array([1.0, 0.3, 0.0])
+    starts = ao.ModalState(q, np.zeros(3)), ao.ModalState(np.zeros(3), -omega * q)
+    found = []
+    for start, late in zip(starts, (np.pi / 2, 0.0), strict=True):
+        scene = ao.Scene({"body": body, "floor": ao.Obstacle()}, [contact], motion={"body": start})
+        hit = scene.run((late + 3.0) / omega, tol=1e-5)["body:foot", "floor"]
+        found.append((hit.peak_force, float(np.abs(hit.friction).max()), hit.impulse))
+    assert found[0][0] > 10.0
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-4)
+
+
+def test_an_event_at_the_end_of_a_step_is_passed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which solve_ivp refuses: the run goes on with other steps, or says that it cannot."""
+    solve, calls, refused = scipy.integrate.solve_ivp, [0], {0}
+
+    def refusing(*given: Any, **options: Any) -> Any:
+        calls[0] += 1
+        if calls[0] - 1 in refused:
+            raise ValueError("`ts` must be strictly increasing or decreasing.")
+        return solve(*given, **options)
+
+    scene = struck(1.2, ao.Hertz(1e9)).assembly.scene
+    plain = scene.run(1e-3, method="DOP853")
+    monkeypatch.setattr(scipy.integrate, "solve_ivp", refusing)
+    assert rebound(scene.run(1e-3, method="DOP853")) == pytest.approx(rebound(plain), rel=1e-4)
+    calls[0], refused = 0, set(range(10))
+    with pytest.raises(ao.NotConvergedError, match="exact"):
+        scene.run(1e-3, method="DOP853")

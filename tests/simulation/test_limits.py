@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -117,3 +119,23 @@ def test_energy_held_without_mass_counts_as_given() -> None:
     hit = random_scene(98).run(2e-4, tol=1e-2)
     assert hit.status == 3  # it ends during contact
     assert hit.energy.drift < 1e-4
+
+
+def test_a_start_loads_nothing_for_mails_and_pages():
+    """Modules of Python that take a third of the time to load `simulate`."""
+    program = (
+        "import sys, antiosc as ao; ao.simulate, ao.AntiOscillators\n"
+        "print(sorted({'html', 'email', 'importlib.metadata'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_scene_of_thousands_of_bodies_is_refused_at_once():
+    law = ao.Hertz(1e9)
+    names = [f"b{i}" for i in range(1500)]
+    chain = [ao.Contact(*pair, law) for pair in zip(names, names[1:])]  # noqa: B905, RUF007
+    with pytest.raises(ao.InputError, match="at most 1000 bodies; got 1500"):
+        ao.Scene({name: ao.RigidMass(0.1) for name in names}, chain)

@@ -276,32 +276,54 @@ def test_what_is_left_of_a_difference(finer: float) -> None:
     assert built().part_left_over(finer) == pytest.approx(2 / (finer - 1))
 
 
-def test_the_difference_of_two_runs_is_the_integral_of_its_square() -> None:
-    """Runs of parabolas on unlike nodes, forces from the first node on; by trapezoids between."""
+def two_runs() -> list[SimpleNamespace]:
+    """Runs of parabolas on unlike nodes, forces from the first node on; the second row is light."""
     time = np.array([0.0, 0.1, 0.2, 0.45, 0.7, 0.85, 1.0]), np.array([0.0, 0.3, 0.6, 0.8, 1.0])
     rng = np.random.default_rng(8)
-    force = [rng.uniform(1.0, 3.0, (t.size, 2)) for t in time]
-    a, b = (SimpleNamespace(time=t, force=f) for t, f in zip(time, force, strict=True))
+    force = [rng.uniform(1.0, 3.0, (t.size, 2)) * [1.0, 0.01] for t in time]
+    return [SimpleNamespace(time=t, force=f) for t, f in zip(time, force, strict=True)]
 
-    def at(k: int, t: float) -> np.ndarray:
-        start = min(2 * int(np.searchsorted(time[k][2::2], t)), time[k].size - 3)
-        x, y = time[k][start : start + 3], force[k][start : start + 3]
-        u = (t - x[0]) / (x[2] - x[0])
-        return y[0] * (1 - u) * (1 - 2 * u) + 4 * y[1] * u * (1 - u) + y[2] * u * (2 * u - 1)
 
-    nodes = np.sort(np.concatenate(time))
-    apart = [((at(0, t) - at(1, t)) ** 2).sum() for t in nodes]
-    size = [(at(1, t) ** 2).sum() for t in nodes]
-    peaks = np.array([[abs(at(k, t)) for t in nodes] for k in (0, 1)]).max(axis=1)
-    expected = np.sqrt(trapezoid(apart, nodes) / trapezoid(size, nodes))
+def forces_at(run: SimpleNamespace, t: float) -> np.ndarray:
+    """Forces of all rows by the parabola of the step."""
+    start = min(2 * int(np.searchsorted(run.time[2::2], t)), run.time.size - 3)
+    x, y = run.time[start : start + 3], run.force[start : start + 3]
+    u = (t - x[0]) / (x[2] - x[0])
+    shares = np.array([(1 - u) * (1 - 2 * u), 4 * u * (1 - u), u * (2 * u - 1)])
+    return np.asarray(shares @ y)
+
+
+def test_the_difference_of_two_runs_is_that_of_the_row_that_differs_most() -> None:
+    """Of each over its own forces: L2 norm, impulse and peak; by trapezoids between the nodes."""
+    a, b = two_runs()
+    nodes = np.sort(np.concatenate((a.time, b.time)))
+    fa, fb = (np.array([forces_at(run, t) for t in nodes]) for run in (a, b))
+    square = trapezoid((fa - fb) ** 2, nodes, axis=0) / trapezoid(fb**2, nodes, axis=0)
+    impulse = abs(trapezoid(fa - fb, nodes, axis=0)) / trapezoid(fb, nodes, axis=0)
+    peaks = fa.max(axis=0), fb.max(axis=0)
     found = difference(a, b, 10.0)
-    assert found[0] == pytest.approx(expected, rel=1e-12)
-    assert found[1] == pytest.approx(abs(peaks[0] - peaks[1]).max() / peaks[1].max(), rel=1e-12)
+    assert found[0] == pytest.approx(max(*np.sqrt(square), *impulse), rel=1e-12)
+    assert found[1] == pytest.approx((abs(peaks[0] - peaks[1]) / peaks[1]).max(), rel=1e-12)
     assert found[2] == 1.0
-    until = difference(a, b, 0.5 * expected)[2]
-    used = np.concatenate([[0], np.cumsum(np.diff(nodes) * (np.array(apart)[1:] + apart[:-1]) / 2)])
-    limit = 0.25 * expected**2 * trapezoid(size, nodes)
-    assert until == nodes[np.flatnonzero(used > limit)[0]]
+
+
+def test_runs_agree_until_the_first_row_differs() -> None:
+    a, b = two_runs()
+    nodes = np.sort(np.concatenate((a.time, b.time)))
+    fa, fb = (np.array([forces_at(run, t) for t in nodes]) for run in (a, b))
+    tol = 0.5 * difference(a, b, 10.0)[0]
+    between = np.diff(nodes)[:, None] * ((fa - fb)[1:] ** 2 + (fa - fb)[:-1] ** 2) / 2
+    used = np.vstack((np.zeros(2), np.cumsum(between, axis=0)))
+    beyond = (used > tol**2 * trapezoid(fb**2, nodes, axis=0)).any(axis=1)
+    assert difference(a, b, tol)[2] == nodes[np.flatnonzero(beyond)[0]]
+
+
+def test_a_row_that_hardly_pushes_counts_as_a_thousandth_of_the_heaviest() -> None:
+    a, b = two_runs()
+    for run in (a, b):
+        run.force[:, 1] *= 1e-6  # 1e-8 of the other
+    one = [SimpleNamespace(time=run.time, force=run.force[:, :1]) for run in (a, b)]
+    assert difference(a, b, 10.0) == difference(*one, 10.0)
 
 
 def test_energies_are_those_of_the_modes() -> None:

@@ -53,7 +53,7 @@ def test_a_saved_history_comes_back(which, request, tmp_path):
         _ = saved.nothing
 
 
-@pytest.mark.parametrize("name", ["=cmd|'/C calc'!A0", "+1", "-a", "@SUM(1)", "\t=1", "＝1"])
+@pytest.mark.parametrize("name", ["=cmd|'/C calc'!A0", "+1", "-a", "@SUM(1)", "＝1"])
 def test_no_name_is_a_formula_of_a_spreadsheet(name, tmp_path):
     bodies = {name: ao.RigidMass(0.1, 1.0), "b": ao.Obstacle()}
     run = ao.Scene(bodies, [ao.Contact(name, "b", ao.Linear(1e6))]).run(1e-5)

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import functools
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 import antiosc as ao
 from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from antiosc.simulation import truncation
-from antiosc.simulation.truncation import WARN_SHARE, choose_n, truncation_error, truncation_share
+from antiosc.simulation.truncation import (
+    WARN_SHARE,
+    _block_gauss,
+    _gauss,
+    choose_n,
+    truncation_error,
+    truncation_share,
+)
 from scenes import BEAM, HERTZ, case_two
 
 QUANTITIES = ("peak_force", "impulse", "contact_time")
@@ -233,3 +242,52 @@ def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
     errors = 2 * (np.array(apart) - 1e-6).clip(0)
     expected = np.maximum(errors, errors.max() / 2)
     assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_block_gauss_rule_is_the_scalar_one_of_one_site() -> None:
+    rng = np.random.default_rng(5)
+    m, omega = rng.uniform(0.1, 1.0, 7), np.sort(rng.uniform(1.0, 30.0, 6))
+    masses, expected, _ = _gauss(m, omega)
+    lam, P = _block_gauss(m[:1, None], omega**-2.0, np.sqrt(m[None, 1:]))
+    order = np.argsort(lam)[::-1]
+    np.testing.assert_allclose(lam[order] ** -0.5, expected, rtol=1e-7)
+    np.testing.assert_allclose(P[0, order] ** 2, masses, rtol=1e-6)
+
+
+def test_the_block_gauss_rule_has_the_moments() -> None:
+    """Of 2 k - 1 powers of 1/omega^2 with k blocks, and no mass at 0."""
+    rng = np.random.default_rng(6)
+    lam, P, root = rng.uniform(0.05, 1.0, 6), rng.normal(size=(2, 6)), rng.normal(size=(2, 2))
+    lam = np.sort(lam)[::-1]
+    nodes, turned = _block_gauss(root @ root.T, lam, P)
+    assert nodes.size == 6
+    for power in range(1, 6):
+        expected = P * lam**power @ P.T
+        np.testing.assert_allclose(turned * nodes**power @ turned.T, expected, rtol=1e-9)
+    np.testing.assert_allclose(turned @ turned.T, P @ P.T + root @ root.T, rtol=1e-9)
+
+
+def thin_plate(n: int = 31) -> ao.Structure:
+    """Differences of a square plate of aluminium, 0.2 m and 2 mm thick, held along its edges."""
+    h, bending, mass = 0.2 / (n + 1), 70e9 * 2e-3**3 / (12 * 0.91), 2700.0 * 2e-3
+    line = sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(n, n))
+    eye = sparse.identity(n)
+    laplacian = sparse.kron(line, eye) + sparse.kron(eye, line)
+    K = bending / h**2 * laplacian.T @ laplacian
+    return ao.Structure.from_matrices(K.tocsr(), (mass * h**2 * sparse.identity(n * n)).tocsr())
+
+
+def test_two_sites_are_checked_as_one_is() -> None:
+    """Too few anti-oscillators of a thin plate are told, and are wrong; enough are not."""
+    part, sites = thin_plate(), {"a": ao.Site(dof=15 * 31 + 15), "b": ao.Site(dof=8 * 31 + 20)}
+    ball, law = ao.RigidMass(0.004, 1.0), ao.Hertz(5e9)
+    peaks, told = [], []
+    for n in (16, 120):
+        model = ao.extract(part, sites, n=n)
+        scene = ao.Scene({"plate": model, "ball": ball}, [ao.Contact("plate:a", "ball", law)])
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            peaks.append(scene.run(3e-4).peak_force)
+        told.append(any("too few" in str(one.message) for one in caught))
+    assert told == [True, False]
+    assert peaks[0] > 1.05 * peaks[1]

@@ -18,6 +18,7 @@ from antiosc.base.progress import say
 #: What each command on a scene file does.
 COMMANDS = {
     "new": "look at a part and write a scene that runs: antiosc new PART, or new FILE PART",
+    "open": "click a part in the browser and strike it: antiosc open PART",
     "check": "look for mistakes in a scene file, without meshing",
     "run": "simulate the impact of a scene file",
     "sweep": "simulate the impact for each value of the section [sweep]",
@@ -88,7 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="antiosc",
         description="Impacts on structures by anti-oscillators, from scene files in TOML.",
-        epilog="To begin: antiosc new part.step, or antiosc new. docs/scene_files.md says more.",
+        epilog="To begin: antiosc open part.step, in the browser; or antiosc new part.step, which"
+        " writes a scene file (docs/scene_files.md).",
     )
     parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
     commands = parser.add_subparsers(title="commands", metavar="command")
@@ -98,6 +100,11 @@ def _parser() -> argparse.ArgumentParser:
         if name == "new":
             about_file = "the scene file (default: scene.toml, or that of PART)"
             command.add_argument("file", metavar="FILE", nargs="?", help=about_file)
+        elif name == "open":
+            command.add_argument("part", metavar="PART", help="the mesh, CAD file or deck")
+            command.add_argument(
+                "--no-browser", action="store_true", help="print the address and open no browser"
+            )
         elif name != "schema":
             command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
         if name == "new":
@@ -118,6 +125,9 @@ def _parser() -> argparse.ArgumentParser:
         if name == "monte-carlo":
             kept = "a CSV file of the finished runs; if it exists, only the others are made"
             command.add_argument("--store", metavar="FILE", help=kept)
+    listed = commands.add_parser("materials", help="list the materials that have a name")
+    listed.add_argument("name", metavar="NAME", nargs="?", help="only those with this in it")
+    listed.set_defaults(run=_materials)
     found = "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
     commands.add_parser("info", help=found).set_defaults(run=_info)
     return parser
@@ -137,6 +147,23 @@ def _on_scene_file(options: argparse.Namespace) -> int:
     from antiosc.app.commands import guarded
 
     return guarded(options)
+
+
+def _materials(options: argparse.Namespace) -> int:
+    from antiosc.base import materials
+
+    wanted = (options.name or "").lower()
+    chosen = [name for name in materials.names() if wanted in name.lower()]
+    if not chosen:
+        materials.record(options.name)
+    for name in chosen:
+        one = materials.record(name)
+        say(f"{name:<38} {one.line}")
+        if wanted:
+            say("\n".join(f"    {text}" for text in (one.source, one.note) if text))
+    if not wanted:
+        say("sources: antiosc materials NAME")
+    return 0
 
 
 def _info(_options: argparse.Namespace) -> int:

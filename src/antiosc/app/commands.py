@@ -53,9 +53,16 @@ def _new(options: Namespace) -> int:
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
     path, sentences = new.write_scene(file or "scene.toml", part, options.drop)
-    say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
     for sentence in sentences:
         say(sentence)
+    say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
+    return 0
+
+
+def _open(options: Namespace) -> int:
+    from antiosc.app import view
+
+    view.until_interrupted(options.part, browser=not options.no_browser)
     return 0
 
 
@@ -207,12 +214,15 @@ def _of_fall(asked: Table) -> list[tuple[str, str]]:
 
 def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("simulate", {})
+    from antiosc.fem.site.surface import PlaneOf
+
     rows = []
     if "strike" in scene.document.data:
         tol = scene.document.data["strike"].get("tol")
         rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
     try:
-        band = impact_band(found.impactor, found.contact)
+        struck = None if found.structure is None else PlaneOf(found.structure)
+        band = impact_band(found.impactor, found.contact, struck)
     except AntioscError as error:
         rows.append(("contact time", f"not forecast: {error}"))
         return rows
@@ -230,4 +240,4 @@ def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     return rows
 
 
-_OTHERS = {"new": _new, "check": _check, "export": _export, "schema": _schema}
+_OTHERS = {"new": _new, "open": _open, "check": _check, "export": _export, "schema": _schema}

@@ -24,6 +24,7 @@ from antiosc.contact import ContactLaw, Linear
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.simulation.bodies import RigidMass, Sphere
 from antiosc.simulation.scene import Scene, simulate
 from antiosc.simulation.scene_parts import Contact, SceneParts
@@ -227,7 +228,7 @@ def export(
     path: str | os.PathLike[str],
     source: LinearBody | SceneParts,
     impactor: LinearBody | None = None,
-    contact: ContactLaw | None = None,
+    contact: AnyLaw | None = None,
     *,
     duration: float | None = None,
     tol: float = 1e-5,
@@ -257,7 +258,7 @@ def export(
         File to write; its ending decides what.
     source : AntiOscillators, any LinearBody, or Scene
     impactor, contact : as for `simulate`
-        Both, or neither for a model alone or a scene.
+        Neither for a model alone or a scene.
     duration : float, optional
         Time [s] for which the step of the exported run is chosen; by default twenty expected
         contact times, or longer, until the bodies have parted. The run may go on for a thousand
@@ -279,13 +280,14 @@ def export(
     target = Path(path)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
-    scene = _scene(source, impactor, contact, initial_velocity, gravity, gap)
+    law = _law(source, impactor, contact)
+    scene = _scene(source, impactor, law, initial_velocity, gravity, gap)
     if ending in _MODELS:
         if scene is source:
             raise InputError(
                 f"a file {ending} holds one model; a Scene can be an .fmu or a .c file."
             )
-        _MODELS[ending](target, _chain(source, ending), impactor, contact, duration)
+        _MODELS[ending](target, _chain(source, ending), impactor, law, duration)
         return
     tol = checks.tolerance(tol)
     if scene is not None:
@@ -306,6 +308,17 @@ def checked(path: str | os.PathLike[str]) -> str:
     return ending
 
 
+def _law(source: object, impactor: LinearBody | None, contact: AnyLaw | None) -> ContactLaw | None:
+    """The law of an impact; None for a model alone or a scene."""
+    if impactor is None:
+        if contact not in (None, AUTO):
+            raise InputError("a contact needs an impactor: give both, or neither.")
+        return None
+    if isinstance(source, SceneParts):
+        raise InputError("a Scene has its bodies and contacts; give no impactor with it.")
+    return law_of(contact or AUTO, source, impactor)
+
+
 def _scene(
     source: LinearBody | SceneParts,
     impactor: LinearBody | None,
@@ -315,11 +328,7 @@ def _scene(
     gap: float | None,
 ) -> SceneParts | None:
     """The scene of an impact; None for a model alone."""
-    if (impactor is None) != (contact is None):
-        raise InputError("give both impactor and contact, or neither.")
     if isinstance(source, SceneParts):
-        if impactor is not None:
-            raise InputError("a Scene has its bodies and contacts; give no impactor with it.")
         return source
     if impactor is None or contact is None:
         return None

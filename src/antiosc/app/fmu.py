@@ -14,8 +14,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from antiosc import __version__
-from antiosc.app.run_data import RunData, Variable, model_file
+from antiosc.app.run_data import RunData, Variable, distinct, model_file
 from antiosc.base import files, march
+from antiosc.base.archives import atomic_archive
 from antiosc.base.errors import MissingDependencyError
 
 _DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
@@ -44,7 +45,7 @@ UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
     """Write the FMU of a run for version 2 or 3 of the standard."""
     name = identifier(path.stem)
-    with files.atomic_file(path, "the FMU") as part, zipfile.ZipFile(part, "w") as archive:
+    with atomic_archive(path, "the FMU") as archive:
         _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
         _add(archive, "resources/model.aom", model_file(data))
         for platform, library in binaries().items():
@@ -146,8 +147,9 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
         else:
             ET.SubElement(variables, "Float64", {**attributes, **own})
 
-    time = {"name": "time", "valueReference": "0", "causality": "independent"}
-    variable({**time, "variability": "continuous"}, "s")
+    if not two:  # version 2 needs none, and masters ask for a start value of whatever is there
+        time = {"name": "time", "valueReference": "0", "causality": "independent"}
+        variable({**time, "variability": "continuous"}, "s")
     outputs = []
     for number, causality, each in _variables(data):
         fixed = "fixed" if causality == "parameter" else "continuous"
@@ -164,8 +166,8 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     for group in ("Output", "InitialUnknown"):
         unknowns = ET.SubElement(structure, f"{group}s") if two else structure
         for number in outputs:
-            if two:  # indices count from 1, the time first
-                ET.SubElement(unknowns, "Unknown", index=str(number + 1))
+            if two:  # indices count from 1
+                ET.SubElement(unknowns, "Unknown", index=str(number))
             else:
                 ET.SubElement(unknowns, group, valueReference=str(number))
     return root
@@ -208,7 +210,13 @@ def binaries() -> dict[str, bytes]:
     return found
 
 
-_ORDER = ("antiosc_march.h", "export/antiosc_model.h", "internal.h")
+#: What a run needs, in this order.
+_NEEDED = (
+    "antiosc_march.h", "export/antiosc_model.h", "arena.h", "internal.h", "coupled.c",
+    "crossings.c", "flight.c", "forces.c", "laws.c", "responses.c", "runs.c", "steps.c",
+    "stepper.c", "export/antiosc_model.c",
+)  # fmt: skip
+_NOT_OF_A_RUN = re.compile(r"^#ifndef AOM_RUN_ONLY\n.*?^#endif\n\n?", re.MULTILINE | re.DOTALL)
 _OWN_INCLUDE = re.compile(r'^#include "[^"]+"\n', re.MULTILINE)
 
 _HEAD = """\
@@ -269,9 +277,9 @@ def text(title: str, data: RunData) -> str:
     if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
         name = f"model_{name}"  # a word of the sources
     upper = name.upper()
-    outputs = [identifier(each.name).upper() for each in data.output_variables]
+    outputs = distinct(identifier(each.name).upper() for each in data.output_variables)
     listed = [
-        f" *   {upper}_{short}  {each.description} [{each.unit}]"
+        f" *   {upper}_{short}  {_in_comment(each.description)} [{each.unit}]"
         for short, each in zip(outputs, data.output_variables, strict=True)
     ]
     inputs = (
@@ -280,8 +288,8 @@ def text(title: str, data: RunData) -> str:
         else ""
     )
     head = _HEAD.format(
-        title=title, version=__version__, name=name, upper=upper, first=outputs[0], inputs=inputs,
-        outputs="\n".join(listed), duration=data.duration, size=data.memory,
+        title=_in_comment(title), version=__version__, name=name, upper=upper, first=outputs[0],
+        inputs=inputs, outputs="\n".join(listed), duration=data.duration, size=data.memory,
     )  # fmt: skip
     names = [f"    {upper}_{each} = {i}" for i, each in enumerate(outputs)]
     enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
@@ -290,13 +298,15 @@ def text(title: str, data: RunData) -> str:
 
 
 def _sources() -> str:
-    """All sources in one, without their includes of each other."""
+    """The sources of a run in one, without their includes of each other."""
     found = sources()
-    units = [each for each in found if each.endswith(".c")]
-    left_out = ("antiosc_march.c", "export/fmu.c")
-    order = [*_ORDER, *(each for each in units if each not in left_out)]
-    parts = [_OWN_INCLUDE.sub("", found[each]) for each in order]
-    return "".join(parts)
+    parts = [_OWN_INCLUDE.sub("", found[each]) for each in _NEEDED]
+    return _NOT_OF_A_RUN.sub("", "".join(parts))
+
+
+def _in_comment(text: str) -> str:
+    """A text as a comment of C holds it."""
+    return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", text)
 
 
 def _numbers(name: str, data: RunData) -> str:

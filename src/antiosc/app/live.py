@@ -19,13 +19,13 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.base.texts import engineering, percent, point_text, with_bar
+from antiosc.base.texts import engineering, percent, point_text
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import LinearBody, info_of, site_points
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.simulation.histories import History, SceneHistory
-from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar
+from antiosc.simulation.histories.parts import QUANTITIES, ErrorBudget
 from antiosc.simulation.truncation import softest_model
 from antiosc.studies.map_results import ImpactMap, hardest, trusted
 
@@ -40,13 +40,15 @@ Data: TypeAlias = dict[str, Any]
 FOLDER = Path(__file__).with_name("page")
 #: In the order in which they need each other.
 SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page")
+#: What begins: the page of a report, whose data lie in it, or that of `antiosc open`.
+REPORT, OPEN = "start", "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
 KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
 
-def script() -> str:
-    """All of the page's program."""
-    text = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in SCRIPTS)
+def script(begin: str = REPORT) -> str:
+    """All of a page's program."""
+    text = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in (*SCRIPTS, begin))
     return f'(() => {{\n"use strict";\n{text}}})();\n'
 
 
@@ -108,22 +110,25 @@ CURVE = 2000
 SUPERSCRIPTS = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
-def blow_of_history(hit: History, bars: Mapping[str, ErrorBar]) -> Data | None:
+def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     """The impact for the page; None for one that the page cannot repeat.
 
     It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
-    start, under loads that do not change. `bars`: its error budget, or empty.
+    start, under loads that do not change, without dampers that couple modes. `bars`: its error
+    budget, or empty.
     """
     if not isinstance(hit, History) or isinstance(hit, SceneHistory):
         return None
     system, law = hit.assembly.system, hit.assembly.laws[0]
     if not is_compiled(law) or system.breaks.size > 1 or system.pressed.any():
         return None
+    if system.first is not None:  # the page has modes that decay each for itself
+        return None
     body, striker = hit.assembly.bodies["structure"], hit.assembly.bodies["impactor"]
     if not isinstance(body.modes, ModalBody) or not isinstance(striker.modes, ModalBody):
         return None
     loads = np.split(system.loads[0], [body.omega.size])
-    local = getattr(law, "compliance", 0.0)
+    local = law.compliance
     speed = abs(float(system.beta[0] @ system.v))
     return {
         **impact_data(law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed),
@@ -151,7 +156,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
         "law": {
             "kind": law.kind,
             "name": type(law).__name__,
-            "params": [value for value in values if np.isfinite(value)],
+            "params": finite_parameters(law),
             "unit": "N/m"
             if exponent == 1
             else f"N/m{format(exponent, 'g').translate(SUPERSCRIPTS)}",
@@ -162,6 +167,12 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
         "speed": speed or None,
         "stiffness": None if law.kind == march.TABLE else values[0],
     }
+
+
+def finite_parameters(law: ContactLaw) -> list[float]:
+    """Parameters of a law that JSON can hold: of Hertz's without the infinite end of its range."""
+    assert isinstance(law, Compiled)
+    return [value for value in law.parameters() if np.isfinite(value)]
 
 
 def modal_data(
@@ -190,21 +201,23 @@ def _ratio(model: LinearBody) -> float | None:
     return damping.ratio if plain and damping.alpha == damping.beta == 0 else None
 
 
-def _bars(hit: History, budget: Mapping[str, ErrorBar], local: float) -> Data:
+def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     """Relative errors by quantity and cause, and bodies for those of mesh and truncation.
 
     On the page the bar of such a cause grows as the difference that its body makes there.
     """
-    causes = getattr(budget, "causes", ())
+    if not budget:
+        return {"shares": {}, "variants": {}, "word": ""}
+    causes = budget.causes
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in budget.items()}
     if not np.isfinite([v for own in shares.values() for v in own.values()]).all():
-        return {"shares": {}, "variants": {}}
+        return {"shares": {}, "variants": {}, "word": ""}
     model, variants = hit.model, {}
     moving = hit.assembly.bodies["structure"].start.any()
     if shares and not moving and getattr(model, "strain_error", None) is not None:
         bodies = {"mesh": model.corrected(), "truncation": softest_model(model)}
         variants = {cause: modal_data(one.modal(), local=local) for cause, one in bodies.items()}
-    return {"shares": shares, "variants": variants}
+    return {"shares": shares, "variants": variants, "word": "numerical " if budget.law else ""}
 
 
 def _computed(hit: History) -> Data:
@@ -228,6 +241,7 @@ REMEDIES = {
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
+    "law": "give the yield strength of your material, and what it may be off by (yield_range)",
 }
 #: What is said of a striker, with its unit, and the word before it.
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
@@ -244,7 +258,7 @@ class Headline(NamedTuple):
 def headline_of_history(
     hit: History,
     structure: Structure | None,
-    budget: Mapping[str, ErrorBar],
+    budget: ErrorBudget | None,
     fields: Mapping[str, PeakField],
     worst: Data | None,
 ) -> Headline:
@@ -252,14 +266,16 @@ def headline_of_history(
 
     `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
     """
-    known = {name: bar.total for name, bar in budget.items()}
     numbers = [
-        (name.replace("_", " "), with_bar(getattr(hit, name), unit, known.get(name)))
+        (
+            name.replace("_", " "),
+            budget.shown(name, 3) if budget else engineering(getattr(hit, name), unit),
+        )
         for name, unit in QUANTITIES.items()
     ]
     e = hit.restitution
     numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
-    sentences = [*_stresses(fields, worst), _absorbed(hit), _accuracy(budget)]
+    sentences = [hit.verdict, *_stresses(fields, worst), _absorbed(hit), _accuracy(budget)]
     return Headline(_struck(hit, structure), numbers, [s for s in sentences if s])
 
 
@@ -361,19 +377,20 @@ def _absorbed(hit: History) -> str:
     )
 
 
-def _accuracy(budget: Mapping[str, ErrorBar]) -> str:
+def _accuracy(budget: ErrorBudget | None) -> str:
     """What limits the accuracy, and what to do."""
-    if not budget:
+    if budget is None:
         return (
             "There is no error bar, for the mesh's error is not estimated:"
             ' error="estimate" of extract gives one.'
         )
     bar = budget["peak_force"]
-    cause = max(budget.causes, key=lambda name: getattr(bar, name))  # type: ignore[attr-defined]
-    return (
+    cause = max(budget.causes, key=lambda name: getattr(bar, name))
+    largest = (
         f"The largest part of the bar of the peak force comes from the {cause},"
         f" {percent(getattr(bar, cause))}: to narrow it, {REMEDIES[cause]}."
     )
+    return f"{budget.law} {largest}".lstrip()
 
 
 #: Density [kg/m^3] of the ball as which a striker of unknown size is drawn.
@@ -391,7 +408,7 @@ def data_of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
 
 
 def data_of_history(
-    hit: History, structure: Structure | None, budget: Mapping[str, ErrorBar]
+    hit: History, structure: Structure | None, budget: ErrorBudget | None
 ) -> Data | None:
     """The data of an impact, on every rank; None for one that the page cannot repeat."""
     own = blow_of_history(hit, budget)
@@ -402,7 +419,7 @@ def data_of_history(
         from antiosc.app import live_meshes
 
         part = live_meshes.of_structure(structure, hit)
-    place = _striker_place(hit, own) if part is not None else None
+    place = striker_place(hit, own) if part is not None else None
     return {"engine": engine(), "blow": own, "part": part, "place": place}
 
 
@@ -415,7 +432,7 @@ def caption(data: Data) -> str:
     return text
 
 
-def _striker_place(hit: History, own: Data) -> Data | None:
+def striker_place(hit: History, own: Data) -> Data | None:
     """The place of the striker in the picture; None for a site without coordinates."""
     points, direction = list(site_points(hit.model).values()), info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:

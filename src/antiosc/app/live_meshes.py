@@ -7,21 +7,22 @@ run, as many as it needs. Of a map it gets the free modes of every site, one aft
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.app.live import Data, impact_data, modal_data
+from antiosc.app.live import Data, finite_parameters, impact_data, modal_data
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
-from antiosc.contact import Hertz
 from antiosc.contact.base import is_compiled
 from antiosc.fem.fields import source
 from antiosc.fem.structure.structure import Structure
+from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
 from antiosc.results.fields import shapes_of
-from antiosc.results.pictures import MAP_QUANTITIES
+from antiosc.results.pictures import MAP_QUANTITIES, outer_faces
 from antiosc.simulation.histories import History
 from antiosc.studies.map_results import ImpactMap, hardest
 from antiosc.studies.maps import sides
@@ -42,25 +43,27 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     """Surface and fields for the page, the same on all ranks; None of a part without a surface."""
     try:
         shapes = shapes_of(structure, hit, "structure")
-        points, faces, moved = surface(structure, shapes)
+        points, cells, moved = source(structure).at_nodes(structure, shapes)
+        skin = surface(points, cells)
         stress = _stress(structure, shapes)
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
-    points, faces, moved, stress = structure.comm.bcast((points, faces, moved, stress), root=0)
-    used, faces = np.unique(faces, return_inverse=True)
-    faces, moved = faces.reshape(-1, 3), moved[used]
+    skin, moved, stress = structure.comm.bcast((skin, moved, stress), root=0)
+    used, faces = np.unique(skin.faces, return_inverse=True)
+    node = skin.node[used]
+    faces, moved = faces.reshape(-1, 3), moved[node]
     times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
     x = _coordinates(hit, times)
     to_shapes = _by_coordinates(hit)
-    page = geometry(points[used], faces)
+    page = geometry(skin.points[used], faces)
     page["held"] = _held(moved).astype(np.uint8)
     page["motion"] = fields(
         moved @ to_shapes, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1)
     )
     if stress is not None:
-        own = [each[used] @ to_shapes for each in stress]
+        own = [each[node] @ to_shapes for each in stress]
         page["stress"] = [fields(each, x, MOST_FIELDS[1], _equivalent) for each in own]
-        page["worst"] = _worst(own, x, points[used], times)
+        page["worst"] = _worst(own, x, skin.points[used], times)
     return page
 
 
@@ -76,24 +79,45 @@ def geometry(points: Array, faces: IntArray) -> Data:
     }
 
 
-def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """Points (P, 3), triangles (T, 3), shapes (P, 3, columns), on rank 0; of beams, as bars."""
-    own = source(structure)
-    try:
-        points, faces, moved = own.surface(structure, shapes)
-    except InputError:
-        points, cells, moved = own.at_nodes(structure, shapes)
-        lines = np.vstack([c[:, :2] for kind, c in cells if kind.startswith("line")] or [[]])
-        if not lines.size:
-            raise
-        return _bars(points, lines.astype(int), moved)
-    if faces.shape[1] == 4:
-        faces = np.vstack([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-    return points, faces, moved
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The surface of a structure on the page.
+
+    points (P, 3), faces (T, 3); `node` (P,) the node of the mesh to which each point belongs.
+    """
+
+    points: Array
+    faces: IntArray
+    node: IntArray
 
 
-def _bars(points: Array, lines: IntArray, moved: Array) -> tuple[Array, IntArray, Array]:
-    """Lines as square bars: four points at both ends of each."""
+def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Surface:
+    """Outer faces of cells at points (N, 3) as triangles; lines as bars. InputError for neither.
+
+    Triangles go around alike, those of solids as seen from outside.
+    """
+    found: list[tuple[Array, IntArray]] = [(points, np.arange(len(points)))]
+    faces: list[IntArray] = []
+    for block in cells:
+        own = outer_faces([block])
+        if own.shape[1] == 2:
+            start = sum(len(node) for _, node in found)
+            corners, own, node = _bars(points, own)
+            found.append((corners, node))
+            own = own + start
+        elif own.shape[1] == 4:
+            own = np.vstack([own[:, [0, 1, 2]], own[:, [0, 2, 3]]])
+        if own.shape[1] == 3 and len(own):
+            places = np.concatenate([x for x, _ in found])
+            faces.append(oriented(places, own)[0])
+    if not faces:
+        raise InputError("nodes alone have no surface.")
+    places, nodes = (np.concatenate(each) for each in zip(*found, strict=True))
+    return Surface(places, np.vstack(faces), nodes)
+
+
+def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
+    """Lines as square bars, four points at both ends of each: points, triangles, nodes."""
     along = points[lines[:, 1]] - points[lines[:, 0]]
     aside = np.cross(along, np.where(np.abs(along).argmin(axis=1)[:, None] == np.arange(3), 1, 0))
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
@@ -109,11 +133,14 @@ def _bars(points: Array, lines: IntArray, moved: Array) -> tuple[Array, IntArray
         a, b, c, d = own[:, 0, k], own[:, 0, (k + 1) % 4], own[:, 1, (k + 1) % 4], own[:, 1, k]
         faces += [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
     node = np.repeat(lines.ravel(), 4)
-    return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), moved[node]
+    return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
 
 
 def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
-    """Stresses (P, 6, columns) at all points on rank 0, of sheets on both sides; None: unknown."""
+    """Stresses (N, 6, columns) at all nodes on rank 0; None: unknown.
+
+    Of sheets on both sides, of beams at each point of the outlines.
+    """
     found = []
     for side in sides(structure):
         try:
@@ -122,10 +149,13 @@ def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
             )
         except InputError:  # a beam, whose section has no outline
             return None
-        total, count = np.zeros((len(points), 6, shapes.shape[1])), np.zeros(len(points))
-        np.add.at(total, tensors.nodes, tensors.columns)
-        np.add.at(count, tensors.nodes, 1.0)
-        found.append(total / np.maximum(count, 1.0)[:, None, None])
+        for there in dict.fromkeys(origin.place for origin in tensors.origins):
+            here = [k for k, origin in enumerate(tensors.origins) if origin.place == there]
+            own = np.isin(tensors.origin, here)
+            total, count = np.zeros((len(points), 6, shapes.shape[1])), np.zeros(len(points))
+            np.add.at(total, tensors.nodes[own], tensors.columns[own])
+            np.add.at(count, tensors.nodes[own], 1.0)
+            found.append(total / np.maximum(count, 1.0)[:, None, None])
     return found
 
 
@@ -214,6 +244,8 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
     impactor, law, duration = found.impactor, found.contact, found.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
         return None
+    if found.laws is not None and any(type(one) is not type(law) for one in found.laws):
+        return None
     striker = checked_body("impactor", impactor)
     speed = striker.velocity
     if len(found) > MOST_SITES or found.peak_force is None or not isinstance(speed, float):
@@ -223,9 +255,7 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
     one = impact_data(law, modal_data(form, start), impactor, abs(speed))
     forms = [found.model(i).modal() for i in range(len(found))]
     local = found.local_compliance + striker.local_compliance
-    if not isinstance(law, Hertz):
-        local = np.zeros(len(found))
-    elif law.compliance > 0:
+    if law.compliance > 0:
         local = np.full(len(found), law.compliance)
     quantities = {name: found.quantities()[name] for name in SHOWN if name in found.quantities()}
     every = {n: v for n, v in found.quantities().items() if n in ("impulse", "restitution")}
@@ -243,6 +273,7 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
         .ravel(),
         "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
         "first": hardest(found),
+        "doubtful": found.doubtful.tolist(),
         "names": {
             name: MAP_QUANTITIES[name][0] + " (computed case)" * (name in COMPUTED)
             for name in quantities
@@ -250,6 +281,13 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
         "units": {name: MAP_QUANTITIES[name][1] for name in quantities},
         "quantities": quantities | every,
     }
+    if found.laws is not None:
+        rows = [finite_parameters(each) for each in found.laws]
+        sites["laws"] = {
+            "kind": one["law"]["kind"],
+            "size": len(rows[0]),
+            "params": np.array(rows).ravel(),
+        }
     if structure is not None:
         sites["skin"] = _skin(structure, _area(found.points, sites["faces"].reshape(-1, 3)))
     return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
@@ -258,14 +296,14 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
 def _skin(structure: Structure, mapped: float) -> Data | None:
     """The surface of a part, the same on all ranks; None where there is none behind the map's."""
     try:
-        points, faces, _ = surface(structure, np.zeros((structure.rows, 0)))
+        points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
+        skin: Surface = structure.comm.bcast(surface(points, cells), root=0)
     except InputError:
         return None
-    points, faces = structure.comm.bcast((points, faces), root=0)
-    if _area(points, faces) < LARGER_AREA * mapped:
+    if _area(skin.points, skin.faces) < LARGER_AREA * mapped:
         return None
-    used, faces = np.unique(faces, return_inverse=True)
-    return geometry(points[used], faces.reshape(-1, 3))
+    used, faces = np.unique(skin.faces, return_inverse=True)
+    return geometry(skin.points[used], faces.reshape(-1, 3))
 
 
 def _area(points: Array, faces: IntArray) -> float:

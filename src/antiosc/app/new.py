@@ -7,46 +7,33 @@ from __future__ import annotations
 
 import json
 import os
-import secrets
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import chain, combinations, islice
 from math import floor, log10, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-import antiosc
+from antiosc.app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc.app.report import rendered
-from antiosc.app.scene_file.outline import GEOMETRIES, Outline, check_size
+from antiosc.app.scene_file.outline import Outline, check_size
 from antiosc.base import checks, files, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import (
-    AntioscError,
-    InputError,
-    MeshError,
-    finite_element_packages,
-    warnings_to,
-    without_warnings,
-)
+from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.simulation.bodies import Sphere
 from antiosc.simulation.two_bodies import impact_band
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
     from antiosc.fem.mesh.surface import Faces
+    from antiosc.fem.structure.structure import Structure
 
 
-#: Arguments of `read_mesh` besides the file.
-Read: TypeAlias = dict[str, Any]
-#: A file without a unit whose longest side is this or more is taken as one in millimetres.
-LONGEST_IN_METRES = 3.0
-#: Elements along the longest side of a geometry that is meshed.
-ELEMENTS = 20
 #: Words in the names of groups that hold a part, the likeliest first.
 SUPPORT_WORDS = (
     *("clamp", "fix", "held", "hold", "support", "encastre", "mount", "bolt", "feet", "foot"),
@@ -61,16 +48,18 @@ LARGEST_PLANE = 0.6
 #: Share of the distance to the edge of its side that the radius of a site has, and the share of the
 #: longest side of the part, at most.
 RADIUS, LARGEST_RADIUS = 0.4, 0.02
+#: Radius of the ball of a new scene [m], and over that of the patch at most: a ball of steel at
+#: 1 m/s touches steel over 0.05 of its radius, plastics over 0.11, and the patch must be 1.7 times
+#: as wide. Of a deck the material may be any.
+LARGEST_BALL, BALL_OVER_PATCH = 0.01, {False: 10.0, True: 5.0}
 #: Which way is up, for a sheet in any plane.
 UP = np.array([0.1, 0.2, 1.0])
 #: Distance from the edge of a side, over the size of the part, from which more room is no merit.
 ROOM = 0.1
-#: Distance [m] of nodes that are joined, where a mesh falls into pieces.
-MERGE_DISTANCE = 1e-6
+#: Sites that are tried, until one can move.
+MOST_TRIED = 40
 #: Distance over the size of the part within which nodes lie on a plane.
 ON_PLANE = 1e-6
-#: The material of a new scene, of the part and of the ball.
-STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Thickness of a sheet, and diameter of a bar, over the longest side of the part: guesses.
 THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 #: Lowest frequency of a plate of length L that is held at one end, over √(D/ρh)/L².
@@ -92,6 +81,7 @@ class Inspection:
     point, direction : of the site; radius : of its patch, None for beams and sheets.
     points, faces, held : nodes (P, 3), corners (F, k), and which nodes are held, to be drawn.
     of_deck : whether supports and materials are those of a deck.
+    notes : what was decided while reading, one sentence each.
     """
 
     family: str
@@ -109,6 +99,7 @@ class Inspection:
     faces: IntArray = field(repr=False)
     held: BoolArray = field(repr=False)
     of_deck: bool = False
+    notes: tuple[str, ...] = ()
 
     @property
     def length(self) -> float:
@@ -123,6 +114,14 @@ class Inspection:
         )
 
     @property
+    def ball(self) -> float:
+        """Radius [m] of the ball that strikes: small enough for the patch to carry its force."""
+        if self.radius is None:
+            return LARGEST_BALL
+        most = BALL_OVER_PATCH[self.of_deck] * self.radius
+        return min(LARGEST_BALL, float(f"{most:.1g}"))
+
+    @property
     def duration(self) -> float:
         """Three half periods [s] of a sheet's lowest bending vibration, as if held at one end."""
         E, nu, rho = STEEL["E"], STEEL["nu"], STEEL["rho"]
@@ -132,26 +131,55 @@ class Inspection:
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """What was found, for the terminal; of a part that is dropped not how it is struck."""
         side = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
-        unit = self.read.get("unit")
-        sentences = [f"{name}: {self.cells}, {side} mm; taken as {self.family}."]
-        if unit:
-            sentences.append(
-                f'its coordinates are taken as millimetres (unit = "{unit}"): look at it.'
-            )
-        if "merge" in self.read:
-            sentences.append("its pieces are joined at nodes that coincide (merge).")
-        held = f"held at the group {self.where!r}" if self.where else "free: it has no supports"
-        if self.of_deck:
-            held = "supports and materials are those of the deck"
-        if self.plane:
-            held = f"held at the nodes on the plane through {_rounded(self.plane[0])} m"
+        kind = "as its deck says" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
-        sentences.append(f"it reaches {outline.text()}.")
+        sentences = [f"{name}: {self.cells}, {side} mm; {kind}."]
+        sentences += [*self.notes, f"it reaches {outline.text()}.", "taken, and what changes it:"]
+        return [*sentences, *aligned(self.taken(drop))]
+
+    def taken(self, drop: bool) -> list[tuple[str, str, str]]:
+        """What was guessed: (what, its value, the key of the scene that changes it)."""
+        section = "[deck]" if self.of_deck else "[geometry]"
+        rows = []
+        if "unit" in self.read:
+            rows.append(("unit of the file", str(self.read["unit"]), f"{section} unit"))
+        if "size" in self.read:
+            rows.append(("elements", f"{self.read['size']:g} m", f"{section} size"))
+        if "density" in self.read:
+            rho = f"{self.read['density']:g} kg/m³, for the deck has none"
+            rows.append(("density", rho, f"{section} density"))
+        if not self.of_deck:
+            rows.append(("material", "steel", "[material] E, nu, rho"))
+        if self.family == "Shell" and not self.of_deck:
+            rows.append(("thickness", f"{self.thickness:g} m", "[material] thickness"))
+        elif self.family == "Beam" and not self.of_deck:
+            rows.append(("section", f"a bar of {self.thickness:g} m", "[material] section"))
         if drop:
-            point = _rounded(self.point)
-            how = "dropped without supports, z up, as [drop] says"
-            return [*sentences, f"{how}; an accelerometer is at {point} m."]
-        return [*sentences, f"struck at {_rounded(self.point)} m along {self.direction}; {held}."]
+            fall = "from 1 m, without supports, z up"
+            return [*rows, ("fall", fall, "[drop] height, tilt")]
+        rows.append(("held", self._held(), "[[supports]]"))
+        site = f"{_rounded(self.point)} m along {self.direction}"
+        rows.append(("struck", site, "[sites.tip] point, direction"))
+        if self.radius is not None:
+            rows.append(("patch", f"radius {self.radius:g} m", "[sites.tip] radius"))
+        ball = f"steel ball, radius {1e3 * self.ball:g} mm, 1 m/s"
+        return [*rows, ("striker", ball, "[impactor]")]
+
+    def _held(self) -> str:
+        """What holds the part, in words."""
+        if self.of_deck:
+            return "as in the deck"
+        if self.where:
+            return f"at the group {self.where!r}"
+        if self.plane:
+            return f"at the nodes on the plane through {_rounded(self.plane[0])} m"
+        return "nowhere: it is free"
+
+
+def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
+    """Rows of a table as lines."""
+    first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
+    return [f"  {a:<{first}}  {b:<{second}}  {c}" for a, b, c in rows]
 
 
 def inspect_part(path: Path) -> Inspection:
@@ -163,55 +191,21 @@ def inspect_part(path: Path) -> Inspection:
         It cannot be read or meshed, or is too large to be looked at.
     """
     check_size(path)
-    with finite_element_packages():
-        from antiosc.io.reading import STATES_UNIT, outline
-    read: Read = {}
-    states_unit = path.suffix.lower() in STATES_UNIT
-    with without_warnings():
-        if path.suffix.lower() in GEOMETRIES:
-            length = float(np.ptp(outline(path).points, axis=0).max())
-            if length >= LONGEST_IN_METRES and not states_unit:
-                read["unit"], length = "mm", 1e-3 * length
-            read["size"] = _one_digit(length / ELEMENTS)
-        try:
-            mesh = antiosc.read_mesh(str(path), **read)
-        except MeshError:  # of pieces that share no nodes
-            read["merge"] = MERGE_DISTANCE
-            mesh = antiosc.read_mesh(str(path), **read)
-        if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
-            read["gdim"] = 3
-        length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
-        if length >= LONGEST_IN_METRES and not states_unit:
-            read["unit"] = "mm"
-        mesh = antiosc.read_mesh(str(path), **read)
-    return _inspect_mesh(mesh, read)
+    part = foreign_part(path)
+    found = _inspect_mesh(part.mesh, part.read, part.structure)
+    return replace(found, notes=tuple(part.notes))
 
 
-def inspect_deck(path: Path) -> Inspection:
-    """What a deck has: the largest of its meshes, with its own supports and materials.
+def inspect_structure(part: Structure) -> Inspection:
+    """Look at the largest of the meshes of a structure."""
+    from antiosc.fem.assembly import with_parts
 
-    Raises
-    ------
-    AntioscError
-        It cannot be read, or is too large to be looked at.
-    """
-    check_size(path)
-    with finite_element_packages():
-        from antiosc.fem.assembly import with_parts
-    for unit in ("mm", "m"):
-        messages: list[str] = []
-        with warnings_to(messages.append):
-            part = antiosc.read_model(str(path), unit=unit)
-        if not any("wave speed" in sentence for sentence in messages):
-            break
-    members = [m for m, _ in with_parts(part).fields(np.zeros((part.rows, 0)), None)]
-    mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-    found = _inspect_mesh(mesh, {"unit": unit})
-    free = np.zeros(len(found.points), dtype=bool)
-    return replace(found, where=None, plane=None, held=free, of_deck=True)
+    meshes = [member.part.mesh for member in with_parts(part).members()]
+    return _inspect_mesh(max(meshes, key=lambda mesh: (mesh.tdim, mesh.n_cells)), {}, part)
 
 
-def _inspect_mesh(mesh: Mesh, read: Read) -> Inspection:
+def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspection:
+    """Look at a mesh; `structure`: that of a deck, which has its own supports."""
     from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.platform import compat
 
@@ -219,27 +213,57 @@ def _inspect_mesh(mesh: Mesh, read: Read) -> Inspection:
     nodes = compat.geometry_nodes(mesh.dolfinx)
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
     low, high = (np.array(_rounded(ends, size)) for ends in (x.min(axis=0), x.max(axis=0)))
-    where = _group(mesh, SUPPORT_WORDS)
+    where = None if structure is not None else _group(mesh, SUPPORT_WORDS)
     struck = _nodes_of(mesh, _group(mesh, SITE_WORDS))
     held, plane = np.zeros(len(x), dtype=bool), None
     if where is not None:
         held[_nodes_of(mesh, where)] = True
-    else:
+    elif structure is None:
         held, plane = _plane(x, low, high, size)
     family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
     outer = Faces(mesh, mesh.tdim < 3)
-    faces = outer.vertices[:, [0, 1, 3, 2] if outer.vertices.shape[1] == 4 else slice(None)]
+    faces = _around(outer)
+    longest = float((high - low).max())
+    sites: Iterator[tuple[Array, Array, float | None]]
     if family == "Beam":
-        point, direction, radius = *_on_lines(x, nodes, held, struck), None
+        sites = _on_lines(x, nodes, held, struck)
     else:
-        point, direction, inscribed, edge = _on_faces(x, faces, outer, held, struck, size)
-        radius = _radius(inscribed, edge, float((high - low).max()), "size" in read)
-        radius = radius if family == "Solid" else None
+        there = _on_faces(x, faces, outer, held, struck, size)
+        meshed = "size" in read
+        sites = (
+            (point, direction, _radius(inside, edge, longest, meshed))
+            for point, direction, inside, edge in there
+        )
+    point, direction, radius = next(sites)
+    radius = radius if family == "Solid" else None
+    if structure is not None:
+        point, direction, radius = _movable(structure, (point, direction, radius), sites)
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
         family, read, low, high, list(mesh.groups), cells, where, plane,
         _rounded(point, size), _rounded(direction), radius, x, faces, held,
+        of_deck=structure is not None,
     )  # fmt: skip
+
+
+def _movable(
+    structure: Structure,
+    first: tuple[Array, Array, float | None],
+    others: Iterator[tuple[Array, Array, float | None]],
+) -> tuple[Array, Array, float | None]:
+    """The first site that a deck's supports do not hold, with a patch if its material has one."""
+    from antiosc.fem.site import Site, functional
+
+    for point, usual, radius in islice(chain([first], others), MOST_TRIED):
+        ways = [(usual, radius), (usual, None), *((-axis, None) for axis in np.eye(3)[::-1])]
+        for direction, own in ways:
+            try:
+                with without_warnings():
+                    functional(structure, Site(point.tolist(), direction.tolist(), own, snap=True))
+            except InputError:
+                continue
+            return point, direction, own
+    return first
 
 
 def _group(mesh: Mesh, words: Sequence[str]) -> str | None:
@@ -271,34 +295,56 @@ def _plane(
 
 def _on_faces(
     x: Array, faces: IntArray, outer: Faces, held: BoolArray, struck: IntArray, size: float
-) -> tuple[Array, Array, float, float]:
+) -> Iterator[tuple[Array, Array, float, float]]:
     """Point, direction into the part, distance from the edge of its side, length of its edges.
 
-    The middle of the largest side, those far from the supports and above being preferred.
+    The middle of the largest side, those far from the supports and above being preferred; then
+    others of the part, the roomiest first.
     """
     corners = x[faces]
     middle = corners.mean(axis=1)
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area, normal = np.linalg.norm(sides, axis=1), outer.normals
     if outer.sheet:
-        normal = normal * np.where(normal @ UP < 0, -1.0, 1.0)[:, None]
+        normal = _outward(x, faces, normal)
     side, edge_points = _sides(x, faces, normal)
     far = _from_supports(x, held, middle)
     total = np.bincount(side, area)
     away = np.bincount(side, area * (far + 0.2 * size)) / total
     above = np.bincount(side, area * normal[:, 2]) / total
-    own = np.flatnonzero(side == np.argmax(total * away * (1.5 + above)))
+    worth = total * away * (1.5 + above)
+    chosen = side == np.argmax(worth)
     if len(struck):
-        there = np.flatnonzero(np.isin(faces, struck).all(axis=1))
-        own = there if len(there) else own
-    ends = np.vstack([edge_points[number] for number in np.unique(side[own])])
-    inside = np.full(len(own), size)
-    if len(ends):
-        inside = cKDTree(ends).query(middle[own])[0]
-    room = (np.minimum(inside, ROOM * size) + ROOM * inside) * (far[own] + ROOM * size)
-    best = own[int(np.argmax(room))]
-    longest = float(np.linalg.norm(corners[best] - np.roll(corners[best], 1, axis=0), axis=1).max())
-    return middle[best], -normal[best], float(inside[own == best][0]), longest
+        there = np.isin(faces, struck).all(axis=1)
+        chosen = there if there.any() else chosen
+    inside = np.full(len(faces), size)
+    for number in np.unique(side[chosen]):
+        if len(edge_points[number]):
+            own = side == number
+            inside[own] = cKDTree(edge_points[number]).query(middle[own])[0]
+    room = (np.minimum(inside, ROOM * size) + ROOM * inside) * (far + ROOM * size)
+    room[held[faces].any(axis=1)] = 0.0
+    for best in np.lexsort((-room, -worth[side], ~chosen)):
+        if not chosen[best] and len(edge_points[side[best]]):
+            inside[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
+        ends = corners[best] - np.roll(corners[best], 1, axis=0)
+        longest = float(np.linalg.norm(ends, axis=1).max())
+        yield middle[best], -normal[best], float(inside[best]), longest
+
+
+def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
+    """Normals of a sheet: outward if it is closed, else upward."""
+    from antiosc.io.facets import SIDES, oriented
+
+    triangles = faces[:, :3]
+    ends = np.sort(np.concatenate([triangles[:, list(side)] for side in SIDES]), axis=1)
+    closed = (np.unique(ends, axis=0, return_counts=True)[1] == 2).all()
+    if faces.shape[1] == 3 and closed:
+        a, b, c = x[oriented(x, faces)[0]].transpose(1, 0, 2)
+        along = np.einsum("ni,ni->n", np.cross(b - a, c - a), normal)
+    else:
+        along = normal @ UP
+    return np.asarray(normal * np.where(along < 0, -1.0, 1.0)[:, None])
 
 
 def _from_supports(x: Array, held: BoolArray, points: Array) -> Array:
@@ -306,6 +352,16 @@ def _from_supports(x: Array, held: BoolArray, points: Array) -> Array:
     if not held.any():
         return np.ones(len(points))
     return np.asarray(cKDTree(x[held]).query(points)[0])
+
+
+def _around(outer: Faces) -> IntArray:
+    """Corners of faces in order around each."""
+    return outer.vertices[:, [0, 1, 3, 2] if outer.vertices.shape[1] == 4 else slice(None)]
+
+
+def sides_of(x: Array, outer: Faces) -> IntArray:
+    """Number of the side of the part on which each outer face lies."""
+    return _sides(x, _around(outer), outer.normals)[0]
 
 
 def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int, Array]]:
@@ -332,14 +388,16 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
     return side, {int(s): points[of_side == s] for s in np.unique(side)}
 
 
-def _on_lines(x: Array, nodes: IntArray, held: BoolArray, struck: IntArray) -> tuple[Array, Array]:
-    """A node of the group that is struck, or far from the supports; a direction across the line."""
+def _on_lines(
+    x: Array, nodes: IntArray, held: BoolArray, struck: IntArray
+) -> Iterator[tuple[Array, Array, None]]:
+    """Nodes of the group that is struck, or far from the supports; directions across the line."""
     own = struck if len(struck) else np.unique(nodes)
-    best = int(own[np.argmax(_from_supports(x, held, x[own]))])
-    rows = nodes[(nodes == best).any(axis=1)]
-    along = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
-    axis = int(np.argmin(along[::-1]))  # z before y before x
-    return x[best], -np.eye(3)[2 - axis]
+    for best in own[np.argsort(-_from_supports(x, held, x[own]), kind="stable")]:
+        rows = nodes[(nodes == best).any(axis=1)]
+        along = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
+        axis = int(np.argmin(along[::-1]))  # z before y before x
+        yield x[best], -np.eye(3)[2 - axis], None
 
 
 def _radius(inscribed: float, edge: float, length: float, meshed: bool) -> float:
@@ -348,10 +406,6 @@ def _radius(inscribed: float, edge: float, length: float, meshed: bool) -> float
     if not meshed:
         radius = min(max(radius, 1.05 * edge), 0.9 * inscribed)
     return float(f"{radius:.2g}")
-
-
-def _one_digit(value: float) -> float:
-    return float(f"{value:.1g}")
 
 
 def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
@@ -373,9 +427,6 @@ def draw(found: Inspection, path: Path, drop: bool = False) -> None:
     save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)
 
 
-#: Endings of decks, which describe materials and supports themselves.
-DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
-
 #: The geometry of a scene for which no part is given.
 PLATE = """\
 // A plate of 300 x 200 mm, held at one end; its size of elements is that of the scene.
@@ -392,39 +443,30 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
     `found`: what is known of the part. `drop`: it falls.
     """
     ending = Path(source).suffix.lower()
+    deck = ending in DECK_ENDINGS if found is None else found.of_deck
+    keys = ("unit", "size", "gdim", "merge", "density", "piece", "fragments", "solid", "cells")
     return rendered(
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
         source=json.dumps(source, ensure_ascii=False),
-        deck=ending in DECK_ENDINGS,
+        deck=deck,
         closed=ending == ".stl",
         look=found,
-        read=dict.fromkeys(("unit", "size", "gdim", "merge")) | dict(found.read if found else {}),
+        read=dict.fromkeys(keys) | dict(found.read if found else {}),
         family="Solid" if found is None else found.family,
         point=[0.0, 0.0, 0.1] if found is None else found.point,
         direction=[0.0, 0.0, -1.0] if found is None else found.direction,
-        band=_band(),
+        band=_band(LARGEST_BALL if found is None else found.ball),
+        ball=LARGEST_BALL if found is None else found.ball,
         drop=drop,
         json=json.dumps,
     )
 
 
-def _band() -> float:
+def _band(radius: float) -> float:
     """Highest circular frequency [rad/s] that the impact of the scene excites, two digits."""
-    ball = Sphere(radius=0.01, **STEEL, velocity=1.0)
+    ball = Sphere(radius=radius, **STEEL, velocity=1.0)
     return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
-
-
-def _inspected(part: Path, drop: bool) -> tuple[Inspection | None, list[str]]:
-    """What is found in a file, and sentences that describe it, or say why it is not known."""
-    deck = part.suffix.lower() in DECK_ENDINGS
-    try:
-        with progress.doing(f"looking at {part.name}"):
-            found = inspect_deck(part) if deck else inspect_part(part)
-    except (AntioscError, OSError) as error:
-        why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
-        return None, [f"{part.name} could not be looked at: {why}."]
-    return found, found.sentences(part.name, drop)
 
 
 def _draw_if_possible(found: Inspection, path: Path, drop: bool) -> list[str]:
@@ -441,9 +483,12 @@ def _draw_if_possible(found: Inspection, path: Path, drop: bool) -> list[str]:
 def write_scene(
     path: str | os.PathLike[str], part: str | None = None, drop: bool = False
 ) -> tuple[Path, list[str]]:
-    """Write a new scene file, complete or absent; its path, and what is sentences of the part.
+    """Write a new scene file, complete or absent; its path, and sentences on the part.
 
-    InputError if it exists.
+    Raises
+    ------
+    AntioscError
+        It exists, or the part cannot be read: nothing is written.
     """
     target = checks.new_file("the scene file", path)
     _absent(target)
@@ -458,10 +503,14 @@ def write_scene(
     part = os.path.relpath(source, target.parent)
     if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    found, of_part = _inspected(source, drop)
-    sentences += of_part
+    try:
+        with progress.doing(f"looking at {source.name}"):
+            found = inspect_part(source)
+    except OSError as error:
+        raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
+    sentences += found.sentences(source.name, drop)
     content = text(target.name, part, found, drop)
-    temporary = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
+    temporary = files.part_name(target, ".toml")
     try:
         with temporary.open("x", encoding="utf-8") as stream:
             stream.write(content)
@@ -469,17 +518,18 @@ def write_scene(
             os.link(temporary, target)  # fails if the target exists; a rename would replace it
         finally:
             temporary.unlink()
+        files.clear_parts(target)
     except FileExistsError:
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
     picture = target.with_suffix(".png")
-    return target, sentences + ([] if found is None else _draw_if_possible(found, picture, drop))
+    return target, sentences + _draw_if_possible(found, picture, drop)
 
 
 def _absent(target: Path) -> None:
     """InputError for a file that exists."""
-    if target.exists():
+    if os.path.lexists(target):  # `exists` raises for a name that no system takes
         raise InputError(
             f"{str(target)!r} exists already, and is left as it is; choose another name."
         )

@@ -14,6 +14,7 @@ import json
 import math
 import os
 import platform
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -134,7 +135,7 @@ def checked(path: str) -> Path:
     target = checks.path("--report", path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"a report is a file named .html; got {checks.shown(path)}.")
-    if not target.parent.is_dir():
+    if not os.path.isdir(target.parent):
         raise InputError(f"there is no folder {str(target.parent)!r} for the report.")
     return target
 
@@ -210,7 +211,7 @@ def page(found: Results) -> str:
         path = found.compiled.document.path
         names.insert(0, path.name)
         with contextlib.suppress(OSError):  # the file may have gone since it was read
-            source = path.read_text(encoding="utf-8")
+            source = _uncommented(path.read_text(encoding="utf-8"))
     script = "" if data is None else live.script()
     model, *parts = presentations(found)
     views = (each for one in (*parts, model) for each in one.pictures)
@@ -234,6 +235,12 @@ def page(found: Results) -> str:
         live="" if data is None else live.embedded(data),
         drawn="" if data is None else live.caption(data),
     )
+
+
+def _uncommented(scene: str) -> str:
+    """A scene without lines that are comments, and without the gaps that they leave."""
+    lines = [line for line in scene.splitlines() if not line.lstrip().startswith("#")]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
 def _live(found: Results) -> tuple[Data | None, live.Headline | None]:

@@ -37,7 +37,7 @@ from antiosc.models.body import info_of, site_points
 from antiosc.results.pictures import MAP_QUANTITIES, plot_deformed, plot_map
 from antiosc.simulation.bodies import GRAVITY
 from antiosc.simulation.histories import History, SceneHistory
-from antiosc.simulation.histories.parts import QUANTITIES
+from antiosc.simulation.histories.parts import CAUSES, QUANTITIES, ErrorBudget
 from antiosc.simulation.histories.results import error_scope
 from antiosc.studies.advice import advise
 from antiosc.studies.map_results import hardest, trusted
@@ -231,13 +231,13 @@ def _quantiles(many: Sample | Drops, units: Mapping[str, str]) -> Columns:
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def error_budget(history: Any) -> Any:
-    """The error budget of a history; empty where it has none."""
+def error_budget(history: Any) -> ErrorBudget | None:
+    """The error budget of a history; None where it has none."""
     try:
         budget = getattr(history, "error_budget", None)
     except AntioscError:  # the model was not extracted for it
-        return {}
-    return budget if isinstance(budget, Mapping) else {}
+        return None
+    return budget if isinstance(budget, ErrorBudget) else None
 
 
 # -- the kinds of results
@@ -351,10 +351,9 @@ def _impact(found: Results) -> Presentation:
             groups.append(group := {"time (s)": probe.times})
         group |= probe.table()
     names = (f"probes_{k + 1}.csv" if k else "probes.csv" for k in range(len(groups)))
-    bars = {
-        name: {cause: getattr(bar, cause) for cause in (*budget.causes, "total")}
-        for name, bar in budget.items()
-    }
+    bars = {}
+    for name, bar in (budget or {}).items():
+        bars[name] = {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
     several = isinstance(hit, SceneHistory)
     return Presentation(
         text=[hit.summary(), str(budget or ""), format_rows([*asked, *stresses])],
@@ -391,13 +390,17 @@ def _errors(hit: History) -> list[Block]:
     rows = [(f"time integration: {name}", percent(value)) for name, value in hit.error.items()]
     rows.append(("these errors cover", error_scope(hit)))
     rows.append(("energy drift over the run, of the energy", percent(hit.energy.drift)))
-    if not budget:
+    rows += [("details", text) for text in hit.details]
+    if budget is None:
         return [rows]
     table: Columns = {"Error budget": [_words(name) for name in budget]}
     table["value"] = [engineering(bar.value, QUANTITIES[n], 4) for n, bar in budget.items()]
-    for cause in (*budget.causes, "total"):
+    for cause in budget.causes:
         table[cause] = [percent(getattr(bar, cause)) for bar in budget.values()]
-    return [rows, table, *budget.notes]
+    table["numerical" if budget.law else "total"] = [
+        percent(bar.without_law + (bar.law or 0.0)) for bar in budget.values()
+    ]
+    return [rows, table, *filter(None, [budget.law]), *budget.notes]
 
 
 def _probe_rows(probes: Sequence[Probe]) -> Rows:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from ctypes import byref
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,15 @@ class RunData:
     input_variables: list[Variable] = field(default_factory=list)
     starts: Array = field(default_factory=lambda: np.zeros((0, 0)))
     parameter_variables: list[Variable] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Give each variable a name of its own."""
+        kinds = ("input_variables", "output_variables", "parameter_variables")
+        every = [each for kind in kinds for each in getattr(self, kind)]
+        names = iter(distinct(["time", *(each.name for each in every)])[1:])
+        for kind in kinds:
+            own = [replace(each, name=next(names)) for each in getattr(self, kind)]
+            object.__setattr__(self, kind, own)
 
     @property
     def given(self) -> Given:
@@ -287,10 +296,23 @@ def _initial_speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Ar
     return variables, np.array(rows).reshape(len(rows), assembly.system.omega.size)
 
 
+def distinct(names: Iterable[str]) -> list[str]:
+    """The names, the second of two equal ones with "_2" behind."""
+    found: dict[str, None] = {}
+    for name in names:
+        own, copies = name, 1
+        while own in found:
+            copies += 1
+            own = f"{name}_{copies}"
+        found[own] = None
+    return list(found)
+
+
 def model_file(data: RunData) -> bytes:
     """The file resources/model.aom that `csrc/export/fmu.c` reads."""
     mark = np.array([*data.counts(), 0x01020304, march.VERSION], dtype="<i4")
     token = data.token.encode().ljust(64, b"\0")
     numbers = np.concatenate(list(data.arrays().values())).astype("<f8")
     ints = data.integers().astype("<i4")
-    return b"AOMMODEL" + mark.tobytes() + token + ints.tobytes() + numbers.tobytes()
+    content = b"AOMMODEL" + mark.tobytes() + token + ints.tobytes() + numbers.tobytes()
+    return content + march.library.axm_checksum(content, len(content)).to_bytes(8, "little")

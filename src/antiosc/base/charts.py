@@ -270,7 +270,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
             ax.fill_between(
-                factor * hit.time, *bounds, label=f"estimated error ±{error:.1%}", **shade
+                factor * hit.time, *bounds, label=f"numerical error ±{error:.1%}", **shade
             )
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
@@ -281,10 +281,20 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
     ax.set_ylim(*padded_range([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
     if len(named) == 1:
-        _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end), factor)
+        hit = next(iter(named.values()))
+        _mark_peak(ax, hit, 0.5 * (start + end), factor)
+        _mark_yield(ax, hit)
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
     return legend(ax)
+
+
+def _mark_yield(ax: Axes, hit: HistoryLike) -> None:
+    """A thin line at the force from which the contact yields, if it does."""
+    force = getattr(getattr(hit, "law", None), "yield_force", np.inf)
+    if force < hit.peak_force:
+        text = f"the contact yields from {engineering(force, 'N')} on"
+        ax.axhline(force, color="0.5", lw=0.6, label=text)
 
 
 def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:

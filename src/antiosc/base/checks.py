@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, Numbers
-from antiosc.base.errors import AccuracyError, InputError
+from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.process import within_memory
 from antiosc.base.texts import FieldsRepr
 
@@ -37,7 +37,20 @@ SMALLEST, LARGEST = 1e-60, 1e60
 #: Largest whole number: every one up to it is a float too.
 LARGEST_WHOLE = 2**53
 
+#: Most letters of a name.
+LONGEST_NAME = 200
+
 _TRUTH = (bool, np.bool_)
+
+
+class _Required:
+    """Stands for an argument that must be given, behind one that may be left out."""
+
+    def __repr__(self) -> str:
+        return "nothing"
+
+
+REQUIRED: Any = _Required()
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxother = _repr.maxlong = 60
@@ -258,6 +271,21 @@ def text(name: str, value: object) -> str:
     return str(value)
 
 
+def name(what: str, value: object) -> str:
+    """`value` as the name of a body, a site or a part, or InputError.
+
+    Names come into tables, files of other programs and terminals: they are short, and printable.
+    """
+    result = text(what, value)
+    if not result.isprintable():
+        raise InputError(f"{what} must be printable, on one line; got {ascii(result)[:60]}.")
+    if len(result) > LONGEST_NAME:
+        raise InputError(
+            f"{what} must have at most {LONGEST_NAME} letters; {shown(result)} has {len(result)}."
+        )
+    return result
+
+
 def path(name: str, value: object) -> Path:
     """`value` as a path, or InputError."""
     if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
@@ -279,10 +307,14 @@ def new_file(name: str, value: object) -> Path:
     return found
 
 
-def function(name: str, value: object, what: str = "a function") -> Callable[..., Any]:
-    """`value` if it can be called, or InputError; `what` says of which arguments."""
+def function(
+    name: str, value: object, what: str = "a function", count: int | None = None
+) -> Callable[..., Any]:
+    """`value` if it can be called, with `count` arguments, or InputError; `what` says which."""
     if not callable(value):
         raise InputError(f"{name} must be {what}; got {shown(value)}.")
+    if count is not None:
+        check_signature(f"{name} must be {what}; it", value, (), count)
     return value
 
 

@@ -31,6 +31,14 @@ class MeshError(InputError):
     """A mesh that cannot be read, or that no element family supports."""
 
 
+class UnmeshableError(MeshError):
+    """A geometry that can be read, but not be meshed as it was tried."""
+
+
+class PiecesError(MeshError):
+    """A mesh of several pieces that share no node."""
+
+
 class NotConvergedError(AntioscError, RuntimeError):
     """A linear solver, an eigensolver or an integrator did not converge."""
 
@@ -224,10 +232,12 @@ def call_error(
     return None
 
 
-def check_signature(name: str, function: Callable[..., object], names: Iterable[str]) -> None:
-    """InputError unless a user's function accepts arguments of these names."""
+def check_signature(
+    name: str, function: Callable[..., object], names: Iterable[str], count: int = 0
+) -> None:
+    """InputError unless a user's function accepts `count` arguments and those of these names."""
     try:
-        said = call_error(function, name, 0, (), dict.fromkeys(names))
+        said = call_error(function, name, 0, (None,) * count, dict.fromkeys(names))
     except (TypeError, ValueError):  # its signature is not known
         return
     if said is not None:

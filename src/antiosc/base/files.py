@@ -2,13 +2,15 @@
 
 The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
 in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. Folders
-take the place of others likewise.
+take the place of others likewise. What a killed process has left beside a file, the next one that
+writes this file removes: temporary files are locked by their process as long as it lives.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import hashlib
 import os
 import secrets
 import shutil
@@ -19,6 +21,13 @@ from pathlib import Path
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 
+try:
+    import fcntl
+except ImportError:  # Windows, where nobody can remove a file in use, and no lock tells
+    fcntl = None  # type: ignore[assignment]
+
+#: With what the name of a temporary file or folder begins.
+PART = ".antiosc-"
 #: With what a formula of a spreadsheet begins; some programs take wide characters for them too.
 FORMULA = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
 #: Largest table or measurement that is read whole, bytes.
@@ -40,15 +49,59 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
         old = _regular_status(target, path, what)
         part = _temporary(target, old)
         try:
-            yield part
-            _sync(part)
-            os.replace(part, target)
-            _sync(target.parent)
+            with claimed(part):
+                yield part
+                _sync(part)
+                os.replace(part, target)
+                _sync(target.parent)
         except BaseException:
             part.unlink(missing_ok=True)
             raise
+        clear_parts(target)
     except (OSError, UnicodeEncodeError) as error:
         raise cannot_write(what, path, error) from error
+
+
+def part_name(target: Path, suffix: str = "") -> Path:
+    """The name of a temporary file or folder beside `target`, by which its next writer knows it."""
+    return target.with_name(f"{_part_prefix(target)}{secrets.token_hex(6)}{suffix}")
+
+
+def _part_prefix(target: Path) -> str:
+    own = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:8]
+    return f"{PART}{own}-"
+
+
+@contextlib.contextmanager
+def claimed(part: Path) -> Iterator[None]:
+    """Context manager: a temporary file or folder is this process's as long as it lives."""
+    with contextlib.ExitStack() as stack:
+        if fcntl is not None and os.path.lexists(part):
+            handle = os.open(part, os.O_RDONLY | os.O_CLOEXEC)
+            stack.callback(os.close, handle)
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+
+
+def clear_parts(target: Path) -> None:
+    """Remove the temporary files and folders of `target` whose process was killed."""
+    if fcntl is None:
+        return
+    with contextlib.suppress(OSError), os.scandir(target.parent) as entries:
+        for entry in [each for each in entries if each.name.startswith(_part_prefix(target))]:
+            with contextlib.suppress(OSError):  # it is held, or gone
+                _clear(Path(entry.path))
+
+
+def _clear(part: Path) -> None:
+    """Remove a temporary file or folder; OSError where a living process holds it."""
+    handle = os.open(part, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        shutil.rmtree(part) if part.is_dir() else part.unlink()
+    finally:
+        os.close(handle)
 
 
 def check_readable(path: Path, what: str) -> None:
@@ -136,7 +189,7 @@ def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os
 def _temporary(target: Path, old: os.stat_result | None) -> Path:
     """An empty file in the folder of `target`, with the permissions of the file to be written."""
     suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
-    part = target.with_name(f".antiosc-{secrets.token_hex(6)}{suffix}")
+    part = part_name(target, suffix)
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_CLOEXEC", 0)
     handle = os.open(part, flags, 0o666 if old is None else 0o600)
     try:

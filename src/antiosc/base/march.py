@@ -19,6 +19,7 @@ from ctypes import (
     c_int64,
     c_size_t,
     c_ssize_t,
+    c_uint64,
     c_void_p,
 )
 from pathlib import Path
@@ -31,11 +32,11 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 7
+VERSION = 8
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
-EXIT, LAW_SLOPES = 13, 3
+EXIT, LAW_SLOPES = 13, 4
 #: `aom_touch`
 TOUCH = np.dtype(
     [*((name, float) for name in ("start", "end", "speed", "impulse", "peak")),
@@ -47,7 +48,8 @@ READING = np.dtype([("step", np.int64), ("at", float), ("stays", np.int64)])
 # statuses
 DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK, PAUSED, LAW_FAILED = range(8)
 # kinds of laws
-LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, TABLE, USER = range(10)
+LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, ELASTIC_PLASTIC = range(9)
+TABLE, USER = 9, 10
 # branches of a law
 APART, FORWARD, CUT, BACK = range(4)
 
@@ -161,7 +163,7 @@ class Solution(Structure):
     _fields_ = [
         *_fields("int best, answer; double force, peak, certain, share"),
         ("summary", Summary),
-        *_fields("int present, before, runs, worse, failed; int64 used; double finer, scale"),
+        *_fields("int present, before, runs, worse, failed, scaled; int64 used; double finer"),
         ("earlier", Summary),
     ]
 
@@ -243,6 +245,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_law_touch": (None, c_void_p, c_double, c_int, c_void_p),
     "aom_law_advance": (None, c_void_p, c_double, c_void_p),
     "aom_law_origin": (c_double, c_void_p, c_void_p),
+    "aom_law_reach": (c_double, c_void_p),
     "aom_memory_size": (c_size_t, c_void_p),
     "aom_create": (c_int, c_void_p, c_void_p, c_size_t, c_void_p),
     "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
@@ -260,6 +263,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
         c_void_p,
     ),
     "axm_size": (c_size_t, c_void_p),
+    "axm_checksum": (c_uint64, c_char_p, c_size_t),
     "aom_pulses": (None, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p),
     "aom_touches": (c_int64, c_void_p, c_int, c_int, c_void_p, c_void_p),
     "aom_read_contact": (
@@ -376,13 +380,13 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
 def compare(
     time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
 ) -> tuple[float, float, float]:
-    """Relative difference of the forces of two runs in the L2 norm, and of their peak.
+    """Relative difference of the forces of two runs (L2 norm, impulse), and of their peak.
 
-    With them the time [s] up to which the first is below the tolerance. At the nodes of both, up to
-    the end of the shorter run.
+    The largest of a row; with them the time [s] up to which the L2 norm is below the tolerance.
+    At the nodes of both, up to the end of the shorter run.
     """
     given = _doubles(time_a, force_a, time_b, force_b)
-    work = np.empty((2, force_a.shape[1]))
+    work = np.empty((9, force_a.shape[1]))
     a, fa, b, fb = map(address, given)
     found = library.aom_compare(
         len(work.T), time_a.size, a, fa, time_b.size, b, fb, tol, address(work)

@@ -35,6 +35,8 @@ class _Lines(threading.local):
 
     def __init__(self) -> None:
         self.texts: list[str] = []
+        #: what is told of each change besides
+        self.told: Callable[[str], None] | None = None
         #: the line in a notebook, when it began, and when it was written last
         self.shown: Any = None
         self.work = ""
@@ -61,6 +63,16 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
     finally:
         del lines[index:]
         _write(rank)
+
+
+@contextmanager
+def following(tell: Callable[[str], None]) -> Iterator[None]:
+    """Call `tell` with what this thread is doing, at each change; "" at the end of all."""
+    _lines.told = tell
+    try:
+        yield
+    finally:
+        _lines.told = None
 
 
 @contextmanager
@@ -96,6 +108,8 @@ def _seconds(left: float) -> str:
 
 def _write(rank: int) -> None:
     """The innermost work on the line; nothing if there is none."""
+    if _lines.told is not None:
+        _lines.told(_lines.texts[-1] if _lines.texts else "")
     stream = sys.stderr
     if not rank and not world_rank() and _in_notebook():
         _write_in_notebook()

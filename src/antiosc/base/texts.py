@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from html import escape
 from math import floor, isfinite, log10
 
 import numpy as np
@@ -84,6 +83,8 @@ class FieldsRepr:
 
 def _table(one: object, facts: list[tuple[str, str]]) -> str:
     """HTML of an object: its kind, and a row for each fact."""
+    from html import escape  # 5 ms of each start; notebooks alone need it
+
     rows = "".join(
         f"<tr><th style='text-align:left'>{escape(name)}</th>"
         f"<td style='text-align:left'>{escape(value)}</td></tr>"
@@ -198,9 +199,3 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 def percent(share: float) -> str:
     """A share in per cent with two significant digits: "0.34 %"."""
     return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
-
-
-def with_bar(value: float, unit: str, share: float | None) -> str:
-    """A number with its relative error, where one is known: "2.20 kN ± 2 %"."""
-    shown = engineering(value, unit)
-    return shown if share is None else f"{shown} ± {percent(share)}"

@@ -2,6 +2,7 @@
 
 from antiosc.contact.base import ContactLaw, State
 from antiosc.contact.laws import (
+    ElasticPlastic,
     Flores,
     Gonthier,
     Hertz,
@@ -20,6 +21,7 @@ from antiosc.contact.laws import (
 
 __all__ = [
     "ContactLaw",
+    "ElasticPlastic",
     "Flores",
     "Gonthier",
     "Hertz",

@@ -51,8 +51,20 @@ class ContactLaw(ABC):
     rate_dependent: ClassVar[bool] = False
     #: the force depends on the path, so that `advance` matters
     has_memory: ClassVar[bool] = False
-    #: largest force [N] for which the law's own theory holds
-    valid_force: float = float("inf")
+    #: compliance [m/N] of a patch that the law leaves to the structure
+    compliance: float = 0.0
+
+    @cached_property
+    def valid_force(self) -> float:
+        """Largest force [N] for which the law's own theory holds."""
+        return float("inf")
+
+    def without(self, compliance: float) -> ContactLaw:
+        """This law minus `compliance` [m/N]: F = f(delta + compliance F).
+
+        For a structure whose own compliance contains that of the half-space under its patch.
+        """
+        return Without(self, compliance)
 
     @abstractmethod
     def force(self, delta: float, rate: float, state: State) -> float:
@@ -93,7 +105,29 @@ class ContactLaw(ABC):
     def out_of_range(self, peak: float, radius: float | None) -> str:
         """Why a peak force above `valid_force` cannot be trusted and what to do; `radius` [m] is
         that of the structure's patch, if any."""
-        return f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
+        if not self.compliance:
+            return (
+                f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
+            )
+        # the patch's compliance goes with 1/radius, the contact's at most with 1/F^growth
+        if radius is None:
+            remedy = "use a larger patch radius"
+        else:
+            enough = 1.05 * radius * (peak / self.valid_force) ** self.growth
+            remedy = f"extract with a site radius of at least {enough:.3g} m (now {radius:g} m)"
+        return (
+            f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, up to which"
+            f" {self.theory} without the patch's own compliance holds (contact radius below 0.58"
+            f" of the patch radius); {remedy}"
+        )
+
+    #: the contact radius grows with this power of the force, or less
+    growth: ClassVar[float] = 0.5
+
+    @property
+    def theory(self) -> str:
+        """Name of the law in a sentence."""
+        return f"{type(self).__name__}'s law"
 
     def potential(self, delta: float, state: State) -> float:
         """Work [J] of the rate-independent force from the origin, up to a constant of the state.
@@ -146,6 +180,85 @@ class ContactLaw(ABC):
         return trial
 
 
+#: Share of a law's own flexibility that the compliance of a patch may take.
+TAKEN = 0.7
+
+
+class Without(ContactLaw):
+    """A law of the caller's minus the compliance [m/N] of a patch; the rate is that of delta.
+
+    Beyond `valid_force` the compliance takes less, so that a run can complete.
+    """
+
+    def __init__(self, law: ContactLaw, compliance: float) -> None:
+        self.law, self.compliance = law, compliance
+        self.rate_dependent, self.has_memory = law.rate_dependent, law.has_memory  # type: ignore[misc]
+
+    def __repr__(self) -> str:
+        return f"{self.law!r}.without({self.compliance:g})"
+
+    @property
+    def theory(self) -> str:
+        return self.law.theory
+
+    @cached_property
+    def valid_force(self) -> float:
+        law, state = self.law, self.law.touch(0.0)
+        low, high = 1e-30, 1e30
+        for _ in range(80):
+            middle = (low * high) ** 0.5
+            if self.compliance * law.tangent(middle, 0.0, state)[0] <= TAKEN:
+                low = middle
+            else:
+                high = middle
+        end = law.force(low, 0.0, state) if low < 1e29 else float("inf")
+        return min(law.valid_force, end)
+
+    def _whole(self, delta: float, rate: float, state: State) -> float:
+        """The indentation with that of the patch."""
+        law, low = self.law, delta
+        share = 2 / 3 * TAKEN  # of the depth beyond the origin
+        room = share / (1 - share) * max(delta - law.origin(state), 0.0)
+        high = delta + room
+        for _ in range(100):
+            middle = delta + min(self.compliance * law.force(low, rate, state), room)
+            by_delta = self.compliance * law.tangent(low, rate, state)[0]
+            step = (middle - low) / (1 - by_delta) if by_delta < 1 else high - low
+            new = min(low + step, high)
+            if abs(new - low) <= 1e-15 * abs(new):
+                return new
+            low = new
+        return low
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        return self.law.force(self._whole(delta, rate, state), rate, state)
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        by_delta, by_rate = self.law.tangent(self._whole(delta, rate, state), rate, state)
+        kept = max(1 - self.compliance * by_delta, 1 - TAKEN)
+        return by_delta / kept, by_rate / kept
+
+    def energy(self, delta: float, state: State) -> float:
+        whole = self._whole(delta, 0.0, state)
+        force = self.law.force(whole, 0.0, state)
+        return self.law.energy(whole, state) - 0.5 * force * (whole - delta)
+
+    def touch(self, speed: float, state: State | None = None) -> State:
+        return self.law.touch(speed, state)
+
+    def advance(self, delta: float, rate: float, state: State) -> State:
+        return self.law.advance(self._whole(delta, rate, state), rate, state)
+
+    def origin(self, state: State) -> float:
+        return self.law.origin(state)
+
+    def lost(self, state: State) -> float:
+        return self.law.lost(state)
+
+    def damping(self, delta: float, rate: float, state: State) -> float:
+        return self.force(delta, rate, state) - self.force(delta, 0.0, state)
+
+
 _ThreeDoubles = c_double * 3
 
 
@@ -156,12 +269,20 @@ class Compiled(Checked, ContactLaw):
     kind: ClassVar[int]
     #: numbers of the state
     size: ClassVar[int] = 0
-    #: parameters as the library takes them, where they are not the fields
+    #: parameters as the library takes them, where they are not the fields; without compliance
     _parameters: list[float] | None = None
 
     def parameters(self) -> list[float]:
-        """Parameters as the library takes them."""
-        return self._parameters or [getattr(self, one.name) for one in fields(self)]
+        """Parameters as the library takes them: the compliance of a patch is the last."""
+        # a subclass of the caller may have more fields
+        law = next(each for each in type(self).__mro__ if "kind" in vars(each))
+        names = [one.name for one in fields(law) if one.name != "compliance"]
+        own = self._parameters or [getattr(self, name) for name in names]
+        return [*own, self.compliance]
+
+    @cached_property
+    def valid_force(self) -> float:
+        return float(march.library.aom_law_reach(self._at)) if self.compliance else float("inf")
 
     @cached_property
     def kernel(self) -> tuple[march.Law, Array]:

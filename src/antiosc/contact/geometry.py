@@ -7,7 +7,7 @@ elliptic integrals in Carlson's form, DLMF 19.25.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, radians, sqrt
+from math import cos, exp, log, pi, radians, sqrt
 
 import numpy as np
 from scipy.special import ellipkm1, elliprd
@@ -37,10 +37,7 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
     `angle` [degree] lies between the planes of the first radii of both bodies.
     """
     first, second = _curvatures("radii1", radii1), _curvatures("radii2", radii2)
-    total = sum(first) + sum(second)
-    c1, c2 = first[0] - first[1], second[0] - second[1]
-    spread = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
-    A, B = (total - spread) / 4, (total + spread) / 4
+    A, B = relative_of_curvatures(first, second, angle)
     if A <= 1e-12 * B or B <= 0:
         raise InputError(
             f"the surfaces must part in every direction from their point of contact; the relative"
@@ -48,6 +45,16 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
             f" too tight a cup, has no point contact)."
         )
     return A, B
+
+
+def relative_of_curvatures(
+    first: tuple[float, float], second: tuple[float, float], angle: float
+) -> tuple[float, float]:
+    """The same of principal curvatures [1/m]; A may be 0 or less."""
+    total = sum(first) + sum(second)
+    c1, c2 = first[0] - first[1], second[0] - second[1]
+    spread = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
+    return (total - spread) / 4, (total + spread) / 4
 
 
 def hertz_stiffness(E_star: float, A: float, B: float) -> float:
@@ -58,17 +65,23 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
 
 
 def _axes_ratio_squared(ratio: float) -> float:
-    """(b/a)^2 of the contact ellipse from B/A >= 1."""
+    """(b/a)^2 of the contact ellipse from B/A >= 1: the secant method on logarithms."""
     if ratio <= 1 + 1e-12:
         return 1.0
 
-    from scipy.optimize import brentq  # loaded where it is used: it takes long
+    def mismatch(y: float) -> float:
+        m1 = exp(y)
+        return log(elliprd(0, 1, m1) / elliprd(0, m1, 1) / ratio)
 
-    def mismatch(log_m1: float) -> float:
-        m1 = 10.0**log_m1
-        return float(elliprd(0, 1, m1) / elliprd(0, m1, 1)) / ratio - 1
-
-    return float(10.0 ** brentq(mismatch, -40.0, 0.0, xtol=1e-15))
+    before = -4 / 3 * log(ratio)  # that of slender ellipses, but for a logarithm
+    f_before = mismatch(before)
+    y = before + f_before
+    for _ in range(50):
+        f = mismatch(y)
+        if f == f_before or abs(y - before) <= 1e-15 * abs(y):
+            break
+        before, f_before, y = y, f, y - f * (y - before) / (f - f_before)
+    return exp(y)
 
 
 def _curvatures(name: str, radii: Radii) -> tuple[float, float]:

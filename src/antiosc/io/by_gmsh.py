@@ -3,14 +3,13 @@
 gmsh executes a file as a script if it does not begin like a mesh, and it reads options from files
 in the same folder. Therefore gmsh gets a copy under a fixed name in an empty folder, after a check
 of the first line of a mesh, or of every token of a script (`geo_script`). The number of cells is
-estimated before a geometry is meshed. CAD files have units, assemblies and names of solids; closed
-surfaces of facets are filled.
+estimated before a geometry is meshed. `cad` knows units, assemblies and names of CAD files,
+`facets` closed surfaces of triangles.
 """
 
 from __future__ import annotations
 
 import inspect
-import math
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +20,9 @@ from types import ModuleType
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import MeshError, MissingDependencyError
-from antiosc.io import geo_script
+from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
+from antiosc.io import cad, cad_curvature, facets, geo_script
+from antiosc.io.cad import ATTEMPTS, Attempt, Names
 from antiosc.io.geo_script import CAD
 from antiosc.io.mesh_files import as_carried, known
 from antiosc.io.neutral import CELLS, FileMesh, IntArray, joined
@@ -53,7 +53,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     if ask.size is not None:
         expected = max(expected_cells(gmsh, ask, d, ask.size, scale) for d in range(1, dim + 1))
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
-        ask.allow(30 + 2e-3 * max(expected, 1e4))
+        ask.allow((150 if ask.solid else 30) + 2e-3 * max(expected, 1e4))
     fields = [_graded_field(gmsh, point, local, ask) for point, local in ask.refine]
     if ask.sizes is not None:
         wished = SizeField(**ask.sizes)
@@ -244,83 +244,6 @@ class SizeField:
         return tag
 
 
-# --- CAD files and surfaces -----------------------------------------------------------------------
-
-
-#: Files that state the unit of their coordinates.
-STATES_UNIT = (".step", ".stp", ".iges", ".igs")
-#: Angle between facets from which their common edge is an edge of the part, degrees.
-SHARP_ANGLE = 40.0
-#: (dimension, tag) -> names
-Names = dict[tuple[int, int], list[str]]
-
-
-def opened(gmsh: ModuleType, path: str) -> float:
-    """Open a file; metres per unit of its coordinates then.
-
-    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
-    millimetres there without one.
-    """
-    iges = path.endswith((".iges", ".igs"))
-    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
-    gmsh.open(path)
-    return 1e-3 if iges else 1.0
-
-
-def named_solids(gmsh: ModuleType, fragments: bool, name: str) -> Names:
-    """The names of the solids of a CAD file, which are cut at each other if `fragments`."""
-    solids = gmsh.model.getEntities(3)
-    names: Names = {}
-    seen: dict[str, int] = {}
-    for entity in solids:
-        label = gmsh.model.getEntityName(*entity).rpartition("/")[2].strip()
-        if not label:
-            continue
-        seen[label] = seen.get(label, 0) + 1
-        names[entity] = [label if seen[label] == 1 else f"{label} ({seen[label]})"]
-    if not fragments:
-        return names
-    if len(solids) < 2:
-        raise MeshError(f"fragments=True joins solids; {name} has {len(solids)} of them.")
-    _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
-    gmsh.model.occ.synchronize()
-    cut: Names = {}
-    for entity, own in zip(solids, pieces, strict=False):
-        for piece in own:
-            if piece[0] == 3:
-                cut.setdefault((3, int(piece[1])), []).extend(names.get(entity, []))
-    return cut
-
-
-def fill(gmsh: ModuleType, ask: Request) -> None:
-    """Make a solid of the triangles of an open STL file.
-
-    Raises
-    ------
-    MeshError
-        A surface that is not closed.
-    """
-    gmsh.model.mesh.removeDuplicateNodes()
-    kinds, _, nodes = gmsh.model.mesh.getElements(2)
-    triangles = [np.reshape(n, (-1, 3)) for k, n in zip(kinds, nodes, strict=True) if k == 2]
-    if not triangles:
-        raise MeshError(f"{ask.name} holds no triangles.")
-    corners = np.vstack(triangles)
-    edges = np.sort(np.vstack([corners[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))]), axis=1)
-    _, count = np.unique(edges, axis=0, return_counts=True)
-    if (count != 2).any():
-        raise MeshError(
-            f"{ask.name} is not closed: {int((count != 2).sum())} of {len(count)} edges do not "
-            "belong to two triangles; repair the surface (holes, facets twice), or read it as a "
-            "sheet without solid=True."
-        )
-    gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
-    gmsh.model.mesh.createGeometry()
-    surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
-    gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])
-    gmsh.model.geo.synchronize()
-
-
 SCRIPTS = (".geo", ".geo_unrolled")
 GEOMETRY = (*SCRIPTS, *CAD)
 #: First words of gmsh's mesh files; gmsh executes any other file as a script.
@@ -376,38 +299,53 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     gmsh = _session()
     ask.seal()
     suffix = Path(ask.path).suffix.lower()
+    attempt = ATTEMPTS[ask.attempt]
     try:
-        stated = opened(gmsh, str(path))
-        names = {}
+        attempt.prepare(gmsh)
+        stated = 1.0 if ask.solid else cad.opened(gmsh, str(path))
+        told: list[str] = []
+        names: Names = {}
         if ask.solid:
-            fill(gmsh, ask)
+            told, names = facets.fill(gmsh, ask, attempt.flat)
         elif suffix in CAD:
-            names = named_solids(gmsh, ask.fragments, ask.name)
+            names = cad.names_of(gmsh, ask, stated * ask.unit[0])
         if ask.outline:
             return _outline(gmsh, names, stated)
         if suffix != ".msh":
-            mesh_model(gmsh, ask, stated * ask.unit[0])
-        found = _arrays(gmsh, ask.name, names)
+            mesh_model(gmsh, _as_attempted(ask, attempt), stated * ask.unit[0])
+        found = _arrays(gmsh, ask.name, names, suffix == ".msh")
         found.points *= stated
+        found.told = [*told, *found.told]
+        found.cad = found.cad and found.cad.scaled(stated)
         return found
     except MeshError:
         raise
     except Exception as error:
         reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
         reason = reason[:200] or "it is damaged"
-        if gmsh.model.getDimension() > 0 and suffix in GEOMETRY:
-            reason += "; a smaller size, or a repaired geometry, may help"
-        raise MeshError(f"gmsh cannot read or mesh {ask.name}: {reason}.") from error
+        if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
+            raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error
+        raise MeshError(f"gmsh cannot read {ask.name}: {reason}.") from error
+
+
+def _as_attempted(ask: Request, attempt: Attempt) -> Request:
+    """The request with the sizes and the order of an attempt."""
+    size = ask.size and attempt.share * ask.size
+    order = 1 if attempt.flat else ask.order
+    return replace(ask, size=size, order=order, refine=ask.refine if attempt.refined else [])
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line between the corners of the box around gmsh's model, in all its groups."""
-    corners = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)) * scale
+    """A line between the corners of the box around each solid, or the model, in all groups."""
+    entities = gmsh.model.getEntities(3) or [(-1, -1)]
+    boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
     listed = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
-    listed += [name for several in names.values() for name in several]
-    one = {"line": np.zeros(1, dtype=np.int64)}
-    return FileMesh(corners, {"line": np.array([[0, 1]])}, "gmsh", dict.fromkeys(listed, one))
+    listed += cad.in_order({name for several in names.values() for name in several})
+    lines = np.arange(2 * len(boxes)).reshape(-1, 2)
+    every = {"line": np.arange(len(lines))}
+    corners = boxes.reshape(-1, 3) * scale
+    return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(listed, every))
 
 
 def _session() -> ModuleType:
@@ -425,10 +363,11 @@ def _session() -> ModuleType:
     return gmsh
 
 
-def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
+def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
     """All cells, entity after entity, and the groups of gmsh's current model.
 
-    `names`: of solids that are groups besides the physical ones.
+    `names`: of entities that are groups besides the physical ones; `numbered`: whether the
+    numbers of the nodes are those of the file.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
@@ -462,8 +401,14 @@ def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
         for kind, members in rows.get(entity, {}).items()
         for label in labels
     )
+    of_solids = {label: of_solids[label] for label in cad.in_order(of_solids)}
     found = FileMesh(points, cells, "gmsh", of_solids | groups, aids=bool(groups))
-    return as_carried(found, name)
+    if numbered:
+        found.labels = np.asarray(tags, dtype=np.int64)
+    found = as_carried(found, name)
+    surfaces = [tag for _, tag in gmsh.model.getEntities(2) if _mass(gmsh, 2, tag) is not None]
+    found.cad = cad_curvature.at_nodes(gmsh, surfaces)
+    return found
 
 
 def _groups(

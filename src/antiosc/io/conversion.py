@@ -314,7 +314,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         inside[elements] = True
         rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
-    mesh.node_sets = dict(deck.node_sets)
+    mesh.node_sets, mesh.labels = dict(deck.node_sets), deck.labels
     joined = bool(deck.model and deck.model["joined"])
     # else those of lower dimension are sides of the first
     for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():

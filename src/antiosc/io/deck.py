@@ -124,6 +124,8 @@ class Deck:
     piece: int | None = None
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
+    #: numbers of the first nodes in the file
+    labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
     def n_elements(self) -> int:

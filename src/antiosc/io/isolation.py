@@ -21,7 +21,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base.errors import AntioscError, MeshError, MissingDependencyError
+from antiosc.base.errors import (
+    AntioscError,
+    MeshError,
+    MissingDependencyError,
+    UnmeshableError,
+)
 from antiosc.base.progress import doing
 from antiosc.io import child
 from antiosc.io.neutral import FileMesh, Json, unpacked
@@ -56,7 +61,9 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
         with doing(f"{'meshing' if geometry else 'reading'} {path.name}"):
             code, answer = ask({**options, **place, "timeout": timeout, "memory": memory})
     if code != 0:
-        raise _broken_off(path.name, code, memory)
+        raise _broken_off(
+            path.name, code, memory, geometry, bool(options.get("attempt") or options.get("solid"))
+        )
     return _answer(path.name, answer, memory)
 
 
@@ -99,14 +106,17 @@ def _memory(size: int | None) -> int:
     return max(most, LEAST_MEMORY)
 
 
-def _broken_off(name: str, code: int, memory: int) -> MeshError:
+def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
+    """The error of a reader that was ended; `again`: others may come after it."""
     if -code in OVERTIME:
-        return MeshError(
+        late = UnmeshableError if again else MeshError
+        return late(
             f"reading {name} took longer than a file of its kind and size may take: it is damaged, "
-            "or needs a longer timeout=."
+            "or needs a longer timeout=" + (", or a larger element size." if geometry else ".")
         )
     if code < 0:
-        return MeshError(
+        kind = UnmeshableError if geometry else MeshError
+        return kind(
             f"the reader of {name} broke off ({signal.Signals(-code).name}; it had "
             f"{memory / 2**30:.1f} GiB): the file is damaged, or cannot be meshed at this size."
         )
@@ -135,7 +145,9 @@ def _raise(name: str, head: Json, memory: int) -> None:
             f"{name} needs more than {memory / 2**30:.1f} GiB to be read: it is damaged, or too "
             "large for this machine."
         )
-    kinds: dict[str, type[AntioscError]] = {"MissingDependencyError": MissingDependencyError}
+    kinds: dict[str, type[AntioscError]] = {
+        kind.__name__: kind for kind in (MissingDependencyError, UnmeshableError)
+    }
     raise kinds.get(head["error"], MeshError)(head["message"])
 
 

@@ -73,7 +73,7 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
     """`mesh` itself if its cells of each dimension are of one kind that is carried; else cut."""
     if not _is_mixed(mesh):
         return mesh
-    deck = Deck(name, mesh.points)
+    deck = Deck(name, mesh.points, labels=mesh.labels)
     labels = [label for label, block in mesh.cells.items() if len(block)]
     for label in labels:
         deck.blocks.append(_block(label, mesh.cells[label], mesh.convention))
@@ -135,9 +135,6 @@ FORMATS = {
     ".avs": "AVS-UCD",
     ".cgns": "CGNS",
     ".dat": "Tecplot",
-    ".e": "Exodus",
-    ".ex2": "Exodus",
-    ".exo": "Exodus",
     ".f3grid": "FLAC3D",
     ".h5m": "H5M",
     ".med": "MED",
@@ -167,7 +164,7 @@ FORMATS = {
 def read_by_meshio(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
-    mesh = _read(Path(ask.path), name)
+    mesh = content(Path(ask.path), name)
     points = np.zeros((len(mesh.points), 3))
     if len(points):
         points[:, : mesh.points.shape[1]] = mesh.points
@@ -186,7 +183,8 @@ def read_by_meshio(ask: Request) -> FileMesh:
     return as_carried(result, name)
 
 
-def _read(path: Path, name: str) -> meshio.Mesh:
+def content(path: Path, name: str) -> meshio.Mesh:
+    """What meshio reads in a file."""
     try:
         import meshio
     except ImportError as error:
@@ -211,15 +209,36 @@ def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyE
         return MissingDependencyError(
             f"{name} needs h5py, which is not installed: sudo apt install python3-h5py"
         )
+    if suffix in CONVERTERS:
+        return MeshError(f"{name}: {CONVERTERS[suffix]}.")
     if suffix not in FORMATS:
         return MeshError(
             f"{name}: files of the type {suffix or '(none)'} are not read; write the mesh as .msh, "
             ".inp, .bdf, .unv, .med, .vtu or .xdmf."
         )
+    reason = " ".join(text.replace(str(path), name).split())[:150].rstrip(". ")
     return MeshError(
-        f"{name} cannot be read as {FORMATS[suffix]}: it is damaged, or a variant of the format "
-        "that is not supported; write the mesh as .msh, .inp, .bdf, .unv or .vtu."
+        f"{name} cannot be read as {FORMATS[suffix]} ({reason or 'no reason given'}): write the "
+        "mesh as .msh, .inp, .bdf, .unv or .vtu."
     )
+
+
+#: Files of programs whose own exports, or free converters, antiosc reads.
+CONVERTERS = {
+    ".k": "LS-DYNA's keywords are not read; write a Nastran deck in LS-PrePost (File, Save as, "
+    "Nastran), or convert by `meshio-convert` of a .msh from gmsh",
+    ".rad": "Radioss' decks are not read; write a Nastran or Abaqus deck in HyperMesh, or convert "
+    "it by OpenRadioss' tools to .vtk",
+    ".mphtxt": "COMSOL's meshes are not read; export the mesh as Nastran (.nas) in COMSOL, or "
+    "convert it by FEconv to .unv",
+    ".sldprt": "parts of SolidWorks are not read; save as STEP (.step) there",
+    ".sldasm": "assemblies of SolidWorks are not read; save as STEP (.step) there",
+    ".ipt": "parts of Inventor are not read; save as STEP (.step) there",
+    ".catpart": "parts of CATIA are not read; save as STEP (.step) there",
+    ".prt": "parts of Creo and NX are not read; save as STEP (.step) there",
+    ".f3d": "designs of Fusion are not read; export as STEP (.step) there",
+    ".fcstd": "documents of FreeCAD are not read; export the body as STEP (.step) or BREP there",
+}
 
 
 def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
@@ -276,8 +295,8 @@ def _node_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, IntArray]]:
 
 #: Element descriptor -> (shape, nodes).
 ELEMENTS = {
-    **dict.fromkeys((11, 21, 22), ("line", 2)),
-    **dict.fromkeys((23, 24), ("line", 3)),
+    **dict.fromkeys((11, 21), ("line", 2)),
+    **dict.fromkeys((22, 23, 24), ("line", 3)),
     **dict.fromkeys((41, 51, 61, 71, 91), ("triangle", 3)),
     **dict.fromkeys((42, 52, 62, 72, 92), ("triangle", 6)),
     **dict.fromkeys((44, 54, 64, 74, 94), ("quad", 4)),
@@ -290,7 +309,7 @@ ELEMENTS = {
     116: ("hexahedron", 20),
 }
 #: Beams, which have a line more.
-WITH_ORIENTATION = (21, 22, 23, 24)
+WITH_ORIENTATION, ROD = (21, 22, 23, 24), 11
 #: Places of corners and of middles of edges (in VTK's order) of second-order elements.
 ORDER = {
     "line": ((0, 2), (1,)),
@@ -412,7 +431,13 @@ def _elements(found: _Content, rows: Lines) -> None:
         head = [whole_number(word, place) for word in text.split()]
         place.needs(len(head) >= 6, f"the head of an element has six numbers; got {len(head)}.")
         label, descriptor, count = head[0], head[1], head[-1]
-        k += 2 if descriptor in WITH_ORIENTATION else 1
+        following = rows[k + 1][0].split() if k + 1 < len(rows) else []
+        # Salome gives rods an orientation too, others do not
+        k += (
+            2
+            if descriptor in WITH_ORIENTATION or (descriptor == ROD and len(following) == 3)
+            else 1
+        )
         short = f"element {label} ends before its {count} nodes."
         nodes, k = _wholes(rows, k, count, short, place)
         shape, wanted = ELEMENTS.get(descriptor, ("", 0))
@@ -420,6 +445,8 @@ def _elements(found: _Content, rows: Lines) -> None:
             kind = f"element type {descriptor}"
             found.others[kind] += 1
             continue
+        if shape == "line" and count in (2, 3):
+            wanted = count
         alike = len(nodes) == count == wanted
         place.needs(alike, f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
                     f"its head tells {count}; it must have {wanted}.")  # fmt: skip
@@ -451,6 +478,7 @@ def _deck(found: _Content) -> Deck:
     if (np.diff(nodes.labels) == 0).any():
         raise MeshError(f"{found.name} gives two nodes one number.")
     deck = Deck(found.name, np.array(found.points))
+    deck.labels = np.array(found.labels, dtype=np.int64)
     labels = [np.zeros(0, dtype=np.int64)]
     for (descriptor, shape, count), rows in found.elements.items():
         table = np.array(rows, dtype=np.int64)

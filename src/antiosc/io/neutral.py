@@ -8,7 +8,7 @@ that are divided into others. `UnitSystem` is a length and a force, with seconds
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NotRequired, TypeAlias, TypedDict
 
 import numpy as np
@@ -178,6 +178,32 @@ FACETS: dict[str, Sequence[tuple[int, ...]]] = {
 EDGES_OF_KIND = {CARRIED[shape]: EDGES[shape] for shape in ("tetra", "hexahedron")}
 
 
+@dataclass(frozen=True)
+class CadSurface:
+    """Curvature of CAD surfaces at nodes of a mesh, K of them; a node may lie on several surfaces.
+
+    Attributes
+    ----------
+    points : (K, 3) the nodes [m].
+    surfaces : (K,) numbers of the surfaces.
+    normals : (K, 3) unit normals.
+    tensors : (K, 3, 3) curvature tensors [1/m], > 0 where the surface bends away from the normal.
+    """
+
+    points: NDArray[np.float64]
+    surfaces: IntArray
+    normals: NDArray[np.float64]
+    tensors: NDArray[np.float64]
+
+    def at(self, which: IntArray) -> CadSurface:
+        """Some of the nodes."""
+        return CadSurface(*(value[which] for value in vars(self).values()))
+
+    def scaled(self, factor: float) -> CadSurface:
+        """The same with lengths times a factor."""
+        return replace(self, points=self.points * factor, tensors=self.tensors / factor)
+
+
 @dataclass
 class FileMesh:
     """The content of one mesh file.
@@ -203,6 +229,10 @@ class FileMesh:
     told: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
     model: Model | None = None
+    #: curvature of the surfaces, of meshes made of CAD
+    cad: CadSurface | None = None
+    #: numbers of the first nodes in the file, -1 of those without one; none: it has no numbers
+    labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 @dataclass
@@ -223,6 +253,10 @@ class RawMesh:
     model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    #: as in `FileMesh`
+    cad: CadSurface | None = None
+    #: as in `FileMesh`, of all nodes if of any
+    labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
@@ -260,20 +294,27 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "aids": mesh.aids,
         "told": mesh.told,
         "model": mesh.model,
+        "cad": mesh.cad is not None,
     }
     none = np.zeros(0, dtype=np.int64)
     nodes += [e.ravel() for _, _, e in spans]
-    arrays = [np.concatenate([none, *rows]), np.concatenate([none, *nodes]), mesh.points]
-    return head, [*arrays, *mesh.cells.values()]
+    rows, nodes = [none, *rows], [none, *nodes]
+    arrays = [np.concatenate(rows), np.concatenate(nodes), mesh.points, mesh.labels]
+    cad = [] if mesh.cad is None else list(vars(mesh.cad).values())
+    return head, [*cad, *arrays, *mesh.cells.values()]
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     """The inverse of `packed`; ValueError if sizes, kinds and indices are inconsistent."""
-    rows, nodes, points, *blocks = arrays
+    cad = CadSurface(*arrays[:4]) if head.get("cad") else None
+    rows, nodes, points, labels, *blocks = arrays[4:] if cad else arrays
     cells = dict(zip(head["cells"], blocks, strict=True))
     mesh = FileMesh(points, cells, head["convention"], aids=bool(head["aids"]))
     if points.dtype != float or points.ndim != 2 or points.shape[1] != 3:
         raise ValueError("points must be of shape (n, 3)")
+    if labels.dtype != np.int64 or labels.ndim != 1 or len(labels) > len(points):
+        raise ValueError(f"{len(labels)} numbers of {len(points)} nodes")
+    mesh.labels = labels
     for label, block in cells.items():
         if block.ndim != 2 or block.shape[1] != kind_of(label).nodes:
             raise ValueError(f"{label} cells of shape {block.shape}")
@@ -293,7 +334,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         mesh.fixed.setdefault(name, {})[dim] = part
         start += count * width
     mesh.told = [str(sentence) for sentence in head.get("told", [])]
-    mesh.model = head.get("model")
+    mesh.model, mesh.cad = head.get("model"), cad
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

@@ -8,7 +8,7 @@ would be lost silently; they raise an error unless the caller selects the cells.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from antiosc.base.errors import InputError, MeshError
-from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, STATES_UNIT, SizeField
+from antiosc.base.errors import InputError, MeshError, UnmeshableError
+from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
+from antiosc.io.cad import ATTEMPTS, STATES_UNIT
+from antiosc.io.facets import SURFACES
 from antiosc.io.geo_script import CAD
 from antiosc.io.isolation import read_apart
 from antiosc.io.neutral import (
@@ -62,7 +64,10 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         rows = grouped
     label, chosen = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
     raw = RawMesh(mesh.points, mesh.cells[label][chosen], kind_of(label), mesh.convention)
-    raw.told, raw.model = mesh.told, mesh.model
+    raw.told, raw.model, raw.cad = mesh.told, mesh.model, mesh.cad
+    if len(mesh.labels):
+        raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
+        raw.labels[: len(mesh.labels)] = mesh.labels
     if wanted is None:
         _check_lost(mesh, raw, aids, name)
     for group, parts in mesh.groups.items():
@@ -76,7 +81,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         raw = _straightened(raw)
     elif raw.kind.shape == "interval" and raw.kind.order == 2:
         raw = replace(raw, cells=_ends_first(raw, name))
-    return _compact(raw)
+    return compact(raw)
 
 
 def _every_row(mesh: FileMesh) -> Rows:
@@ -125,10 +130,11 @@ def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
 def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
     """MeshError if cells of lower dimension are not faces or edges of the selected ones.
 
-    Curves of a CAD file are no beams: sketches and axes stand there too. They are told.
+    Curves and loose faces of a CAD file are no beams and shells: sketches, axes and construction
+    planes stand there too. They are told.
     """
     drawing = name.lower().endswith(CAD)
-    lost, place, curves = [], 0, 0
+    lost, place, left = [], 0, []
     for label, block in mesh.cells.items():
         kind = kind_of(label)
         if not 0 < kind.dim < raw.kind.dim:
@@ -138,8 +144,8 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
         sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
         own = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
         alone = ~_among(block[:, : kind.vertices], own)
-        if drawing and kind.dim == 1:
-            curves += int(alone.sum())
+        if drawing and alone.any():
+            left.append(("curves", "surfaces")[kind.dim - 1])
         elif alone.any():
             lost.append(f"{alone.sum()} {_NOUNS[kind.dim]} ({label})")
             place = int(block[alone][0, 0])
@@ -151,11 +157,11 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
             'cells="group".'
         )
-    if curves:
+    if left:
         raw.told = [
             *raw.told,
-            f"{name} holds curves that are no edges of its {_NOUNS[raw.kind.dim]}; they are left "
-            "out.",
+            f"{name} holds {' and '.join(sorted(set(left)))} that are no sides of its "
+            f"{_NOUNS[raw.kind.dim]}; they are left out.",
         ]
 
 
@@ -240,7 +246,7 @@ def _straightened(raw: RawMesh) -> RawMesh:
     return replace(raw, cells=cells[:, : linear.nodes], kind=linear)
 
 
-def _compact(raw: RawMesh) -> RawMesh:
+def compact(raw: RawMesh) -> RawMesh:
     """The mesh without unused nodes, and without groups that become empty."""
     if raw.kind in SERENDIPITY.values():
         raise MeshError(
@@ -262,7 +268,10 @@ def _compact(raw: RawMesh) -> RawMesh:
         }
         for name, parts in raw.groups.items()
     }
-    return replace(raw, points=points, cells=new[raw.cells], groups=groups, numbers=used)
+    numbers = raw.numbers[used] if len(raw.numbers) else used
+    labels = raw.labels[used] if len(raw.labels) else raw.labels
+    cells = new[raw.cells]
+    return replace(raw, points=points, cells=cells, groups=groups, numbers=numbers, labels=labels)
 
 
 def read(
@@ -272,28 +281,127 @@ def read(
     refine: Sequence[Refinement] = (),
     *,
     cells: Wanted = None,
+    piece: int | None = None,
     timeout: float | None = None,
     unit: UnitSystem | None = None,
     merge: float | None = None,
     sizes: SizeField | None = None,
+    sound: Callable[[RawMesh], RawMesh] = lambda raw: raw,
     **options: Any,
 ) -> RawMesh:
     """Read or mesh the file `path`; see `antiosc.read_mesh`.
 
-    `sizes`: element sizes all over a geometry; `options`: others of a `Request`.
+    `sizes`: element sizes all over a geometry; `sound`: checks the mesh, and may raise;
+    `options`: others of a `Request`.
     """
+    drawn = path.suffix.lower() in CAD
+    whole = drawn and not options.get("fragments")
     options |= {
+        "piece": piece if whole else None,
         "size": None if size is None else float(size),
         "order": order,
         "refine": [([float(c) for c in point], float(local)) for point, local in refine],
         "sizes": None if sizes is None else vars(sizes),
     }
-    return selected(_content(path, timeout, unit, merge, **options), cells, order, path.name)
+
+    def once(attempt: int) -> RawMesh:
+        content = _content(path, timeout, unit, merge, attempt=attempt, **options)
+        raw = selected(content, cells, order, path.name)
+        if piece is None or (whole and raw.kind.dim == 3):
+            return sound(raw)
+        return sound(one_piece(raw, piece, path.name))
+
+    if drawn or options.get("solid"):
+        return _meshed(once, path.name, drawn)
+    return once(0)
 
 
-def outline(path: Path, unit: UnitSystem | None = None) -> FileMesh:
-    """A geometry, not meshed: a line between the corners of its box [m], and its groups."""
-    return _content(path, None, unit, None, outline=True)
+def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> RawMesh:
+    """The mesh of the first attempt that succeeds; the error of the first if none does.
+
+    `drawn`: the geometry has curvatures; that of triangles has none.
+    """
+    reason: UnmeshableError | None = None
+    ways = [(k, one) for k, one in enumerate(ATTEMPTS) if drawn or not one.curved]
+    for number, attempt in ways:
+        try:
+            raw = once(number)
+        except UnmeshableError as error:
+            reason = reason or error
+            continue
+        if reason is not None:
+            said = str(reason).rstrip(".")
+            raw.told = [*raw.told, f"{said}; it is meshed {attempt.about}."]
+        return raw
+    others = ", ".join(attempt.about for _, attempt in ways[1:])
+    raise UnmeshableError(
+        f"{str(reason).rstrip('.')}; nor {others}: repair {name} in the program that wrote it, or "
+        "give it another size."
+    )
+
+
+# --- Pieces ---------------------------------------------------------------------------------------
+
+
+def piece_of_cells(raw: RawMesh) -> IntArray:
+    """Which piece each cell belongs to (cells,); pieces share no node, and 0 is the largest."""
+    first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
+    ends = (first.ravel(), raw.cells[:, 1:].ravel())
+    graph = coo_matrix((np.ones(first.size, dtype=np.int8), ends), shape=(len(raw.points),) * 2)
+    label = connected_components(graph, directed=False)[1][raw.cells[:, 0]]
+    _, which, count = np.unique(label, return_inverse=True, return_counts=True)
+    rank = np.empty(len(count), dtype=np.int64)
+    rank[np.argsort(-count, kind="stable")] = np.arange(len(count))
+    return rank[which]
+
+
+def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
+    """The cells of one piece, 1 being the largest."""
+    label = piece_of_cells(raw)
+    count = int(label.max()) + 1
+    if piece > count:
+        raise MeshError(f"{name} has {count} pieces that share no node; there is no piece {piece}.")
+    raw = compact(replace(raw, cells=raw.cells[label == piece - 1]))
+    raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
+    if count > 1:
+        raw.told = [*raw.told, f"{name}: piece {piece} of {count} is read, the others are not."]
+    return raw
+
+
+def described_pieces(raw: RawMesh, most: int = 6) -> str:
+    """The pieces in words: rank, name of a group of cells that is one, and size."""
+    label = piece_of_cells(raw)
+    names = _piece_names(raw, label)
+    words = []
+    for k in range(min(int(label.max()) + 1, most)):
+        x = raw.points[np.unique(raw.cells[label == k])]
+        size = " × ".join(f"{1e3 * c:.3g}" for c in np.ptp(x, axis=0))
+        name = f" {names[k]!r}" if k in names else ""
+        words.append(f"{k + 1}{name}: {size} mm")
+    return "; ".join(words) + ("; …" if label.max() >= most else "")
+
+
+def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
+    """Names of groups that hold the first cell of a piece, by the piece."""
+    first = np.unique(label, return_index=True)[1]
+    own = keys(raw.cells[first][:, : raw.kind.vertices])
+    names: dict[int, str] = {}
+    for name, parts in raw.groups.items():
+        if raw.kind.dim in parts:
+            for k in np.flatnonzero(np.isin(own, keys(parts[raw.kind.dim]))):
+                names.setdefault(int(k), name)
+    return names
+
+
+# --- Contents -------------------------------------------------------------------------------------
+
+
+def outline(path: Path, unit: UnitSystem | None = None, **options: Any) -> FileMesh:
+    """A geometry, not meshed: a line between the corners of its box [m], and its groups.
+
+    `options`: "solid", "fragments" and "piece" of a `Request`.
+    """
+    return _content(path, None, unit, None, outline=True, **options)
 
 
 def read_parts(
@@ -328,8 +436,11 @@ def _content(
     suffix = path.suffix.lower()
     solid, size = options.get("solid", False), options.get("size")
     geometry = suffix in GEOMETRY or solid
-    if solid and suffix != ".stl":
-        raise MeshError(f"solid=True fills the closed surface of an .stl file; got {path.name}.")
+    if solid and suffix not in SURFACES:
+        raise MeshError(
+            f"solid=True fills the closed surface of a file of triangles ({', '.join(SURFACES)}); "
+            f"got {path.name}."
+        )
     if options.get("fragments") and suffix not in CAD:
         raise MeshError(
             f"fragments=True joins the solids of CAD files ({', '.join(CAD)}); got {path.name}."
@@ -358,6 +469,7 @@ def _content(
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)
     content.points = content.points * unit.length
+    content.cad = content.cad and content.cad.scaled(unit.length)
     return content if merge is None else merged(content, merge)
 
 
@@ -384,6 +496,7 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
         mesh,
         model=mesh.model and _renumbered(mesh.model, row),
         points=mesh.points[kept],
+        labels=mesh.labels[kept[kept < len(mesh.labels)]],
         cells={kind: row[block] for kind, block in mesh.cells.items()},
         node_sets={name: np.unique(row[nodes]) for name, nodes in mesh.node_sets.items()},
         fixed={n: {d: row[e] for d, e in parts.items()} for n, parts in mesh.fixed.items()},

@@ -14,12 +14,14 @@ import time
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from antiosc.base.errors import AntioscError, MissingDependencyError
 from antiosc.io.neutral import FileMesh, Json
+
+if TYPE_CHECKING:
+    from importlib import metadata
 
 Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
@@ -56,6 +58,10 @@ class Request:
     solid: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
     fragments: bool = False
+    #: the solid alone that is meshed, by its volume: 1 is the largest; None: all
+    piece: int | None = None
+    #: which of the ways to mesh a geometry (`cad.ATTEMPTS`)
+    attempt: int = 0
     #: the box around a geometry and its groups alone, without a mesh
     outline: bool = False
     #: whether all commands of gmsh are permitted
@@ -127,6 +133,8 @@ def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
 
 @functools.lru_cache
 def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]:
+    from importlib import metadata  # its modules for mails take 16 ms of each start
+
     installed = [e for d in metadata.distributions(path=list(path)) for e in d.entry_points]
     every = dict.fromkeys(e for e in [*installed, *_of_source_tree(group)] if e.group == group)
     return tuple(sorted(every, key=lambda one: one.value.startswith(OWN)))
@@ -139,6 +147,8 @@ def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
         project = tomllib.loads(text).get("project", {})
     except (OSError, ValueError):
         return []
+    from importlib import metadata
+
     given = project.get("entry-points", {}) if project.get("name") == "antiosc" else {}
     return [metadata.EntryPoint(name, to, group) for name, to in given.get(group, {}).items()]
 

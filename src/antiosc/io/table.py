@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from antiosc.io import by_gmsh
+from antiosc.io import by_gmsh, exodus, facets
 from antiosc.io.mesh_files import read_by_meshio, read_universal
 from antiosc.io.request import FileReader, loaded, registered
 
@@ -23,6 +23,8 @@ BUILT_IN = {
     ".msh": FileReader(by_gmsh.read, library="gmsh"),
     ".unv": FileReader(read_universal),
     **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
+    **dict.fromkeys(exodus.ENDINGS, FileReader(exodus.read)),
+    **dict.fromkeys(facets.SURFACES, FileReader(facets.read, library="meshio")),
 }
 MESHIO = FileReader(read_by_meshio, library="meshio")
 FIRST_BYTES = 2**20

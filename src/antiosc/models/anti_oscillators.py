@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
-from antiosc.base.errors import InputError
+from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import ReprMixin, engineering
 from antiosc.models import model_file, parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
@@ -281,7 +281,8 @@ class AntiOscillators(ReprMixin, Parameters):
     ) -> ReducedMatrices:
         """K and M of the undamped model, the dofs of the sites first: a superelement.
 
-        Hidden rigid-body motions, which do not move the sites, are left out.
+        A warning tells that a model has damping, which is left out. Hidden rigid-body motions,
+        which do not move the sites, are left out.
 
         Parameters
         ----------
@@ -297,6 +298,8 @@ class AntiOscillators(ReprMixin, Parameters):
         InputError
             Numbers that do not fit the sites, or sites that depend on each other.
         """
+        if self.damping is not None:
+            warn("the damping of the model is left out of its matrices.", AccuracyWarning)
         if self.dependence is not None and len(self.dependence) != self.n_sites:
             raise InputError(
                 "some sites follow from others: extract a model without them for its matrices."

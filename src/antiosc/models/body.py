@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from math import pi, sqrt
 from typing import Any, Protocol, TypedDict, runtime_checkable
 
@@ -21,6 +21,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
+from antiosc.contact.surfaces import Surface
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 
@@ -113,8 +114,14 @@ class ModelInfo(ReprMixin):
         what the estimate of the mesh's error leaves out.
     measured : of a model from measured frequency responses, what its bars follow from.
     doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
+    surfaces : material and curvature at each site, by name, "" of one without, as `Surface.as_dict`
+        has them: the law of a contact follows from them.
     thickness : the least [m] of its sheets, unless these are held along one line alone, as a
         cantilever is: their theory holds for small deflections.
+    cells : of each site, "" without a name: longest edge [m] of the cell there, product of the
+        speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
+    second_order : of each site of a curved sheet, "" without a name: change of the force [1/m] that
+        second-order strain makes, a share of it for each metre of displacement; < 0: softer.
     strike : dofs and errors of the meshes that `strike` has tried.
     notes : anything else, JSON values.
     """
@@ -144,7 +151,10 @@ class ModelInfo(ReprMixin):
     measured: MeasuredBand | None = None
     doubts: Sequence[str] | None = None
     wave_speed: float | None = None
+    surfaces: Mapping[str, Mapping[str, Any]] | None = None
     thickness: float | None = None
+    cells: Mapping[str, Sequence[float]] | None = None
+    second_order: Mapping[str, float] | None = None
     strike: Sequence[Mapping[str, object]] | None = None
     notes: Mapping[str, object] = field(default_factory=dict)
 
@@ -168,6 +178,12 @@ class ModelInfo(ReprMixin):
             if value is None:
                 continue
             checks.instance(f"info.{name}", value, kinds, what)
+            if name == "second_order":
+                for site, share in value.items():
+                    checks.number(f"info.second_order[{site!r}]", share, "1/m")
+            if name == "cells":
+                for site, numbers in value.items():
+                    checks.array(f"info.cells[{site!r}]", numbers, (3,))
             record = _RECORDS.get(name)
             if record is None or isinstance(value, str):
                 continue
@@ -176,6 +192,11 @@ class ModelInfo(ReprMixin):
             for key in record.__annotations__.keys() & value.keys():
                 check = checks.text if key == "note" else partial(checks.array, shape=None)
                 check(f"info.{name}, {key},", value[key])
+
+    @cached_property
+    def known_surfaces(self) -> dict[str, Surface]:
+        """The surfaces of the sites whose material and curvature are known."""
+        return {name: Surface.of(one) for name, one in (self.surfaces or {}).items()}
 
     def as_dict(self) -> dict[str, object]:
         """What is known, as JSON values."""
@@ -196,7 +217,9 @@ class ModelInfo(ReprMixin):
 #: What is read of a file must be of these types, or a model could fail in the midst of a run.
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
-    **dict.fromkeys(("points", "checks", "seconds"), ((Mapping,), "a dict")),
+    **dict.fromkeys(
+        ("points", "checks", "seconds", "surfaces", "cells", "second_order"), ((Mapping,), "a dict")
+    ),
     **dict.fromkeys(("band", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
     **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
     "thickness": ((int, float), "a number"),
@@ -304,6 +327,10 @@ class Body:
     def patch_radius(self) -> float | None:
         """Radius (m) of the patch over which the contact point's displacement is averaged."""
         return None
+
+    def surface(self, site: str = "") -> Surface | None:
+        """The surface of a site, from which the law of a contact follows; None: not known."""
+        return info_of(self).known_surfaces.get(site)
 
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""

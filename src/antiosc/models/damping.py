@@ -171,6 +171,10 @@ UNDAMPED = 1e-24
 UNDAMPED_RIGID = 1e-12
 #: Poles closer than this, relatively, are one repeated pole.
 REPEATED = 1e-10
+#: Distance of neighbouring real poles, relatively, below which they are of one cluster.
+CLUSTERED = 0.05
+#: Share of the largest singular value of a branch's factor below which it has no spring.
+SPRINGLESS = 1e-9
 #: Errors of the receptance, relative: one that serves, and the largest.
 EXACT, INEXACT = 1e-7, 1e-4
 #: Relative change of a damping whose poles fall together.
@@ -187,6 +191,7 @@ class FirstOrder:
     at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
     brake : (J, 2 I) what the damping takes from their accelerations.
     inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
+    at_springs : of each branch (J, 2 I) the displacements q - z of its spring by (a, b).
     """
 
     omega: Array
@@ -195,6 +200,7 @@ class FirstOrder:
     at_v: Array
     deceleration: Array
     inverse: Array
+    at_springs: Sequence[Array]
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
         """b'(...)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
@@ -302,6 +308,15 @@ class StackedModes:
             deceleration[:, free] = both @ first.deceleration.T
         return q, v, deceleration
 
+    def springs(self, a: Array, b: Array) -> list[list[Array]]:
+        """Displacements (n, J) of the spring of each branch, body by body."""
+        return [
+            []
+            if first is None
+            else [np.hstack([a[:, own], b[:, own]]) @ each.T for each in first.at_springs]
+            for _, own, _, first in self._spans()
+        ]
+
     @property
     def undamped(self) -> BoolArray:
         """Whether each free mode (J,) is undamped."""
@@ -347,7 +362,8 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     touched = own > UNDAMPED * own.max(initial=0.0)
     touched[rigid] = values > UNDAMPED_RIGID * own.max(initial=0.0)
     coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
-    w, d, S, JS, braked = _modes(omega[coupled], in_coordinates(damping, turn[:, coupled]))
+    own_damping = in_coordinates(damping, turn[:, coupled])
+    w, d, S, JS, braked, stretched = _modes(omega[coupled], own_damping)
     k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
     first = np.concatenate((np.arange(free), both + np.arange(free)))
     second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
@@ -359,16 +375,24 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
     deceleration = np.zeros((J, 2 * both))
     deceleration[np.ix_(coupled, second)] = braked
+    springs, row = [], 0
+    for L, _ in own_damping.factors:
+        moved, end = np.zeros((J, 2 * both)), row + len(L)
+        moved[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
+        springs.append(moved)
+        row = end
     whole = scipy.linalg.block_diag(turn, turn)
     w, d = np.append(omega[alone], w), np.append(np.zeros(free), d)
     states, dual = whole @ states, whole @ dual
     upper, lower = np.split(dual.T, 2)  # T^-1 of them
     inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
-    return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse)
+    return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse, springs)
 
 
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
-    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, decelerations; all modes are damped.
+    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, decelerations, L q - xi of branches.
+
+    All modes are damped.
 
     The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
     skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
@@ -385,6 +409,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     sign = np.concatenate((-np.ones(e), np.ones(k), -np.ones(tau.size)))
     poles, Z = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
     poles, Z = poles.astype(complex), Z.astype(complex)
+    for cluster in _real_clusters(poles):
+        poles[cluster], Z[:, cluster] = _in_subspace(A, sign, poles[cluster], Z[:, cluster])
     Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
     Y[:k], Y[k : 2 * k] = Z[v] / poles, Z[v]
     Y[moving] = Z[q] / omega[moving, None]
@@ -418,8 +444,41 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     S = np.array(shapes).reshape(2 * w.size, len(Y)).T
     relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
     JS = np.vstack([relaxed, S[:k]])  # xi = L q
-    deceleration = damping.matrix @ S[k : 2 * k] + L.T @ (L @ S[:k] - S[2 * k :])
-    return w, d, S[: 2 * k], JS, deceleration
+    stretched = L @ S[:k] - S[2 * k :]
+    deceleration = damping.matrix @ S[k : 2 * k] + L.T @ stretched
+    return w, d, S[: 2 * k], JS, deceleration, stretched
+
+
+def _real_clusters(poles: Numbers) -> list[list[int]]:
+    """Indices of real poles so near to each other that rounding mixes their modes."""
+    real = np.flatnonzero(np.abs(poles.imag) <= CLUSTERED * np.abs(poles))
+    order = real[np.argsort(poles[real].real)]
+    value = poles[order].real
+    ends = np.flatnonzero(np.diff(value) > CLUSTERED * np.abs(value[:-1])) + 1
+    return [each.tolist() for each in np.split(order, ends) if each.size > 1]
+
+
+def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
+    """The poles and modes of a cluster from its invariant subspace, which is well conditioned.
+
+    In it Z' sign Z = Y'JAY is of one sign: the modes are those of a symmetric matrix. Otherwise
+    the poles and modes are returned as they are.
+    """
+    low, high = poles.real.min() * (1 + CLUSTERED / 2), poles.real.max() * (1 - CLUSTERED / 2)
+
+    def inside(re: complex, im: float = 0.0) -> bool:
+        pole = re + 1j * im
+        return bool(abs(pole.imag) <= CLUSTERED * abs(pole) and low <= pole.real <= high)
+
+    T, basis, size = scipy.linalg.schur(A, sort=inside)
+    basis = basis[:, :size]
+    values, turn = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
+    if size != poles.size or values[0] * values[-1] <= 0:
+        return poles, Z
+    scale = np.sqrt(np.abs(values))
+    reduced = turn.T @ T[:size, :size] @ turn * scale[:, None] / scale
+    found, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
+    return found + 0j, basis @ (turn / scale @ vectors) + 0j
 
 
 def _groups(poles: Numbers) -> list[list[int]]:

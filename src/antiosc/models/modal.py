@@ -510,7 +510,7 @@ def columns_of_sites(
     named = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
     found = {}
     for name, columns in named:
-        found[checks.text("the name of a site", name)] = tuple(
+        found[checks.name("the name of a site", name)] = tuple(
             checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
             for i in checks.column(f"columns of site {name!r}", columns).tolist()
         )

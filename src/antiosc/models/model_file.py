@@ -15,11 +15,9 @@ so that eliminating η gives Z(ω). One site has P_i = √m_i.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import stat
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -27,12 +25,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.lib import format as npy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from antiosc.base import checks, files
+from antiosc.base import archives, checks, files
 from antiosc.base._types import Array, IntArray
+from antiosc.base.archives import Arrays
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import FieldsRepr
 from antiosc.io.dof_map import component_of
@@ -47,13 +45,9 @@ FORMAT = "antiosc-model"
 #: the newest version that is read
 VERSION = 2
 
-#: Largest member of an archive in bytes. A model of a million anti-oscillators takes 8 MB.
-_LARGEST = 2**26
-#: Most members of an archive.
-_MEMBERS = 100
+#: Most bytes of a file's arrays. Each of a million anti-oscillators takes 8 MB.
+_LARGEST = 2**27
 
-Member: TypeAlias = NDArray[Any]
-Arrays: TypeAlias = dict[str, Member]
 #: what JSON has by name
 Named: TypeAlias = dict[str, Any]
 
@@ -64,8 +58,7 @@ def write(path: str | os.PathLike[str], header: Mapping[str, object], arrays: Ar
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"model.info must hold JSON values only: {error}.") from None
-    with files.atomic_file(path, "the model") as part, part.open("wb") as stream:
-        np.savez(stream, **{"header": np.array(text), **arrays})  # type: ignore[arg-type]
+    archives.write_arrays(path, {"header": np.array(text), **arrays}, "the model")
 
 
 def read(
@@ -76,23 +69,18 @@ def read(
 ) -> tuple[Named, Arrays]:
     """Read a file of format `expected` that has the arrays `needed`; returns header and arrays.
 
-    InputError for another file, or one with arrays of more than `largest` bytes.
+    InputError for another file, or one with more than `largest` bytes of arrays.
     """
     source = checks.path("path", path)
     _check_regular(source)
+    what = f"an {expected} file"
+    arrays = archives.read_arrays(source, largest, what)
     try:
-        with zipfile.ZipFile(source) as archive:
-            members = archive.infolist()
-            if len(members) > _MEMBERS:
-                raise ValueError(f"{len(members)} members")
-            arrays = {
-                m.filename.removesuffix(".npy"): _member(archive, m, largest) for m in members
-            }
         header = json.loads(str(arrays.pop("header")))
         version = header["version"] if header.get("format") == expected else VERSION
         newer = bool(version > VERSION)
-    except Exception:  # NumPy, zipfile and JSON raise what they like on foreign bytes
-        raise InputError(f"{path} is not an {expected} file, or it is damaged.") from None
+    except (KeyError, TypeError, ValueError, RecursionError, AttributeError):
+        raise InputError(f"{path} is not {what}, or it is damaged.") from None
     if header.get("format") != expected:
         raise InputError(
             f"{path} has format {checks.shown(header.get('format'))}, expected {expected!r}."
@@ -114,18 +102,6 @@ def _check_regular(path: Path) -> None:
         raise InputError(f"there is no model file {path}{reason}.") from None
     if not stat.S_ISREG(mode):
         raise InputError(f"there is no model file {path}: it is a folder or a device.")
-
-
-def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> Member:
-    """One array of numbers or text; ValueError for others, and if its header and size disagree."""
-    if member.file_size > largest:
-        raise ValueError(f"{member.filename} has {member.file_size} bytes")
-    with archive.open(member) as stream:
-        content = io.BytesIO(stream.read())  # no more than that, whatever is compressed
-    array = np.asarray(npy.read_array(content, allow_pickle=False))
-    if array.dtype.kind not in "fiuU" or content.read(1):
-        raise ValueError(f"{member.filename} holds {array.dtype} of shape {array.shape}, and more")
-    return array
 
 
 #: Arrays of a file -> their unit and meaning.

@@ -12,7 +12,8 @@ stiffness. The virtual work of all forces on it is the reaction of that support,
 
 the mode-acceleration form: it contains the whole quasi-static reaction, whatever the number of
 modes in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the
-force and the inertia of the reduced motion balance to rounding.
+force and the inertia of the reduced motion balance to rounding. The ground end of a spring is
+released as a support is; dampers and branches do the work gᵀ(C u' + G ε) besides.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames, listing, write_frames, write_vtx
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
+from antiosc.fem.recovery.relaxation import branches_of_materials, other_damping
 from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.modal import superposed
@@ -73,7 +75,8 @@ def write_series(
 ) -> Path:
     """Write the displacement field as a series that ParaView opens.
 
-    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) where dolfinx has ADIOS2.
+    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) where dolfinx has ADIOS2. The sag of
+    a held body under its own weight is not in it.
 
     Parameters
     ----------
@@ -222,6 +225,13 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
 
 
+def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
+    """Factors (n, B (1 + branches)) of columns of stress, as `with_branches` has them."""
+    springs = histories.spring_amplitudes(history, times, body)
+    own = [springs[k] for k in branches_of_materials(structure, len(springs))]
+    return np.hstack([histories.amplitudes(history, times, body), *own])
+
+
 def checked_shapes(
     structure: Structure, history: AnyHistory, body: str, limits: tuple[float, float]
 ) -> tuple[Array, ...]:
@@ -252,7 +262,7 @@ def checked_shapes(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reactions(ReprMixin):
-    """Forces and moments of the supports on a part.
+    """Forces and moments of the supports, and of springs and dampers to the ground, on a part.
 
     Attributes
     ----------
@@ -265,7 +275,8 @@ class Reactions(ReprMixin):
 
     The names of the supports are their groups, or "support 1" and on, in the order of the
     structure's list; in an assembly those of the parts come first, as "part:group" and
-    "part:support 1". A dof that two supports hold is counted with the first.
+    "part:support 1". A dof that two supports hold is counted with the first. Springs, dampers and
+    footings follow with their names, "spring 1" and on; those of a deck's joints as one.
     """
 
     time: Array
@@ -277,7 +288,7 @@ class Reactions(ReprMixin):
 
     @property
     def total(self) -> Array:
-        """(n, 3) sum of the forces of all supports, N: inertia − applied where they hold it."""
+        """(n, 3) sum of all forces on the ground, N: inertia − applied."""
         return np.asarray(sum(self.force.values()))
 
 
@@ -291,7 +302,7 @@ def reactions(
     *,
     body: str = "structure",
 ) -> Reactions:
-    """Reactions of every support: of the contact forces, the loads and the inertia.
+    """Reactions of every support, spring and damper: of contact forces, loads and inertia.
 
     Parameters
     ----------
@@ -308,15 +319,18 @@ def reactions(
     Notes
     -----
     They are the changes due to the impact: the weight that the supports carry at rest is not in
-    them. Damping forces are not part of them: those of `Damping(alpha=…)` act on the ground without
-    the supports. Where several supports hold the two sides of a joint, the joint carries no force
-    there: each support carries what its own part brings.
+    them. A footing has the force of its soil in one row. Dampers and branches have the velocities
+    and states of the model. The forces of a `Damping`, ratios of the modes, are not part of the
+    reactions: those of `Damping(alpha=…)` act on the ground without the supports. Where several
+    supports hold the two sides of a joint, the joint carries no force there: each support carries
+    what its own part brings.
 
     Raises
     ------
     InputError
-        A structure without supports, of given matrices or with superelements; sites that are not
-        those of the model; a moving ground; gravity on a part that its supports let slide.
+        A structure that nothing holds, of given matrices or with superelements; sites that are not
+        those of the model; a model with other damping than the structure; a moving ground; gravity
+        on a part that its supports let slide.
     """
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
@@ -341,6 +355,14 @@ def reactions(
     comm = structure.comm
     accelerations = histories.amplitudes(history, at, body, 2)
     found = accelerations @ dot(comm, shapes, moved) - forces @ work
+    velocities = histories.amplitudes(history, at, body, 1)
+    springs = histories.spring_amplitudes(history, at, body)
+    terms = released.damping(shapes)
+    undamped = histories.modes_of(history, body).damping is None
+    if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
+        raise InputError(other_damping("the force of a damper"))
+    for tau, by_motion in terms:
+        found += (velocities if tau is None else springs.pop(0)) @ by_motion.T
     names = list(released.centres)
     return Reactions(
         time=at,

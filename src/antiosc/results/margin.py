@@ -18,13 +18,13 @@ import numpy as np
 from antiosc.base._types import Array, IntArray
 from antiosc.base.stresses import Strengths, equivalent, exposure, extreme_principal
 from antiosc.base.texts import ReprMixin, engineering, point_text
-from antiosc.contact import Hertz
-from antiosc.contact.geometry import effective_modulus, hertz_pressure
-from antiosc.fem.assembly import with_parts
+from antiosc.contact.geometry import hertz_pressure
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import NodeTensors, Place, layers_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories import AnyHistory, History, amplitudes
+from antiosc.results.fields import stress_amplitudes
+from antiosc.simulation.histories import AnyHistory, History
+from antiosc.simulation.histories.verdict import yields
 
 #: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
@@ -50,7 +50,7 @@ class Margin(ReprMixin):
     point : (3,) where, m.
     time : when, s.
     layer, surface : of a laminate: number of the layer, from the bottom, and its surface.
-    contact : a sentence where the contact itself yields, which the values leave out; "" otherwise.
+    contact : whether the contact itself yields, which the values leave out.
     """
 
     criterion: str
@@ -60,7 +60,7 @@ class Margin(ReprMixin):
     time: float
     layer: int | None = None
     surface: str | None = None
-    contact: str = ""
+    contact: bool = False
 
     @property
     def exposure(self) -> float:
@@ -74,7 +74,7 @@ class Margin(ReprMixin):
 
     @property
     def reached(self) -> bool:
-        """Whether yield or failure is reached."""
+        """Whether yield or failure is reached, of a contact that yields also away from it."""
         return self.exposure >= 1
 
     @property
@@ -92,8 +92,9 @@ class Margin(ReprMixin):
             )
         else:
             used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"
-        beside = f"; {self.contact}" if self.contact else ""
-        return f"{verdict}: {used}; margin of safety {self.margin:.3g}{beside}"
+        if self.contact:
+            verdict = "away from the contact, which yields"
+        return f"{verdict}: {used}; margin of safety {self.margin:.3g}"
 
     def __str__(self) -> str:
         return self.sentence
@@ -276,46 +277,20 @@ class HertzContact(NamedTuple):
         """The pressure over that at first yield."""
         return self.pressure / (FIRST_YIELD * self.strength)
 
-    def warning(self, remedy: str = "{}") -> str:
-        """The warning of a contact that yields, with the law for it as `remedy`; else ""."""
+    def warning(self) -> str:
+        """The warning of a contact that yields; "" for one that does not."""
         if not self.share > 1:
             return ""
-        radius = (0.75 * self.stiffness / self.modulus) ** 2
-        numbers = ", ".join(f"{n:.4g}" for n in (self.modulus, radius, FIRST_YIELD * self.strength))
-        law = remedy.format(f"Thornton.from_material({numbers})")
         return (
             f"under the contact itself the pressure is {engineering(self.pressure, 'Pa')},"
             f" {self.share * FIRST_YIELD:.3g} times the yield strength: from {FIRST_YIELD:g} times"
-            f" on it yields there, and Hertz's force is too high; take {law}"
+            " on it yields there, and the force of this law is too high"
         )
 
 
-def contact_yield(structure: Structure, shapes: Array, history: AnyHistory) -> str:
-    """The warning of a pressure above that of first yield; "" where it is lower or unknown.
-
-    Known of the one contact of `simulate` by Hertz's law, of an elastic impactor and a part of one
-    isotropic material.
-    """
-    if not isinstance(history, History) or len(history.contact_histories) > 1:
-        return ""
-    law = history.assembly.scene.contacts[0].law
-    if not isinstance(law, Hertz) or not history.peak_force > 0:
-        return ""
-    members = with_parts(structure).fields(shapes, None)
-    materials = {id(one): one for member, _ in members for one, _ in member.part.parts}
-    striker = history.impactor
-    given = [getattr(striker, name, None) for name in ("E", "nu")]
-    given += [
-        getattr(one, name, None)
-        for one in materials.values()
-        for name in ("E", "nu", "yield_strength")
-    ]
-    own = [value for value in given if isinstance(value, float)]
-    if len(own) != 5 or len(given) != 5:
-        return ""
-    E, nu, part_E, part_nu, strength = own
-    modulus = effective_modulus(E, nu, part_E, part_nu)
-    return HertzContact(law.stiffness, modulus, history.peak_force, strength).warning()
+def contact_yields(history: AnyHistory) -> bool:
+    """Whether a contact of `simulate`, `strike` or a scene yields."""
+    return isinstance(history, History) and any(map(yields, history.contact_histories))
 
 
 #: Jumps over the largest stress from which the mesh does not resolve it.
@@ -336,7 +311,7 @@ def mesh_error(
     from antiosc.fem.fields.mesh_fields import stress_jumps  # needs dolfinx
 
     at, number = np.unique(times, return_inverse=True)
-    factors = amplitudes(history, at, body)[number.ravel()]
+    factors = stress_amplitudes(structure, history, at, body)[number.ravel()]
     return stress_jumps(structure, shapes, factors, part)
 
 

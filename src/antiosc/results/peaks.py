@@ -37,7 +37,7 @@ from antiosc.fem.platform import collective, warn
 from antiosc.fem.recovery import Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.results import margin
-from antiosc.results.fields import history_key, shapes_of
+from antiosc.results.fields import history_key, shapes_of, stress_amplitudes
 from antiosc.results.margin import Margin, Maxima, Search, mesh_error
 from antiosc.results.pictures import outer_faces
 from antiosc.simulation.histories import History, amplitudes, modal_amplitudes, times_of
@@ -440,11 +440,16 @@ def peak_field(
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     search: Search
+    factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
+    if recovered == "stress":
+        factors = functools.partial(stress_amplitudes, structure, history, body=body)
     if times is None and not isinstance(history, BodyHistory):
-        motion = _motion(history, at, body, derivative)
-        search = functools.partial(refined_maxima, motion)
+        omega, modal, sizes = modal_amplitudes(history, at, body, derivative)
+        # a spring is stretched by no more than the body
+        modal = np.tile(modal, factors(times=at[:1]).shape[1] // max(modal.shape[1], 1))
+        search = functools.partial(refined_maxima, BodyMotion(at, factors, omega, modal, sizes))
     else:
-        search = functools.partial(_at_times, amplitudes(history, at, body, derivative), at)
+        search = functools.partial(_at_times, factors(times=at), at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(moved, _length))
@@ -477,8 +482,8 @@ def peak_field(
         elif result.values.any():
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
-        sentence = margin.contact_yield(structure, shapes, history)
-        result = replace(result, _margin=replace(result._margin, contact=sentence))
+        dented = margin.contact_yields(history)
+        result = replace(result, _margin=replace(result._margin, contact=dented))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -489,15 +494,6 @@ def peak_field(
             AccuracyWarning,
         )
     return result
-
-
-def _motion(history: History, nodes: Array, body: str, derivative: int) -> BodyMotion:
-    """Return the motion of a body over the run in terms of its modes."""
-    return BodyMotion(
-        nodes,
-        lambda t: amplitudes(history, t, body, derivative),
-        *modal_amplitudes(history, nodes, body, derivative),
-    )
 
 
 def _at_times(

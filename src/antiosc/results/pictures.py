@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, surfaces
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.archives import Arrays
 from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import InputError
 from antiosc.base.surfaces import Deformed
@@ -118,7 +119,7 @@ class SavedFields(ReprMixin):
         kinds = [kind for kind, _ in self.cells]
         header = {"format": FORMAT, "version": model_file.VERSION, "kinds": kinds}
         own = {"points": self.points, "shapes": self.shapes, "time": self.time}
-        arrays: model_file.Arrays = {**own}
+        arrays: Arrays = {**own}
         arrays |= {f"cells{i}": cells for i, (_, cells) in enumerate(self.cells)}
         model_file.write(target, header, {**arrays, "factors": self.factors})
         return target

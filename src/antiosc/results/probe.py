@@ -26,7 +26,7 @@ from antiosc.fem.platform import collective, on_root
 from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
 from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.results.fields import history_key, shapes_of
+from antiosc.results.fields import history_key, shapes_of, stress_amplitudes
 from antiosc.simulation.histories import History, amplitudes, times_of
 from antiosc.simulation.histories.parts import BodyHistory
 
@@ -49,10 +49,11 @@ OFF_GAUGE = 0.05
 def probe(
     structure: Structure,
     history: History | BodyHistory,
-    point: Sequence[float] | str,
+    point: Sequence[float] | str | None = None,
     quantity: str = "displacement",
     times: ArrayLike | None = None,
     *,
+    node: int | None = None,
     body: str = "structure",
     part: str | None = None,
     surface: str | Sequence[float] = "top",
@@ -88,6 +89,8 @@ def probe(
         surface, or y where x is near its normal. N and N m, N/m and N.
     times : array_like (n,), optional
         Times in s; default: those of the history. It may also be the fourth argument.
+    node : int
+        In place of a point: the number of a node in the file of the mesh or deck.
     body : str
         Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
         the only one that has shapes).
@@ -118,7 +121,9 @@ def probe(
     Strains are those of the cell that has the point, not averaged with its neighbours'. The stress
     under the contact itself is that of the contact law (Hertz), not that of the mesh. Velocity and
     acceleration follow from the equations of motion; they do not contain the part of the
-    displacement that follows the force without inertia (`ModalBody.residual`).
+    displacement that follows the force without inertia (`ModalBody.residual`). The weight of a body
+    that supports hold is in none of the quantities, which are those from its equilibrium under
+    gravity.
 
     Raises
     ------
@@ -139,7 +144,9 @@ def probe(
     elif isinstance(point, str):
         snap = inf
     reach = Reach("the point of the probe", snap)
-    x, part, end = point_of(structure, point, part)
+    if (point is None) == (node is None):
+        raise InputError("a probe takes a point or the number of a node.")
+    x, part, end = point_of(structure, point, part, node)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     if end is None:
@@ -149,7 +156,10 @@ def probe(
         ]
     else:
         columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
-    factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
+    if quantity in ("stress", "von_mises", "section_forces"):
+        factors = stress_amplitudes(structure, history, at, body)
+    else:
+        factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
     if quantity == "von_mises":
         return np.max([von_mises(_over_time(one, factors)) for one in columns], axis=0)
     return _over_time(columns[0], factors)

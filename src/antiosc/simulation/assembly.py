@@ -19,7 +19,7 @@ import numpy as np
 from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.contact import ContactLaw, Hertz, State
+from antiosc.contact import ContactLaw, State
 from antiosc.models.body import is_thin
 from antiosc.simulation import scene_parts
 from antiosc.simulation.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
@@ -119,7 +119,11 @@ def contact_scales(
     most = float(speed.max())
     if most == 0.0:
         nothing = np.full(p, 1e-300)
-        return ContactScales(nothing, nothing.copy(), np.zeros((p, 2)), duration / 16)
+        rubbing = np.array(
+            [(one.friction, one.tangential_stiffness or 1.0) for one in scene.contacts]
+        )
+        rubbing[rubbing[:, 0] == 0.0] = 0.0
+        return ContactScales(nothing, nothing.copy(), rubbing, duration / 16)
     speed = np.where(speed > 1e-6 * most, speed, most)
     depth, friction, contact_time = np.zeros(p), np.zeros((p, 2)), duration / 2
     for c, law in enumerate(laws):
@@ -186,17 +190,16 @@ def _largest_component(beta: Array, modal: Array) -> Array:
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
     """The law of a contact without the half-space compliance [m/N] of its patches, and notes."""
-    if local == 0.0:
+    if local == 0.0 or law.compliance > 0.0:
         return law, []
-    if not isinstance(law, Hertz):
+    less = law.without(local)
+    if less is law:
         return law, [
             f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
-            f" {type(law).__name__} is not Hertz's law."
+            f" {law.theory} has less flexibility than they."
         ]
-    if law.compliance > 0.0:
-        return law, []
-    return law.without(local), [
-        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from Hertz's law"
+    return less, [
+        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from {law.theory}"
         f" of {a!r} - {b!r}, so that the indentation is counted once."
     ]
 
@@ -263,6 +266,11 @@ class Assembly:
         """The columns of each body among those of all."""
         return self._stacked.columns
 
+    def row(self, contact: int, begin: int) -> Array:
+        """Row of a contact over the columns of the body whose modes begin at `begin`."""
+        name = next(n for n, own in self.spans.items() if own.start == begin and own.stop > begin)
+        return self.G[contact, self.columns[name]]
+
     @property
     def B(self) -> Array:
         """Displacements (J, P) of all columns."""
@@ -312,8 +320,10 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
     beta = np.ascontiguousarray(G @ stacked.B.T)
     mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
     v = np.concatenate([b.start for b in bodies.values()])
+    q = np.concatenate([b.initial_displacements for b in bodies.values()])
     gaps = offsets[0, : len(laws)]
-    expected = contact_scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
+    speeds = v if v.any() else omega * q  # of what is let go
+    expected = contact_scales(scene, laws, mass, beta, speeds, loads, gaps, local, duration)
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
@@ -325,7 +335,7 @@ def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
         laws=laws,
         slip=expected.friction,
         tangents=np.array(tangents, dtype=np.int64),
-        q=np.concatenate([b.initial_displacements for b in bodies.values()]),
+        q=q,
         v=v,
         mass=mass,
         depth=expected.depth,

@@ -21,6 +21,7 @@ from antiosc.base.progress import counting
 from antiosc.base.texts import ReprMixin
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody, info_of
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.simulation.histories import History
 from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.results import (
@@ -164,6 +165,16 @@ def _executor_error(error: Exception) -> AntioscError:
     return found
 
 
+def rows_of(found: Any, size: int) -> list[Any] | AntioscError:
+    """The rows that a part of `size` calls gave, or the error of an executor that gave others."""
+    if isinstance(found, AntioscError) or (isinstance(found, list) and len(found) == size):
+        return found
+    return AntioscError(
+        f"the executor returned {checks.shown(found)} for {size} results: it must return what"
+        " the function that it is given returns."
+    )
+
+
 def check_earlier(length: int, size: int) -> None:
     if length != size:
         raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
@@ -227,8 +238,8 @@ class Batch(ReprMixin):
 def simulate_many(
     models: LinearBody | Sequence[LinearBody],
     impactors: LinearBody | Sequence[LinearBody],
-    contacts: ContactLaw | Sequence[ContactLaw],
-    duration: ArrayLike,
+    contacts: AnyLaw | Sequence[AnyLaw] = AUTO,
+    duration: ArrayLike = checks.REQUIRED,
     method: str = "exact",
     *,
     n: int | str | None = None,
@@ -247,7 +258,7 @@ def simulate_many(
     Parameters
     ----------
     models, impactors, contacts
-        One for all scenes, or a sequence with one per scene (see `sweep`).
+        As for `simulate`: one for all scenes, or a sequence with one per scene (see `sweep`).
     duration, step, initial_velocity, gravity, gap : float or (S,)
         As for `simulate`, for all scenes or one per scene.
     method, n, tol, max_contacts, max_steps
@@ -289,6 +300,7 @@ def simulate_many(
     movers, speeds = columns["impactors"], columns["initial_velocity"]
     plausible.warn_each([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
     steps = cast("list[float | None]", columns.pop("step"))
+    columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
     rows = _rows_of(earlier, size)
     todo = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
@@ -307,6 +319,7 @@ def simulate_many(
         else:
             found = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
         for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
+            result = rows_of(result, len(part))
             if isinstance(result, AntioscError):
                 result = [_failed(result)] * len(part)
             for i, row in zip(part, result, strict=True):
@@ -326,6 +339,21 @@ def simulate_many(
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
     return _batch_of(rows)
+
+
+def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
+    """The laws of scenes, chosen where they are "auto"; InputError names the scene."""
+    found: dict[tuple[int, int], ContactLaw] = {}
+    laws = list(given)
+    for i, pair in enumerate(zip(models, impactors, strict=True)):
+        if laws[i] != AUTO:
+            continue
+        key = id(pair[0]), id(pair[1])
+        try:
+            found[key] = laws[i] = found.get(key) or law_of(AUTO, *pair)
+        except InputError as error:
+            raise InputError(f"scene {i}: {error}") from error
+    return laws
 
 
 def _warn_of_worst(

@@ -24,6 +24,7 @@ from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.contact import Gonthier, Hertz
+from antiosc.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.damping import StackedModes
@@ -44,6 +45,10 @@ class RigidMass(Checked, Body):
     tip_radius, E, nu : float, optional
         Radius [m] of its spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
         `hertz` needs all three.
+    yield_strength : float, optional
+        Of the tip [Pa].
+    material : str or a material, optional
+        Of the tip, in place of E, nu and yield_strength: a name, as of `material`, or a `Solid`.
     """
 
     mass: float = field(metadata=checked_by(checks.positive, "kg"))
@@ -55,6 +60,23 @@ class RigidMass(Checked, Body):
     nu: float | None = field(
         default=None, kw_only=True, metadata=checked_by(lambda _, nu: checks.poisson(nu))
     )
+    yield_strength: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(checks.positive, "Pa")
+    )
+    material: str | object | None = field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.material is None and self.E is None:
+            return
+        matter = matter_of(self.material, self.E, self.nu, self.yield_strength)
+        checks.store(self, material=matter, **_constants(matter))
+
+    def surface(self, site: str = "") -> Surface | None:
+        """Its spherical tip; None where its radius or material is not known."""
+        if self.tip_radius is None or not isinstance(self.material, Matter):
+            return None
+        return ball(self.material, self.tip_radius)
 
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
@@ -88,6 +110,10 @@ class Sphere(FieldsRepr, Body):
         [m/s], > 0 toward the structure.
     mass : float
         [kg], in place of rho.
+    yield_strength : float, optional
+        [Pa].
+    material : str or a material, optional
+        In place of E, nu, rho and yield_strength: a name, as of `material`, or a `Solid`.
     """
 
     radius: float
@@ -95,29 +121,40 @@ class Sphere(FieldsRepr, Body):
     nu: float
     rho: float
     velocity: float
+    yield_strength: float | None = None
+    material: str | object | None = field(default=None, repr=False)
 
     def __init__(
         self,
         radius: float,
-        E: float,
-        nu: float,
+        E: float | None = None,
+        nu: float | None = None,
         rho: float | None = None,
         velocity: float = 0.0,
         *,
         mass: float | None = None,
+        yield_strength: float | None = None,
+        material: str | object | None = None,
     ) -> None:
+        if material is not None and rho is None and mass is None:
+            rho = density_of(material)
         if (rho is None) == (mass is None):
-            raise InputError("a Sphere needs rho or mass, one of them.")
+            raise InputError("a Sphere needs rho or mass, one of them, or material=.")
+        if material is None and (E is None or nu is None):
+            raise InputError("a Sphere needs E and nu, or material=, the name of one.")
         radius = checks.positive("radius", radius, "m")
         if mass is not None:
             rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
+        given = None if E is None else checks.positive("E", E, "Pa")
+        ratio = None if nu is None else checks.poisson(nu)
+        matter = matter_of(material, given, ratio, yield_strength)
         checks.store(
             self,
             radius=radius,
-            E=checks.positive("E", E, "Pa"),
-            nu=checks.poisson(nu),
             rho=checks.positive("rho", rho, "kg/m^3"),
             velocity=checks.number("velocity", velocity, "m/s"),
+            material=matter,
+            **_constants(matter),
         )
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
             plausible.warn_each([plausible.of_sphere(self.radius, self.rho)])
@@ -127,6 +164,10 @@ class Sphere(FieldsRepr, Body):
         """Mass [kg]."""
         return self.rho * 4 / 3 * pi * self.radius**3
 
+    def surface(self, site: str = "") -> Surface | None:
+        """Its surface."""
+        return ball(self.material, self.radius) if isinstance(self.material, Matter) else None
+
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
     ) -> Hertz:
@@ -135,6 +176,12 @@ class Sphere(FieldsRepr, Body):
 
     def modal(self) -> ModalBody:
         return _mass_modes(self.mass)
+
+
+def _constants(matter: Matter | None) -> dict[str, float | None]:
+    """E, nu and yield strength of a material."""
+    names = ("E", "nu", "yield_strength")
+    return {name: getattr(matter, name, None) for name in names}
 
 
 #: The modes of an obstacle.
@@ -156,6 +203,10 @@ class Obstacle(FieldsRepr, Body):
                 f" velocity = {velocity:g}."
             )
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
+
+    def surface(self, site: str = "") -> Surface | None:
+        """A rigid plane."""
+        return Surface(RIGID)
 
     def modal(self) -> ModalBody:
         return _NO_MODES
@@ -183,6 +234,10 @@ class Impactor(FieldsRepr, Body):
     def patch_radius(self) -> float | None:
         """Radius [m] of the patch of the body's site; None: a point."""
         return checked_body("body", self.body).patch_radius
+
+    def surface(self, site: str = "") -> Surface | None:
+        """That of the body's site."""
+        return checked_body("body", self.body).surface(site)
 
     def modal(self) -> ModalBody:
         return self.body.modal()
@@ -415,7 +470,7 @@ class RigidBody(FieldsRepr):
         sites = {}
         checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
         for name, site in self.sites.items():
-            checks.text("the name of a site", name)
+            checks.name("the name of a site", name)
             if not isinstance(site, tuple | list) or len(site) != 2:
                 raise InputError(
                     f"site {name!r} must be (point, direction); got {checks.shown(site)}."

@@ -46,6 +46,7 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import NO_ESTIMATE, energy_error
 from antiosc.simulation.histories import History, parts
 from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.simulation.law_error import ByLaw, law_errors
 from antiosc.simulation.truncation import WARN_SHARE, truncation_error, truncation_share
 
 LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
@@ -197,9 +198,9 @@ MOST_GAP = 0.5
 NO_PATCH = "Not included: the radius of the patch."
 
 
-def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
-    """The bars of a run; `rerun(model, tol)` is the same impact on another model, with the exact
-    method and a step that meets the tolerance."""
+def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
+    """The bars of a run; `rerun(model, tol)` is the same impact on another model, and `by_law(law,
+    tol)` by another law, with the exact method and a step that meets the tolerance."""
     model = hit.model
     if not isinstance(model, AntiOscillators):
         raise InputError(NO_ESTIMATE)
@@ -217,17 +218,22 @@ def error_budget(hit: History, rerun: Rerun) -> ErrorBudget:
     patch, patch_notes = _patch(impact)
     geometry, geometry_notes = _geometry(impact, weights)
     family, model_notes = model_errors(impact)
+    law, left_out = law_errors(raw, by_law, tol)
     shares = {
         "mesh": mesh, "truncation": truncated, "time": _time(hit, raw, tol), "patch": patch,
         "geometry": geometry, "noise": noise, "band": band, "model": family,
     }  # fmt: skip
     bars = {
-        name: ErrorBar(getattr(hit, name), **{cause: own[name] for cause, own in shares.items()})
+        name: ErrorBar(
+            getattr(hit, name),
+            **{cause: own[name] for cause, own in shares.items()},
+            law=None if law is None else law[name],
+        )
         for name in QUANTITIES
     }
     band_notes = filter(None, [low_band_message(raw)])
     notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
-    return ErrorBudget(bars, share, notes, safety)
+    return ErrorBudget(bars, share, notes, safety, left_out)
 
 
 def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -326,6 +326,9 @@ class SceneMethod(ABC):
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 #: of the right-hand side, for each step that is allowed
 EVALUATIONS = 5
+#: of the longest step: tries where the end of a step is an event
+SHARES = (1.0, 0.7, 0.3)
+FIRST = 1e-4  # of what is left, their first step
 #: events one after the other without any time in between
 MOST_IDLE = 200
 #: parabolas of the forces for each step of the solver
@@ -368,8 +371,6 @@ class SceneIVP(SceneMethod):
     def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
     ) -> tuple[Segment, int]:
-        from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
-
         s, contacts = self.system, self.contacts
         y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
         answer, idle = march.DONE, 0
@@ -382,17 +383,7 @@ class SceneIVP(SceneMethod):
             until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):
-                    solution = solve_ivp(
-                        self._slope,
-                        (t, until),
-                        y,
-                        method=self.name,
-                        rtol=self.rtol,
-                        atol=atol,
-                        max_step=self.step,
-                        events=[event for c in range(self.p) for event in self._events(c)],
-                        dense_output=True,
-                    )
+                    solution = self._solved((t, until), y, atol)
             except _TooManyEvaluations:
                 answer = march.TOO_MANY_STEPS
                 break
@@ -416,6 +407,37 @@ class SceneIVP(SceneMethod):
                 answer = march.STUCK
             t = until if solution.status == 0 else moved
         return joined_segments(pieces), answer
+
+    def _solved(self, span: tuple[float, float], y: Array, atol: Array) -> Any:
+        """The solution up to the first event.
+
+        SciPy refuses an event at the end of a step that it has passed: then with other steps.
+        """
+        from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
+
+        events = [event for c in range(self.p) for event in self._events(c)]
+        for share in SHARES:
+            first = None if share == 1 else FIRST * share * (span[1] - span[0])
+            try:
+                return solve_ivp(
+                    self._slope,
+                    span,
+                    y,
+                    method=self.name,
+                    rtol=self.rtol,
+                    atol=atol,
+                    max_step=share * self.step,
+                    first_step=first,
+                    events=events,
+                    dense_output=True,
+                )
+            except ValueError as error:
+                if "strictly" not in str(error):
+                    raise
+        raise NotConvergedError(
+            f"{self.name} does not pass an event of a contact at {span[0]:.4g} s or later; use"
+            " method='exact'."
+        )
 
     def on_touch(self, c: int, free: Array, rate: Array, force: Array) -> None:
         z = np.zeros(self.system.tangents[c, 1])

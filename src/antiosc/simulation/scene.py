@@ -31,6 +31,8 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, info_of
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, assemble_scene, stiffness_at
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.simulation.coarse import coarse_cell
 from antiosc.simulation.error_budget import error_budget, warn_low_band
 from antiosc.simulation.histories import History, SceneHistory, results
 from antiosc.simulation.histories.energy import energy_gain
@@ -47,7 +49,7 @@ from antiosc.simulation.reference import (
     integrate_reference,
 )
 from antiosc.simulation.reference_ivp import IVP_METHODS
-from antiosc.simulation.scene_parts import LAW, SceneParts, direction_notes
+from antiosc.simulation.scene_parts import SceneParts, direction_notes, misplaced_ends
 from antiosc.simulation.truncation import Run, choose_n, truncation_warning
 from antiosc.simulation.two_bodies import Impact, assemble_pair
 
@@ -100,7 +102,8 @@ class Scene(SceneParts):
         duration : float
             [s].
         tol : float
-            Relative error of all contact forces together in the L2 norm, and of their peak.
+            Relative error of the forces of each contact in the L2 norm, of its impulse and of its
+            peak. What pushes less than a thousandth of the heaviest contact counts as that much.
         method : str
             "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
             `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states
@@ -125,6 +128,12 @@ class Scene(SceneParts):
             When a force leaves the range of its law.
         OutOfMemoryError
             For a run that does not fit in the free memory.
+
+        Warns
+        -----
+        AccuracyWarning
+            As `simulate`; and where the ends of a contact have known places that do not meet, or
+            known directions that are not one line.
         """
         duration = checks.positive("duration", duration, "s")
         settings = Settings(tol, method, step, max_contacts, max_steps)
@@ -134,6 +143,8 @@ class Scene(SceneParts):
         assembly = assemble_scene(self, duration)
         set_initial_forces(assembly)
         history, check = integrate(SceneHistory, assembly, duration, settings)
+        for sentence in misplaced_ends(self.contacts, assembly.bodies):
+            history = _told(history, sentence)
         results.warn_large_rotation(*history.largest_rotation())
         check.warn()
         history = with_deflection_warning(history)
@@ -162,9 +173,9 @@ def integrate(
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
     apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
-    notes = [*assembly.notes]
+    notes = []
     if apart:
-        notes += direction_notes(
+        notes = direction_notes(
             [assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies
         )
     message = " ".join([check.message, *notes])
@@ -173,7 +184,12 @@ def integrate(
 
 def with_deflection_warning(history: H) -> H:
     """Warn of a deflection beyond linear theory and append the sentence to the message."""
-    if not (sentence := results.large_deflection_message(history)):
+    return _told(history, results.large_deflection_message(history))
+
+
+def _told(history: H, sentence: str) -> H:
+    """Warn of a sentence and append it to the message; nothing of an empty one."""
+    if not sentence:
         return history
     warn(sentence, AccuracyWarning)
     return replace(history, message=f"{history.message} {sentence}")
@@ -269,9 +285,14 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
         for end in (contact.a, contact.b) if one.contacts else ():
             name = end.partition(":")[0]
             begin = assembly.spans[name].start if name in assembly.spans else 0
-            if sentence := truncation_warning(scene.bodies.get(name), assembly, c, begin):
-                warn(f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}",
-                     AccuracyWarning)  # fmt: skip
+            body, site = scene.bodies.get(name), end.partition(":")[2]
+            for sentence in (
+                truncation_warning(body, assembly, c, begin),
+                coarse_cell(body, site, assembly.contact_time_estimate),
+            ):
+                if sentence:
+                    text = f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}"
+                    warn(text, AccuracyWarning)
 
 
 Budget = Callable[[History], ErrorBudget]
@@ -283,8 +304,8 @@ DEFAULT_TOL = 1e-3
 def simulate(
     model: LinearBody,
     impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
+    contact: AnyLaw = AUTO,
+    duration: float = checks.REQUIRED,
     method: str = "exact",
     *,
     n: int | str | None = None,
@@ -304,9 +325,10 @@ def simulate(
         The structure.
     impactor : RigidMass, Sphere, Obstacle, Impactor, or any `LinearBody`
         The second body; a model without a velocity is at rest.
-    contact : ContactLaw
-        If the model contains the half-space compliance of its patch (`local_compliance`), it is
-        subtracted from a Hertz law; the message of the history states this.
+    contact : ContactLaw or "auto"
+        "auto": the law that materials, curvatures and strengths of both surfaces need
+        (`antiosc.contact.choice`). The half-space compliance of the model's patch, if it contains
+        one (`local_compliance`), is subtracted from any law; `history.details` states this.
     duration : float
         Time to simulate [s].
     method : str
@@ -321,7 +343,7 @@ def simulate(
         Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
         the force history has converged.
     tol : float
-        Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
+        Relative error of the force history in the L2 norm, of its impulse and peak; default 1e-3.
     initial_velocity : float or Motion
         Initial motion of a structure with rigid-body modes. A number is the velocity along the
         direction of impact [m/s], > 0 toward the impactor. A body that is free in this direction
@@ -361,10 +383,11 @@ def simulate(
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else tol
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
-    checks.instance("contact", contact, ContactLaw, LAW)
+    law = law_of(contact, model, impactor)
     doubts = plausible.warn_each([plausible.of_blow(model, [impactor], initial_velocity)])
-    scene = Impact(model, impactor, contact, duration, initial_velocity, gravity, gap)
-    budget = partial(error_budget, rerun=partial(_rerun, scene, settings))
+    scene = Impact(model, impactor, law, duration, initial_velocity, gravity, gap)
+    reruns = partial(_rerun, scene, settings), partial(_rerun_by, scene, settings)
+    budget = partial(error_budget, rerun=reruns[0], by_law=reruns[1])
     history, check = simulate_impact(scene, settings, n, budget)
     check.warn()
     if n != "auto" and history.run.touches:
@@ -373,6 +396,8 @@ def simulate(
             warn(sentence, AccuracyWarning)  # with one, the error budget tells it
         if sentence:
             history = replace(history, message=f"{history.message} {sentence}")
+    if history.run.touches:
+        history = _told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
     results.warn_large_rotation(*history.largest_rotation())
     history = with_deflection_warning(history)
     check_range(history, [*plausible.of_model(model), *doubts])
@@ -412,6 +437,11 @@ def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> 
     """Simulate the same impact on another model by the exact method to `tol`."""
     exact = replace(settings, tol=tol, method="exact", step=None)
     return simulate_impact(scene._replace(model=model), exact)[0]
+
+
+def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) -> History:
+    """Simulate the same impact by another law, by the exact method to `tol`."""
+    return _rerun(scene._replace(contact=law), settings, scene.model, tol)
 
 
 def _truncated(

@@ -113,10 +113,16 @@ def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
     return (q, v) if system.first is None else system.first.motion(q, v)[:2]
 
 
-def damping_accelerations(run: Run, system: System, step: Index, since: Array) -> Array:
-    """Decelerations of the free modes (n, J) by damping that couples them."""
+def damping_states(
+    run: Run, system: System, step: Index, since: Array
+) -> tuple[Array, list[list[Array]]]:
+    """What damping that couples the free modes adds to their motion.
+
+    Decelerations (n, J); displacements (n, J) of the spring of each branch, body by body.
+    """
     assert system.first is not None
-    return system.first.motion(*integrated_states(run, system, step, since))[2]
+    found = integrated_states(run, system, step, since)
+    return system.first.motion(*found)[2], system.first.springs(*found)
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:

@@ -24,6 +24,7 @@ from antiosc.models.body import Body, LinearBody, checked_body, is_thin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, Parts, expected_contact, without_patch
+from antiosc.simulation.auto_contact import AUTO, LAW, AnyLaw, law_of
 from antiosc.simulation.bodies import (
     Obstacle,
     RigidMass,
@@ -34,7 +35,7 @@ from antiosc.simulation.bodies import (
     stacked_first_order,
 )
 from antiosc.simulation.march.system import System
-from antiosc.simulation.scene_parts import LAW, two_body_parts
+from antiosc.simulation.scene_parts import two_body_parts
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
 LARGEST_PHASE = 1e15
@@ -269,12 +270,16 @@ BAND_OVER_PULSE = 3.0
 
 
 @checks.within_range
-def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
+def impact_band(
+    impactor: LinearBody, contact: AnyLaw = AUTO, struck: LinearBody | None = None
+) -> float:
     """The highest circular frequency [rad/s] that an impact excites, about 3 pi/T.
 
     T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
-    the structure can have. Raises InputError for an impactor at rest.
+    the structure can have. With "auto" the law is that of a contact with `struck`, a model; None:
+    with a rigid plane. Raises InputError for an impactor at rest.
     """
+    law = law_of(contact, Obstacle() if struck is None else struck, impactor)
     velocity = checked_body("impactor", impactor).velocity
     if not checks.number("velocity", velocity, "m/s") > 0:
         raise InputError(
@@ -285,7 +290,7 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
     return (
         BAND_OVER_PULSE
         * np.pi
-        / assemble_pair(Impact(Obstacle(), impactor, contact, endless)).contact_time_estimate
+        / assemble_pair(Impact(Obstacle(), impactor, law, endless)).contact_time_estimate
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
@@ -61,7 +62,8 @@ class ImpactMap(ReprMixin):
         no material has a yield_strength.
     stress_points : (P, 3) where that is [m].
     info : a `MapInfo`: free modes, seconds, …; JSON values.
-    impactor, contact, duration : of the impacts, or None.
+    impactor, contact, duration : of the impacts, or None; the law on a flat face.
+    laws : (P,) of the sites, where they differ from that; else None.
     """
 
     points: Array
@@ -87,6 +89,7 @@ class ImpactMap(ReprMixin):
     doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     impactor: LinearBody | None = None
     contact: ContactLaw | None = None
+    laws: Sequence[ContactLaw] | None = None
     duration: float | None = None
 
     def __post_init__(self) -> None:

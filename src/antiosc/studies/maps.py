@@ -28,7 +28,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
@@ -36,6 +36,7 @@ from antiosc.base.progress import counting
 from antiosc.base.stresses import equivalent
 from antiosc.base.texts import point_text as placed
 from antiosc.contact import ContactLaw
+from antiosc.contact.curvature import SHARP
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.extraction import shapes_of_models
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
@@ -53,10 +54,12 @@ from antiosc.fem.platform import agree, collective, on_root
 from antiosc.fem.recovery import NodeTensors, Place, place
 from antiosc.fem.site.map_sites import MapSites, sites_of
 from antiosc.fem.site.sites import Sites, doubtful_patches
+from antiosc.fem.site.surface import PlaneOf, surface_at
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import Force, motions, peak_deflections
@@ -273,7 +276,7 @@ def impact_map(
     structure: Structure,
     where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
     impactor: LinearBody | None = None,
-    contact: ContactLaw | None = None,
+    contact: AnyLaw | None = AUTO,
     duration: float | None = None,
     *,
     direction: Sequence[float] | None = None,
@@ -296,7 +299,8 @@ def impact_map(
         surface, or several of them; None: all parts, faces that are tied included. A vertex of
         two groups is a site of each.
     impactor, contact, duration
-        As for `simulate`. None: extraction only, no impacts.
+        As for `simulate`; "auto" chooses the law at each site, and sites on edges, whose radius is
+        an assumption, are doubtful. Without an impactor: extraction only, no impacts.
     direction : sequence of float, optional
         Direction of impact at all sites; None: against the outward normal (solids, by group).
     radius : float, optional
@@ -330,19 +334,20 @@ def impact_map(
         radius = positive("radius", radius, "m")
     if band is not None:
         band = positive("band", band, "rad/s")
-    if (impactor is None) != (contact is None) or (impactor is None) != (duration is None):
+    given = contact is not None and contact != AUTO
+    if (impactor is None) != (duration is None) or (impactor is None and given):
         raise InputError(
-            "impacts need all of impactor, contact and duration; an extraction needs none of them."
+            "impacts need both impactor and duration; an extraction needs none of them."
         )
     if flag("stress", stress) and impactor is None:
-        raise InputError("stress=True needs impacts: give impactor, contact and duration.")
+        raise InputError("stress=True needs impacts: give impactor and duration.")
     if impactor is not None:
         checked_body("impactor", impactor)
-        instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
     matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
     refuse_dampers(structure, "a map")
-    excited = _excited(impactor, contact) if band is None and modes is None else None
+    law = None if impactor is None else on_plane(structure, impactor, contact or AUTO)
+    excited = _excited(impactor, law) if band is None and modes is None else None
     counts = (COUNTS[0],) if excited is None else COUNTS
     if n is not None:
         counts = (whole("n", n),)
@@ -391,9 +396,38 @@ def impact_map(
         doubtful=doubtful_patches(sites),
     )
     on_root(structure.comm, partial(_tell, result, accuracy))
-    if impactor is None or contact is None or duration is None:
+    if impactor is None or law is None or duration is None:
         return result
-    return _struck(structure, seen if stress else None, result, impactor, contact, duration)
+    laws = None
+    if not given:
+        laws, sharp = _laws(structure, result, impactor, law)
+        result = replace(result, doubtful=result.doubtful | sharp)
+    seen_if = seen if stress else None
+    return _struck(structure, seen_if, result, impactor, law, laws, duration)
+
+
+def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
+    """The law that is given, or that of the impactor on a flat face of the structure."""
+    return law_of(contact, PlaneOf(structure), impactor)
+
+
+def _laws(
+    structure: Structure, found: ImpactMap, impactor: LinearBody, plane: ContactLaw
+) -> tuple[list[ContactLaw], BoolArray]:
+    """The law at each site (P,), and whether it is on an edge, or fits the impactor."""
+    laws, sharp = [], np.zeros(len(found), dtype=bool)
+    radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
+    sites = zip(found.points, found.directions, radii.tolist(), strict=True)
+    for i, (point, direction, radius) in enumerate(sites):
+        own = surface_at(structure, point, direction, None if np.isnan(radius) else radius)
+        body = PlaneOf(structure, own)
+        try:
+            laws.append(law_of(AUTO, body, impactor))
+        except InputError:  # a hollow of the impactor's size
+            laws.append(plane)
+            sharp[i] = True
+        sharp[i] |= own is not None and own.kind in SHARP
+    return laws, sharp
 
 
 def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
@@ -501,6 +535,7 @@ def _struck(
     result: ImpactMap,
     impactor: LinearBody,
     contact: ContactLaw,
+    laws: list[ContactLaw] | None,
     duration: float,
 ) -> ImpactMap:
     """The map with one impact at each site, shared among the ranks; with stresses in the modes."""
@@ -512,7 +547,8 @@ def _struck(
     try:
         if len(mine):
             models = [result.model(i) for i in mine]
-            batch = simulate_many(models, impactor, contact, duration)
+            own = contact if laws is None else [laws[i] for i in mine]
+            batch = simulate_many(models, impactor, own, duration)
             part = batch, peak_deflections(models, batch.force, duration)
     except Exception as caught:
         error = caught
@@ -524,7 +560,8 @@ def _struck(
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
-    wall = Impact(Obstacle(), impactor, contact, duration)
+    stiffest = max(laws or [contact], key=lambda law: getattr(law, "stiffness", 0.0))
+    wall = Impact(Obstacle(), impactor, stiffest, duration)
     on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
     struck = time.perf_counter()
@@ -540,6 +577,7 @@ def _struck(
         info=MapInfo(**{**result.info, "seconds": seconds}),
         impactor=impactor,
         contact=contact,
+        laws=None if laws is None or all(law == contact for law in laws) else tuple(laws),
         duration=duration,
         doubtful=result.doubtful | (peaks > (1 + BEYOND) * on_wall),
         peak_force=peaks,

@@ -106,7 +106,7 @@ def assembly(
         supports += [ao.Support(name, still) for name in points if name != "ground"]
     attached = [
         ao.PointMass("hub", 0.3, (1e-3, 2e-3, 3e-3)),
-        ao.PointMass(CORNER, 0.1),
+        ao.PointMass((*CORNER, 0.0) if space else CORNER, 0.1),
         *([ao.PointMass("frame:2", 0.05)] if framed else []),
         *([ao.Spring("c:end", {"y": 5e4})] if held else []),
     ]

@@ -107,12 +107,18 @@ def _above(name: str) -> tuple[float, ...]:
     return tuple(LIFT.placed(np.array([[*FEET[name], 0.0]]))[0])
 
 
+def with_dampers(model: ao.AntiOscillators) -> ao.AntiOscillators:
+    count = len(model.k0) + model.n + (0 if model.slide is None else model.slide.shape[1])
+    return replace(model, m=None, damping=ao.DampingMatrix(np.eye(count)))
+
+
 WRONG = [
     (lambda: ao.extract(block(), ao.Site(TOP, (0, 0, -1)), n=2), "a model without named sites"),
     (
         lambda: replace(condensed(2), m=None, damping=ao.Damping(ratio=0.01)),
         "a model with damping of its modes",
     ),
+    (lambda: with_dampers(condensed(2)), "a model with dampers or relaxing materials"),
     (lambda: ao.Structure.from_matrices([[1.0]], [[1.0]]), "no mesh, and its matrices no map"),
     (
         lambda: ao.Structure.from_matrices([[1.0]], [[1.0]], map=[[1, 3]]),

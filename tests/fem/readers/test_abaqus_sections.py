@@ -293,14 +293,29 @@ def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
     assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
 
 
+@pytest.mark.parametrize(
+    "rest", [",MATERIAL=M\n.5\n", ",COMPOSITE\n.2,3,M\n.3,3,M\n"], ids=["material", "composite"]
+)
+def test_a_general_section_of_shells_is_the_section_of_its_material(tmp_path, rest):
+    found = [
+        read(tmp_path, f"{SHEET}*SHELL {word}SECTION,ELSET=ALL{rest}{STEEL}")[0]["families"][0][1:3]
+        for word in ("", "GENERAL ")
+    ]
+    assert found[0] == found[1]
+
+
 REFUSED = {
     "general": (
-        SHEET + "*SHELL GENERAL SECTION,ELSET=ALL,MATERIAL=M\n.5\n", None, "*SHELLGENERALSECTION"),
+        SHEET + "*SHELL GENERAL SECTION,ELSET=ALL\n1.,2.,3.\n" + STEEL, None, "MATERIAL"),
     "material": (SHEET + SHELL.format("ATTER"), None, "*MATERIAL"),
     "no elasticity": (CUBE + SOLID + "*MATERIAL,NAME=M\n*DENSITY\n1.\n", None, "elasticity"),
     "a layer without": (
         SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,M\n*MATERIAL,NAME=M\n",
         None, "elasticity"),
+    "beams of nodal thickness": (
+        BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=M,NODAL THICKNESS\n1,1\n"
+        "*NODAL THICKNESS\n1,2.,2.\n" + STEEL, None, "NODAL THICKNESS",
+    ),
     "beams askew": (BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=P\n1,1\n" + PLY, None, "orthotropic"),
     "two families": (
         SHEET.replace("S4", "CPS4") + "*ELEMENT,TYPE=C3D8,ELSET=C\n2,1,2,3,4,5,6,7,8\n"

@@ -148,7 +148,7 @@ def mesh(**more) -> SimpleNamespace:
 
 
 def read(monkeypatch, content) -> FileMesh:
-    monkeypatch.setattr(mesh_files, "_read", lambda path, name: content)
+    monkeypatch.setattr(mesh_files, "content", lambda path, name: content)
     return mesh_files.read_by_meshio(Request("/a/part.vtu", "part.vtu"))
 
 
@@ -432,7 +432,7 @@ def test_decks_are_found_in_sources_that_are_not_installed(tmp_path):
     here = [entry.name for group in GROUPS for entry in request.registered(group)]
     assert sorted(set(done.stdout.split())) == sorted(here)
     assert {"inp", "bdf", "op4", "dmig", "harwell-boeing"} <= set(here)
-    assert deck_endings() == [".bdf", ".fem", ".inp", ".nas"]
+    assert deck_endings() == [".bdf", ".cdb", ".fem", ".inp", ".nas"]
 
 
 def test_decks_know_the_neutral_model_alone_and_the_core_no_decks():

@@ -225,7 +225,7 @@ def test_solids_of_an_assembly_share_nodes_and_have_their_names(assembly):
     with pytest.raises(ao.MeshError, match="falls into 2 pieces"):
         ao.read_mesh(assembly, size=8e-3)
     mesh = ao.read_mesh(assembly, size=8e-3, fragments=True)
-    assert set(mesh.groups) == {"base", "post"}
+    assert {name for name in mesh.groups if not name.startswith("face")} == {"base", "post"}
     both = {"base": STEEL, "post": ao.Solid(70e9, 0.3, 2700.0)}
     mass = 7850 * 8e-6 + 2700 * 4e-6
     assert ao.Structure(mesh, both).mass == pytest.approx(mass, rel=1e-9)

@@ -214,6 +214,14 @@ def test_mass_in_proportion_to_mass_or_volume(tmp_path):
     assert densities(by_volume) == pytest.approx([18e3, 26e3])
 
 
+@pytest.mark.parametrize("kind", ["BEAM", "TIE", "PIN", "LINK"])
+def test_a_node_that_is_joined_with_itself_is_refused(tmp_path, kind):
+    sheets = inp.BENT + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n2.\n"
+    text = sheets + f"*MPC\n{kind},5,5\n" + inp.STEEL
+    with pytest.raises(MeshError, match=f"MPC of type {kind} joins a node with itself"):
+        inp.read(tmp_path, text)
+
+
 @pytest.mark.parametrize("units", ["MASS PER LENGTH", "MASS PER AREA", "MASS PER YEAR"])
 def test_masses_of_another_dimension_are_refused(tmp_path, units):
     card = f"*NONSTRUCTURAL MASS,ELSET=ALL,UNITS={units}\n1\n"

@@ -267,7 +267,8 @@ def test_counts_of_a_header_take_no_memory(tmp_path):
 def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
     good = {"cells": ["line"], "convention": "gmsh", "groups": [["a", "line", 1]]}
     good |= {"node_sets": [["n", 1]], "aids": True}
-    arrays = [np.array([0]), np.array([1]), np.eye(3), np.array([[0, 1], [1, 2]])]
+    numbers = np.array([7, 8, 9])
+    arrays = [np.array([0]), np.array([1]), np.eye(3), numbers, np.array([[0, 1], [1, 2]])]
 
     def answer(head, arrays):
         head = {**head, "arrays": [[str(a.dtype), a.shape] for a in arrays]}
@@ -277,8 +278,8 @@ def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
     assert answer(good, arrays).groups["a"]["line"].tolist() == [0]
     for k, wrong in (
         (0, np.array([2])), (1, np.array([3])), (1, np.array([-1])), (2, np.eye(2)),
-        (3, np.array([[0, 3]])), (3, np.array([[0, -1]])), (3, np.array([[0, 1, 2]])),
-        (0, np.array([0.0])),
+        (4, np.array([[0, 3]])), (4, np.array([[0, -1]])), (4, np.array([[0, 1, 2]])),
+        (0, np.array([0.0])), (3, np.arange(4)), (3, np.array([0.5])),
     ):  # fmt: skip
         with pytest.raises(ao.MeshError, match=r"part\.msh is damaged"):
             answer(good, [*arrays[:k], wrong, *arrays[k + 1 :]])

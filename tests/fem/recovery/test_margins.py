@@ -200,10 +200,8 @@ def test_a_contact_that_yields_is_told_beside_the_margin():
         margin = ao.peak_field(part, hit).margin()
         pressure = ao.contact_stress(ball, hit.peak_force, 210e9, 0.3).pressure
         assert (pressure > 1.6 * 355e6) == yields
-        assert bool(margin.contact) == yields
-        assert ("Thornton" in margin.sentence) == yields
-        if yields:
-            assert f"{1e-9 * pressure:.2f} GPa" in margin.sentence
+        assert margin.contact == yields
+        assert ("away from the contact, which yields" in margin.sentence) == yields
 
 
 @pytest.mark.parametrize("criterion", ["tsai_hill", "tsai_wu"])

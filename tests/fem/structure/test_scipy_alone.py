@@ -12,11 +12,11 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.base import process
-from antiosc.fem import linalg
+from antiosc.fem.linalg import scipy_factors
 from chains import loose_chains, receptance
 
 #: scikit-sparse is optional
-LIBRARIES = ["superlu"] if linalg.sksparse is None else ["superlu", "cholmod"]
+LIBRARIES = ["superlu"] if scipy_factors.sksparse is None else ["superlu", "cholmod"]
 DIRECT = pytest.mark.parametrize("library", LIBRARIES)
 
 
@@ -33,7 +33,7 @@ def scipy_structure(K, M, **more) -> ao.Structure:
 @pytest.fixture
 def direct(library, monkeypatch):
     if library == "superlu":
-        monkeypatch.setattr(linalg, "sksparse", None)
+        monkeypatch.setattr(scipy_factors, "sksparse", None)
 
 
 @DIRECT
@@ -171,21 +171,21 @@ def lattice(n: int, dofs: int):
 @pytest.mark.parametrize("dofs", [2, 3])
 def test_the_entries_of_a_factor_are_forecast(dofs):
     A = lattice(9, dofs)
-    found = linalg.entries_of_factor(A)
-    assert found == pytest.approx(linalg.SuperLU(A).entries / 2, rel=0.25)
-    assert linalg.entries_of_factor(lattice(4, 1)) == 0
+    found = scipy_factors.entries_of_factor(A)
+    assert found == pytest.approx(scipy_factors.SuperLU(A).entries / 2, rel=0.25)
+    assert scipy_factors.entries_of_factor(lattice(4, 1)) == 0
 
 
 def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
     A = lattice(9, 3)
-    monkeypatch.setattr(linalg, "FORECAST_ROWS", 100)
+    monkeypatch.setattr(scipy_factors, "FORECAST_ROWS", 100)
     monkeypatch.setattr(process, "NEGLIGIBLE", 0)
     monkeypatch.setattr(process, "free_memory", lambda: 1e6)
-    monkeypatch.setattr(linalg.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
+    monkeypatch.setattr(scipy_factors.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
     with pytest.raises(
         ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
     ):
-        linalg.factorize(A)
+        scipy_factors.factorize(A)
 
 
 @DIRECT
@@ -196,8 +196,8 @@ def test_factors_of_matrices_that_are_not_positive_definite(direct):
         A = A + A.T + np.diag(rng.uniform(-2, 8, 12))
         values = np.linalg.eigvalsh(A)
         if values[0] > 1e-6:
-            X = linalg.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
+            X = scipy_factors.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
             np.testing.assert_allclose(X @ A, np.eye(12), atol=1e-9)
         else:
             with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-                linalg.factorize(scipy.sparse.csr_matrix(A))
+                scipy_factors.factorize(scipy.sparse.csr_matrix(A))

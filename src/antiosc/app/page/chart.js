@@ -1,10 +1,14 @@
 // The chart of the force over time on a canvas: the computed case, the present one and its bar.
 
 class Chart {
+  // the one of a canvas
+  static on(canvas) { return canvas.chart ??= new Chart(canvas); }
+
   constructor(canvas) {
     this.canvas = canvas;
     this.content = null;
     new ResizeObserver(() => this.draw()).observe(canvas);
+    DARK_MODE.addEventListener("change", () => this.draw());
   }
 
   // content: until [s], now and computed {time, force}, bar (share), at [s] or null
@@ -30,8 +34,9 @@ class Chart {
     const [left, right, top, bottom] = [58, width - 24, 10, height - 36];
     this.sides = [left, right];
     const x = (t) => left + (right - left) * t / c.until, y = (f) => bottom - (bottom - top) * f / most;
-    pen.strokeStyle = "#ddd";
-    pen.fillStyle = "#444";
+    const ink = (name) => getComputedStyle(canvas).getPropertyValue(name);
+    pen.strokeStyle = ink("--line");
+    pen.fillStyle = ink("--faint");
     pen.textAlign = "right";
     for (const f of ticks(most, 4)) {
       line(pen, [[left, y(f)], [right, y(f)]]);
@@ -55,9 +60,9 @@ class Chart {
       pen.fill();
     }
     pen.lineWidth = 1.5;
-    pen.strokeStyle = "#888";
+    pen.strokeStyle = ink("--faint");
     pen.setLineDash([5, 4]);
-    if (c.computed) line(pen, points(c.computed, x, y, 1));
+    if (c.computed && c.computed.time) line(pen, points(c.computed, x, y, 1));
     pen.setLineDash([]);
     pen.lineWidth = 2;
     pen.strokeStyle = "#1f77b4";
@@ -71,7 +76,7 @@ class Chart {
   }
 }
 
-const highest = (curve) => (curve ? curve.force.reduce((a, b) => Math.max(a, b), 0) : 0);
+const highest = (curve) => (curve && curve.force ? curve.force.reduce((a, b) => Math.max(a, b), 0) : 0);
 const points = (curve, x, y, factor) => Array.from(curve.time, (t, i) => [x(t), y(factor * curve.force[i])]);
 
 function line(pen, through) {

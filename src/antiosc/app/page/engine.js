@@ -1,9 +1,10 @@
 // The march in WebAssembly: an impact of two bodies, posed as antiosc.simulation.two_bodies does.
 
-const HERTZ = 2, HERTZ_END = 0.7; // csrc/antiosc_march.h; antiosc.contact.Hertz.END
+// csrc/antiosc_march.h; antiosc.contact.base.TAKEN
+const LINEAR = 0, HERTZ = 2, ELASTIC_PLASTIC = 8, TAKEN = 0.7;
 const NUMBERS = ["answer", "peak_force", "impulse", "contact_time", "restitution", "contacts",
   "touching", "first", "last", "force_error", "peak_error", "lasting", "n_nodes", "time", "force",
-  "depth"]; // `found` of csrc/page/engine.c
+  "depth", "reach"]; // `found` of csrc/page/engine.c
 const MOST_STEPS = 200000;
 
 class Engine {
@@ -47,13 +48,14 @@ class Engine {
 }
 
 // A system for the engine: the free modes of the struck body beside those of the striker.
-// body: omega, decay, b, load, v, r, mobility; blow: striker (as a body), law, gap, mass, speed;
+// body: omega, decay, b, load, v, r, mobility, a law of its own or none; blow: striker (as a body), law, gap, mass, speed;
 // set: mass, speed, stiffness, gap, damping.
 function pose(body, blow, set) {
   const striker = blow.striker, faster = blow.speed ? set.speed / blow.speed : 1;
   const heavier = blow.mass ? Math.sqrt(set.mass / blow.mass) : 1;
   const both = (name, change) => Float64Array.from([...body[name], ...striker[name].map(change)]);
-  const same = (x) => x, omega = both("omega", same);
+  const same = (x) => x, omega = both("omega", same), law = body.law || blow.law;
+  const k = set.stiffness === null ? null : set.stiffness * (law.params[0] / blow.law.params[0]);
   const decay = both("decay", same);
   for (let j = 0; j < body.omega.length; j++) {
     decay[j] = blow.ratio === null ? decay[j] + set.damping * omega[j] : set.damping * omega[j];
@@ -65,14 +67,18 @@ function pose(body, blow, set) {
     v: both("v", (x) => x * heavier).map((x) => x * faster),
     residual: body.r + striker.r,
     mobility: body.mobility + striker.mobility / heavier ** 2,
-    kind: blow.law.kind, params: parameters(blow.law, body.local, set.stiffness),
+    kind: law.kind, params: parameters(law, body.local, k),
   };
 }
 
-// The parameters of a law with another stiffness; of Hertz's without the compliance of a patch.
+// The parameters of a law with another stiffness, without the compliance of a patch. That of a sphere
+// that yields is another modulus.
 function parameters(law, c, k) {
-  if (k === null) return law.params;
-  if (law.kind !== HERTZ) return [k, ...law.params.slice(1)];
-  const a = k ** (-2 / 3), end = c > 0 ? HERTZ_END * 2 * a / (3 * c) : Infinity;
+  const old = law.params;
+  if (k === null) return [...old.slice(0, -1), c];
+  if (law.kind === LINEAR) return [k, c * k > TAKEN ? 0 : c];
+  if (law.kind === ELASTIC_PLASTIC) return [k, old[1] * (old[0] / k) ** 2, k ** (-2 / 3), c];
+  if (law.kind !== HERTZ) return [k, ...old.slice(1, -1), c];
+  const a = k ** (-2 / 3), end = c > 0 ? TAKEN * 2 * a / (3 * c) : Infinity;
   return [k, c, a, end, c > 0 ? 2 / 3 * a / end - c : 0];
 }

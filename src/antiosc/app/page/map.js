@@ -5,8 +5,6 @@ class Sites {
     Object.assign(this, { data, view, count: data.start.length - 1, values: {} });
     const { skin } = data;
     this.size = skin ? 2 * skin.half : Math.max(...[0, 1, 2].map((i) => spread(data.points, i))) || 1;
-    view.centre = skin ? skin.middle : [0, 1, 2].map((i) => middle(data.points, i));
-    view.reach = 0.65 * this.size;
     if (skin) {
       const at = Float32Array.from(skin.points, (x, i) => skin.middle[i % 3] + x * skin.half / 32767);
       view.put("skin", at, new Float32Array(at.length / 3).fill(PLAIN), skin.faces);
@@ -16,7 +14,9 @@ class Sites {
   body(i) {
     const { data } = this, part = (name) => Array.from(data[name].subarray(data.start[i], data.start[i + 1]));
     const omega = part("omega"), none = omega.map(() => 0);
-    return { omega, b: part("b"), decay: none, v: none, load: none, r: data.r[i], mobility: data.mobility[i], local: data.local[i] };
+    const kind = data.laws && data.laws.kind, size = data.laws ? data.laws.size : 0;
+    const law = size ? { kind, params: Array.from(data.laws.params.subarray(size * i, size * (i + 1))) } : null;
+    return { omega, b: part("b"), decay: none, v: none, load: none, r: data.r[i], mobility: data.mobility[i], local: data.local[i], law };
   }
 
   // Strike every site; without settings it is the computed case, which the data hold.
@@ -33,14 +33,15 @@ class Sites {
   quantity(kind) { return this.values[kind] || this.data.quantities[kind]; }
 
   range(kind) {
-    const known = Array.from(this.quantity(kind)).filter(Number.isFinite);
+    const { doubtful } = this.data, known = Array.from(this.quantity(kind)).filter((v, i) => Number.isFinite(v) && !doubtful[i]);
+    if (!known.length) return [0, 0];
     return [Math.min(...known), Math.max(...known)];
   }
 
   show(kind, chosen) {
     const { data, view } = this, [low, high] = this.range(kind), values = this.quantity(kind);
-    const shade = Float32Array.from(values, (v) => (Number.isFinite(v) ? (v - low) / (high - low || 1) : PLAIN));
-    if (data.faces.length) view.put("part", Float32Array.from(data.points), shade, data.faces);
+    const shade = Float32Array.from(values, (v, i) => (data.doubtful[i] ? DOUBTFUL : Number.isFinite(v) ? (v - low) / (high - low || 1) : PLAIN));
+    if (data.faces.length) this.surface(shade);
     const dots = { points: [], faces: [], values: [] };
     data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));
     const d = this.along(chosen);
@@ -48,6 +49,17 @@ class Sites {
     add(dots, arrow(before(this.at(chosen), d, 0.024 * this.size), d, 0.18 * this.size), MARK);
     view.put("dots", Float32Array.from(dots.points), Float32Array.from(dots.values), Uint32Array.from(dots.faces));
     view.draw();
+  }
+
+  // The triangles between the sites, each with points of its own: one is grey where a site of it is.
+  surface(shade) {
+    const { faces, points } = this.data, values = new Float32Array(faces.length);
+    this.corners ??= Float32Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);
+    for (let f = 0; f < faces.length; f += 3) {
+      const own = [0, 1, 2].map((k) => shade[faces[f + k]]), least = Math.min(...own);
+      own.forEach((value, k) => { values[f + k] = least < 0 ? least : value; });
+    }
+    this.view.put("part", this.corners, values, Uint32Array.from(faces.keys()));
   }
 
   at(i) { return Array.from(this.data.points.subarray(3 * i, 3 * i + 3)); }
@@ -70,7 +82,6 @@ class Sites {
 const before = (point, d, way) => point.map((x, i) => x - way * d[i]);
 const every = (points, i) => Array.from(points).filter((_, k) => k % 3 === i);
 const spread = (points, i) => Math.max(...every(points, i)) - Math.min(...every(points, i));
-const middle = (points, i) => (Math.max(...every(points, i)) + Math.min(...every(points, i))) / 2;
 
 function add(to, mesh, value) {
   const first = to.points.length / 3;

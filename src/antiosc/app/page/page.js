@@ -19,17 +19,17 @@ function made(kind, parent, text = "", attributes = {}) {
 }
 
 class Page {
-  constructor(data, engine) {
+  constructor(data, engine, view, turned = false) {
     Object.assign(this, { data, engine, blow: data.blow, site: data.sites ? data.sites.first : -1 });
     find("live").hidden = false;
     document.body.classList.add("live");
-    const view = View.on(find("view"));
     document.body.classList.toggle("flat", !view || !(data.part || data.sites));
-    if (view && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
+    if (view) view.meshes.clear();
+    if (view && !turned && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
     if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
     if (data.sites) this.sites = new Sites(data.sites, view || { axes: () => [], put() {}, draw() {} });
     if (view && this.sites) view.picked = (x, y) => this.choose(this.sites.near(x, y));
-    this.chart = new Chart(find("chart"));
+    this.chart = Chart.on(find("chart"));
     this.kind = this.sites ? "peak_force" : "";
     this.frame = 0;
     this.start = Object.fromEntries(SLIDERS.map(([name]) => [name, this.blow[name] ?? null]));
@@ -41,6 +41,7 @@ class Page {
     find("back").onclick = () => this.back();
     this.change();
     this.rest();
+    if (view && !turned) { view.fit(); view.draw(); }
     document.documentElement.dataset.ready = performance.now().toFixed(0);
   }
 
@@ -50,6 +51,8 @@ class Page {
 
   make_sliders() {
     this.inputs = {};
+    find("sliders").replaceChildren();
+    if (this.data.fixed) return;
     for (const [name, label, unit] of SLIDERS) {
       if (this.start[name] === null) continue;
       const row = made("label", find("sliders"), label), input = made("input", row, "", { type: "range", min: 0, max: STEPS, step: "any", name });
@@ -73,6 +76,7 @@ class Page {
 
   make_numbers() {
     this.cells = {};
+    find("numbers").replaceChildren();
     for (const [name, label] of QUANTITIES) {
       const row = made("tr", find("numbers"));
       made("th", row, label);
@@ -84,6 +88,7 @@ class Page {
     const kinds = this.sites ? Object.entries(this.data.sites.names)
       : [["", "set-up"], ...(this.part && this.data.part.motion ? [["motion", "displacement"]] : []),
         ...(this.part && this.data.part.stress ? [["stress", "von Mises stress"]] : [])];
+    find("kind").replaceChildren();
     for (const [kind, label] of kinds) made("option", find("kind"), label, { value: kind });
     find("kind").onchange = () => { this.kind = find("kind").value; this.picture(); };
     find("play").hidden = find("frame").hidden = !this.part || !this.data.part.motion;
@@ -157,17 +162,24 @@ class Page {
     return total;
   }
 
+  // A number with its bar, with the word for what the bar leaves out.
+  with_bar(plain, bar) {
+    const word = this.blow.bars ? this.blow.bars.word : "";
+    return `${plain}${word ? ", " : ""}${word || " "}± ${percent(bar)}`;
+  }
+
   write(hit, bars) {
     for (const [name, { input, output, unit }] of Object.entries(this.inputs)) {
       input.value = this.place(name, this.set[name]);
       output.value = name === "damping" ? percent(this.set[name]) : engineering(this.set[name], unit);
       output.dataset.value = this.set[name];
+      input.setAttribute("aria-valuetext", output.value);
     }
-    const computed = this.sites ? this.computed_here() : this.blow.computed;
+    const computed = this.sites ? this.computed_here() : this.compared();
     for (const [name, , unit] of QUANTITIES) {
       const [now, before] = this.cells[name], value = hit[name];
       const plain = name === "contacts" ? String(value) : engineering(value, unit);
-      now.textContent = name in bars && Number.isFinite(bars[name]) ? `${plain} ± ${percent(bars[name])}` : plain;
+      now.textContent = name in bars && Number.isFinite(bars[name]) ? this.with_bar(plain, bars[name]) : plain;
       now.dataset.value = value;
       const known = computed[name] ?? null;
       before.textContent = known === null ? "" : name === "contacts" ? String(known) : engineering(known, unit);
@@ -176,25 +188,35 @@ class Page {
     if (hit.answer) notes.push("The run stopped before its end: the numbers are not reliable.");
     if (hit.contacts === 0) notes.push("The bodies do not touch.");
     if (hit.touching) notes.push("The bodies still touch at the end of the run.");
-    if (hit.posed.kind === HERTZ && hit.peak_force > hit.posed.params[3] ** 3) {
-      notes.push("The force exceeds the range of Hertz's law at this patch: extract with a larger radius.");
+    if (hit.peak_force > hit.reach) {
+      notes.push("The force exceeds the range of the contact law at this patch: extract with a larger radius.");
     }
     if (this.blow.law.limit && hit.peak_force > this.blow.law.limit) notes.push("The force exceeds the range of the contact law.");
     find("notes").textContent = notes.join(" ");
     find("back").disabled = this.at_start();
     find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
-    find("told").textContent = "Contact force" + (this.at_start() ? "" : "; dashed: the computed case")
+    const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
+    find("told").textContent = "Contact force" + dashed
       + (bars.peak_force ? "; the band: the error bar" : "") + ".";
   }
+
+  // The impact beside the present one: the computed one, or that before a change of the set-up.
+  compared() { return this.data.fixed ? this.data.before || {} : this.blow.computed; }
 
   computed_here() {
     const own = this.data.sites.quantities;
     return Object.fromEntries(QUANTITIES.map(([name]) => [name, own[name] ? own[name][this.site] : null]));
   }
 
+  // Nothing more of this impact: another takes its place.
+  stop() {
+    clearTimeout(this.later);
+    this.playing = false;
+  }
+
   draw_chart() {
     const playing = this.part && this.kind ? this.frame / FRAMES * this.until : null;
-    this.chart.show({ until: this.until, now: this.hit, computed: this.blow.computed, bar: this.bar, at: playing });
+    this.chart.show({ until: this.until, now: this.hit, computed: this.sites ? this.blow.computed : this.compared(), bar: this.bar, at: playing });
   }
 
   // The picture of the present impact.
@@ -211,9 +233,11 @@ class Page {
   picture() {
     find("legend").hidden = !this.kind;
     find("held").hidden = Boolean(this.kind) || Boolean(this.sites);
+    find("doubtful").hidden = !this.sites || !this.data.sites.doubtful.some(Boolean);
     if (this.sites) this.sites.show(this.kind, this.site);
     else if (this.part) this.part.show(this.kind, this.frame);
     find("frame").value = this.frame;
+    find("frame").setAttribute("aria-valuetext", engineering(this.frame / FRAMES * this.until, "s"));
     if (this.kind) this.legend();
     this.draw_chart();
   }
@@ -253,5 +277,3 @@ function differences(one, other, names) {
   return off;
 }
 
-const content = unpacked(find("data").textContent);
-Engine.load(content.engine).then((engine) => { globalThis.page = new Page(content, engine); });

@@ -1,7 +1,8 @@
 // The part of the report: its points, its motion and stress from a few fields, the striker.
 
 const ENLARGED = 0.08, FRAMES = 60; // of the size of the part; of a run
-const PLAIN = -1, DARK = -2, BALL = -3, MARK = -4; // colours of view.js
+const ARROW = 0.5; // length of the arrow over half the size of the part
+const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
 class Part {
@@ -9,9 +10,7 @@ class Part {
     Object.assign(this, { data, blow, view, place, count: data.points.length / 3 });
     this.rest = Float32Array.from(data.points, (x, i) => data.middle[i % 3] + x * data.half / 32767);
     this.fields = { motion: data.motion && [data.motion], stress: data.stress };
-    view.centre = data.middle;
-    view.reach = data.half * 1.25;
-    if (place && place.radius) view.reach = Math.max(view.reach, 1.2 * place.radius);
+    this.outside = place && outward(this.rest, data.faces, place.point, place.direction);
   }
 
   // What a run looked like at even times; the largest values of a kind in it.
@@ -26,8 +25,7 @@ class Part {
       return { x: [...q.slice(0, body), force], way };
     });
     this.largest = {};
-    // the magnification is that of the first impact, so that others are seen as larger or smaller
-    if (data.motion) this.factor ??= Number((ENLARGED * 2 * data.half / (this.most("motion") || 1)).toPrecision(1));
+    if (data.motion) this.factor = Number((ENLARGED * 2 * data.half / (this.most("motion") || 1)).toPrecision(1));
   }
 
   most(kind) {
@@ -65,28 +63,64 @@ class Part {
   // Draw the set-up (kind ""), or a kind of values at a frame.
   show(kind, frame) {
     const { data, rest, place } = this, values = new Float32Array(this.count);
-    let at = rest, way = 0;
+    let at = rest, way = [0, 0, 0];
     if (kind && this.states) {
       const { x, way: moved } = this.states[frame], sizes = this.sizes(kind, x), most = this.most(kind) || 1;
       const u = this.field(data.motion, x);
       at = rest.map((r, i) => r + this.factor * u[i]);
       sizes.forEach((size, p) => { values[p] = size / most; });
-      way = this.factor * moved;
+      if (place) way = this.touching(u, moved);
     } else values.forEach((_, p) => { values[p] = data.held && data.held[p] ? DARK : PLAIN; });
     this.view.put("part", at, values, data.faces);
     if (place) this.striker(way, !kind);
     this.view.draw();
   }
 
+  // Where the striker has moved on the picture: with the surface that it touches, or behind it; the
+  // depth to which it indents the surface is not enlarged.
+  touching(u, moved) {
+    const { point, direction } = this.place, d = unit(direction);
+    this.nearest ??= nearest(this.rest, point);
+    const own = [0, 1, 2].map((i) => u[3 * this.nearest + i]), behind = Math.max(dot(own, d) - moved, 0);
+    return own.map((x, i) => this.factor * (x - behind * d[i]));
+  }
+
+  // The end of the arrow in the set-up.
+  tail() {
+    const { point, direction, radius } = this.place, d = unit(direction), length = ARROW * this.data.half + 1.05 * this.through();
+    return point.map((x, i) => x - length * d[i]);
+  }
+
+  // How far the direction of impact leads through the ball at rest on the surface.
+  through() { return -2 * dot(this.outside, unit(this.place.direction)) * (this.place.radius || 0); }
+
   striker(way, resting) {
     const { point, direction, radius } = this.place, d = unit(direction);
-    const to = point.map((x, i) => x + way * d[i]);
-    const mesh = radius ? ball(to, d, radius) : { points: new Float32Array(3), faces: new Uint32Array(3) };
+    const to = point.map((x, i) => x + way[i]), into = this.outside.map((x) => -x);
+    const mesh = radius ? ball(to, into, radius) : { points: new Float32Array(3), faces: new Uint32Array(3) };
     this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces);
-    const length = 0.5 * this.data.half, tail = point.map((x, i) => x - (2.1 * (radius || 0)) * d[i]);
-    const shaft = resting ? arrow(tail, d, length) : { points: new Float32Array(3), faces: new Uint32Array(3) };
+    // the arrow begins behind the ball, whose surface is left along d at twice its cosine
+    const tip = point.map((x, i) => x - 1.05 * this.through() * d[i]);
+    const shaft = resting ? arrow(tip, d, ARROW * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };
     this.view.put("arrow", shaft.points, new Float32Array(shaft.points.length / 3).fill(MARK), shaft.faces);
   }
+}
+
+// The normal of the surface where a line along a direction through a point crosses it next to the point.
+function outward(points, faces, point, direction) {
+  const d = unit(direction), found = crossings(points, faces, point, d);
+  if (!found.length) return d.map((x) => -x);
+  const { normal } = found.reduce((a, b) => (Math.abs(b.at) < Math.abs(a.at) ? b : a));
+  return dot(normal, d) > 0 ? normal.map((x) => -x) : normal;
+}
+
+function nearest(points, point) {
+  let best = 0, least = Infinity;
+  for (let k = 0; k < points.length; k += 3) {
+    const far = Math.hypot(points[k] - point[0], points[k + 1] - point[1], points[k + 2] - point[2]);
+    if (far < least) [best, least] = [k / 3, far];
+  }
+  return best;
 }
 
 function mises(s, i) {

@@ -1,10 +1,10 @@
-// The part in 3-D by WebGL 2: meshes of points that move and have values, turned by hand.
+// The part in 3-D by WebGL 2: meshes of points that move and have values, turned by hand or keys.
 
 const VERTEX = `#version 300 es
 uniform mat4 camera; in vec3 at; in float value; out vec3 seen; out float shade;
 void main() { vec4 p = camera * vec4(at, 1.0); seen = at; shade = value; gl_Position = p; }`;
 const FRAGMENT = `#version 300 es
-precision highp float; uniform vec3 light; in vec3 seen; in float shade; out vec4 colour;
+precision highp float; uniform vec3 light; uniform float plain; in vec3 seen; in float shade; out vec4 colour;
 vec3 viridis(float t) { // a polynomial of degree 6 through the colours of viridis
   const vec3 c0 = vec3(.2777, .0054, .3341), c1 = vec3(.1051, 1.4046, 1.3846),
     c2 = vec3(-.3309, .2148, .0951), c3 = vec3(-4.6342, -5.7991, -19.3324),
@@ -17,7 +17,7 @@ void main() {
   float lit = .62 + .38 * abs(dot(normal, light));
   // below 0 a plain colour: -1 the part, -2 held, -3 the striker, -4 arrow and marks
   vec3 own = shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
-    : shade < -1.5 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82)
+    : shade < -1.5 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82) * plain
     : viridis(clamp(shade, 0., 1.));
   colour = vec4(own * lit, 1.0);
 }`;
@@ -31,9 +31,9 @@ class View {
 
   constructor(canvas, gl) {
     Object.assign(this, { canvas, gl, meshes: new Map(), turn: -0.9, lift: 0.42, zoom: 1 });
-    this.centre = [0, 0, 0];
-    this.reach = 1;
+    Object.assign(this, { centre: [0, 0, 0], reach: [1, 1] });
     this.picked = () => {};
+    this.grabbed = () => null; // what a drag at a place of the canvas moves; null: the view turns
     const program = this.program = gl.createProgram();
     for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
       const shader = gl.createShader(kind);
@@ -46,7 +46,9 @@ class View {
     gl.enable(gl.DEPTH_TEST);
     gl.polygonOffset(1, 2);
     this.by_hand();
+    this.by_keys();
     new ResizeObserver(() => this.draw()).observe(canvas);
+    DARK_MODE.addEventListener("change", () => this.draw());
   }
 
   // Look at a place that is struck along d from its outside.
@@ -69,6 +71,7 @@ class View {
       mesh = { array: gl.createVertexArray(), at: gl.createBuffer(), value: gl.createBuffer(), of: gl.createBuffer() };
       this.meshes.set(name, mesh);
     }
+    mesh.points = points;
     gl.bindVertexArray(mesh.array);
     [["at", points, 3], ["value", values, 1]].forEach(([attribute, content, size]) => {
       const place = gl.getAttribLocation(this.program, attribute);
@@ -89,10 +92,41 @@ class View {
     return [[-s, c, 0], [-sl * c, -sl * s, cl], [cl * c, cl * s, sl]];
   }
 
+  // Half the width, height and depth of all that is drawn, seen along the axes, and its middle.
+  box() {
+    const axes = this.axes(), low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
+    for (const { points } of this.meshes.values()) {
+      for (let p = 0; p < points.length; p += 3) {
+        for (let i = 0; i < 3; i++) {
+          const x = axes[i][0] * points[p] + axes[i][1] * points[p + 1] + axes[i][2] * points[p + 2];
+          if (x < low[i]) low[i] = x;
+          if (x > high[i]) high[i] = x;
+        }
+      }
+    }
+    return { half: low.map((x, i) => (high[i] - x) / 2), middle: low.map((x, i) => (x + high[i]) / 2) };
+  }
+
+  // Let all that is drawn fill the frame.
+  fit() {
+    const { half, middle } = this.box(), axes = this.axes();
+    if (!Number.isFinite(half[0])) return;
+    this.centre = [0, 1, 2].map((k) => axes.reduce((sum, axis, i) => sum + axis[k] * middle[i], 0));
+    Object.assign(this, { reach: half.slice(0, 2), zoom: 1 });
+  }
+
+  // Pixels of the page per metre: the fitted ones, fewer while a turn would cut what is drawn.
+  scale() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const fits = ([x, y]) => 0.47 * Math.min(width / (x || 1e-30), height / (y || 1e-30));
+    if (this.zoom !== 1) return this.zoom * fits(this.reach);
+    const { half, middle } = this.box(), off = this.axes().map((axis, i) => Math.abs(middle[i] - dot(axis, this.centre)));
+    return Math.min(fits(this.reach), fits([half[0] + off[0], half[1] + off[1]]));
+  }
+
   camera() {
-    const { width, height } = this.canvas, axes = this.axes();
-    const size = this.zoom / (1.25 * this.reach), wide = width / height;
-    const scale = wide > 1 ? [size / wide, size, -0.2 * size / this.zoom] : [size, size * wide, -0.2 * size / this.zoom];
+    const { clientWidth: width, clientHeight: height } = this.canvas, axes = this.axes(), size = 2 * this.scale();
+    const scale = [size / width, size / height, -0.2 * size / Math.min(width, height) / this.zoom];
     const m = new Float32Array(16);
     axes.forEach((axis, i) => {
       for (let k = 0; k < 3; k++) m[4 * k + i] = scale[i] * axis[k];
@@ -107,7 +141,9 @@ class View {
     const wanted = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
     if (canvas.width !== wanted[0] || canvas.height !== wanted[1]) [canvas.width, canvas.height] = wanted;
     gl.viewport(0, 0, canvas.width, canvas.height);
-    gl.clearColor(1, 1, 1, 1);
+    const dark = DARK_MODE.matches;
+    gl.clearColor(...(dark ? [0.09, 0.1, 0.12, 1] : [1, 1, 1, 1]));
+    gl.uniform1f(gl.getUniformLocation(this.program, "plain"), dark ? 0.75 : 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "camera"), false, this.camera());
     const [right, up, out] = this.axes(), light = right.map((x, i) => 0.3 * x + 0.45 * up[i] + 0.84 * out[i]);
@@ -126,15 +162,23 @@ class View {
     return [(p[0] + 1) / 2 * box.clientWidth, (1 - p[1]) / 2 * box.clientHeight, -p[2]];
   }
 
+  // The line of sight through a place of the canvas: a point of it in front of all, and its direction.
+  sight(x, y) {
+    const { canvas, centre } = this, scale = this.scale(), [right, up, out] = this.axes(), deep = this.box().half[2] * 4;
+    const across = (x - canvas.clientWidth / 2) / scale, high = (canvas.clientHeight / 2 - y) / scale;
+    return [centre.map((c, i) => c + across * right[i] + high * up[i] + deep * out[i]), out.map((c) => -c)];
+  }
+
   // One finger or the mouse turns, a click picks, two fingers or ctrl and the wheel zoom.
   by_hand() {
     const canvas = this.canvas, held = new Map();
-    let way = 0;
+    let way = 0, moved = null;
     const apart = () => { const [a, b] = [...held.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
     canvas.addEventListener("pointerdown", (e) => {
       canvas.setPointerCapture(e.pointerId);
       held.set(e.pointerId, [e.offsetX, e.offsetY]);
       way = 0;
+      moved = held.size === 1 ? this.grabbed(e.offsetX, e.offsetY) : null;
     });
     canvas.addEventListener("pointermove", (e) => {
       const last = held.get(e.pointerId);
@@ -142,6 +186,7 @@ class View {
       const before = held.size === 2 ? apart() : 0, x = e.offsetX - last[0], y = e.offsetY - last[1];
       held.set(e.pointerId, [e.offsetX, e.offsetY]);
       way += Math.hypot(x, y);
+      if (moved) return void moved(e.offsetX, e.offsetY, false);
       if (held.size === 2) this.zoom *= apart() / (before || 1);
       else {
         this.turn -= 0.01 * x;
@@ -151,7 +196,8 @@ class View {
     });
     canvas.addEventListener("pointerup", (e) => {
       held.delete(e.pointerId);
-      if (way < 4) this.picked(e.offsetX, e.offsetY);
+      if (moved && way >= 4) moved(e.offsetX, e.offsetY, true);
+      else if (way < 4) this.picked(e.offsetX, e.offsetY, e);
     });
     canvas.addEventListener("pointercancel", (e) => held.delete(e.pointerId));
     canvas.addEventListener("wheel", (e) => {
@@ -160,10 +206,42 @@ class View {
       this.zoom *= Math.exp(-0.003 * e.deltaY);
       this.draw();
     }, { passive: false });
+    canvas.addEventListener("dblclick", () => { this.fit(); this.draw(); });
+  }
+
+  // Arrows turn, + and - zoom, Home shows all.
+  by_keys() {
+    const turns = { ArrowLeft: ["turn", 0.1], ArrowRight: ["turn", -0.1], ArrowUp: ["lift", 0.1], ArrowDown: ["lift", -0.1] };
+    this.canvas.addEventListener("keydown", (e) => {
+      if (turns[e.key]) this[turns[e.key][0]] += turns[e.key][1];
+      else if (e.key === "+" || e.key === "-") this.zoom *= e.key === "+" ? 1.2 : 1 / 1.2;
+      else if (e.key === "Home") this.fit();
+      else return;
+      e.preventDefault();
+      this.lift = Math.min(Math.max(this.lift, -1.55), 1.55);
+      this.draw();
+    });
   }
 }
 
+const DARK_MODE = matchMedia("(prefers-color-scheme: dark)");
+
+const less = (a, b) => a.map((x, i) => x - b[i]);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+// Where a line through a point along a direction of length 1 crosses triangles: at, face, normal.
+function crossings(points, faces, from, d) {
+  const found = [], corner = (k) => [points[3 * k], points[3 * k + 1], points[3 * k + 2]];
+  for (let f = 0; f < faces.length; f += 3) {
+    const a = corner(faces[f]), u = less(corner(faces[f + 1]), a), v = less(corner(faces[f + 2]), a);
+    const p = cross(d, v), volume = dot(u, p);
+    if (!volume) continue;
+    const s = less(from, a), q = cross(s, u), x = dot(s, p) / volume, y = dot(d, q) / volume;
+    if (x < -1e-6 || y < -1e-6 || x + y > 1 + 1e-6) continue;
+    found.push({ at: dot(v, q) / volume, face: f / 3, normal: unit(cross(u, v)) });
+  }
+  return found;
+}
 
 // Two directions across a third, all of length 1.
 function across(d) {

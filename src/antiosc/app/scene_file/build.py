@@ -115,6 +115,10 @@ class Evaluation:
         self.document = document
         self._made: dict[Call, object] = {}
 
+    def know(self, call: Call, made: object) -> None:
+        """Take an object as that of a call."""
+        self._made[call] = made
+
     def __call__(self, value: Any) -> Any:
         """A value with the objects of the calls in it."""
         return replaced(value, self._object)
@@ -132,12 +136,36 @@ class Evaluation:
         return self._made.get(call, call.made)
 
 
+def with_named_materials(data: Table) -> Table:
+    """A scene with tables in place of the names of materials, also of parts and of groups."""
+    found = dict(data)
+    if "material" in data:
+        found["material"] = _material_table(data["material"])
+    if isinstance(data.get("parts"), dict):
+        found["parts"] = {
+            name: with_named_materials(part) if isinstance(part, dict) else part
+            for name, part in data["parts"].items()
+        }
+    return found
+
+
+def _material_table(value: object) -> object:
+    """The table of a material, or of groups of cells, that may be given by names."""
+    if isinstance(value, str):
+        return {KIND: "material", "name": value}
+    if not isinstance(value, dict) or KIND in value:
+        return value
+    if "name" in value:
+        return {KIND: "material", **value}
+    return {group: _material_table(each) for group, each in value.items()}
+
+
 class Builder:
     """Makes calls of the tables of one document, and notes the mistakes in them."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.data: Table = document.data
+        self.data: Table = with_named_materials(document.data)
         #: (place, sentence): notes a mistake
         self.note = document.problems.add
         #: warnings of the objects that were made

@@ -204,7 +204,9 @@ def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]
         from antiosc.io.reading import outline as opened
     if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
         unit = call.arguments.get("unit")
-        found = opened(path, None if unit is None else UnitSystem.of(unit))
+        keys = ("solid", "fragments", "piece")
+        options = {key: call.arguments[key] for key in keys if key in call.arguments}
+        found = opened(path, None if unit is None else UnitSystem.of(unit), **options)
         return list(found.groups), [(found.points, call.arguments.get("size") or 0.0)]
     if call.name == "read_model":
         names, raws = outline_of_deck(**call.arguments)

@@ -38,6 +38,7 @@ from antiosc.app.scene_file.schema import (
 from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
 from antiosc.contact.base import ContactLaw
+from antiosc.simulation.auto_contact import AUTO
 from antiosc.simulation.histories import History
 
 if TYPE_CHECKING:
@@ -172,7 +173,7 @@ NEEDS = (
     ("find", "sensors"),
     ("probes", f"{_MESHED} matrices"),
     ("probes stress", f"{_ONE} run"),
-    *(("sweep monte_carlo", other) for other in ("impactor", "contact", "simulate")),
+    *(("sweep monte_carlo", other) for other in ("impactor", "simulate")),
 )
 #: Sections, others beside which they have no place, and what to do.
 EXCLUDES = (
@@ -308,7 +309,11 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
     section = SECTIONS["material"]
     if not isinstance(table, dict):
         sentence = f"there is no [{label(at)}]; it takes kind and the constants"
-        build.note(place, f'{sentence}, as in `[{label(at)}]` `kind = "Solid"`.')
+        build.note(
+            place,
+            f'{sentence}, as in `[{label(at)}]` `kind = "Solid"`, '
+            f'or a name, as `{label(at)} = "steel S235"`.',
+        )
         return None
     if table and all(isinstance(each, dict) for each in table.values()):
         made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
@@ -376,14 +381,22 @@ def pair(build: Builder) -> tuple[Call | None, Call | None]:
     """Impactor and contact, whose law may be one of the impactor's."""
     impactor = build.table("impactor")
     methods = own_laws("impactor", build.data.get("impactor"), impactor)
-    return impactor, build.table("contact", methods=methods)
+    return impactor, _law(build, build.data.get("contact"), ("contact",), methods)
+
+
+def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call | None:
+    """The law of a table; "auto" without one, or where its kind says so."""
+    if table is None or table == AUTO or (isinstance(table, dict) and table.get(KIND) == AUTO):
+        if isinstance(table, dict) and len(table) > 1:
+            build.note(place, f"{label(place)} of the kind {AUTO!r} takes no other keys.")
+        return Call(str, {}, place, AUTO)
+    return build.call(SECTIONS["contact"], table, place, methods=methods)
 
 
 def _single(build: Builder, found: Compiled) -> None:
     both: dict[str, object] = {"impactor": found.impactor, "contact": found.contact}
-    for name in both:
-        if name not in build.data:
-            build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
+    if "impactor" not in build.data:
+        build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
     if "strike" not in build.data:
         found.history = build.table("simulate", given={"model": found.model, **both})
         _warn_of_opening(build, found)
@@ -489,15 +502,10 @@ def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | N
     found = []
     for i, table in enumerate(build.part("contacts", list)):
         place: Place = ("contacts", i)
-        law, at = None, (*place, "law")
         if not isinstance(table, dict):
             build.note(place, f"{label(place)} must be a table, [[contacts]].")
             continue
-        if isinstance(table.get("law"), dict):
-            law = build.call(SECTIONS["contact"], table["law"], at, methods=methods)
-        else:
-            like = 'law = {kind = "Hertz", stiffness = 1e9}'
-            build.note(at, f"{label(at)} must be a table, as {like}.")
+        law = _law(build, table.get("law"), (*place, "law"), methods)
         for key in ("a", "b"):
             _check_end(build, bodies, table, key, place)
         rest = {key: value for key, value in table.items() if key != "law"}

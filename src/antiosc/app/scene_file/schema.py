@@ -181,7 +181,7 @@ FILES = ("Structure.from_files.map", "find_impact.signals")
 OBJECTS = {"Floor.material": "Solid"}
 #: Functions and classes that only check and store values, or do more than that.
 LIGHT, HEAVY = (
-    ("named_impactor", "normal", "lognormal", "uniform", "soil_cone"),
+    ("material", "named_impactor", "normal", "lognormal", "uniform", "soil_cone"),
     ("Structure", "Scene", "AntiOscillators", "Fall"),
 )
 
@@ -223,7 +223,7 @@ def parameters(function: str) -> Mapping[str, Parameter]:
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
         if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
-            needed = given.default is given.empty
+            needed = given.default in (given.empty, checks.REQUIRED)
             default = None if needed else given.default
             check = CHECKS.get(full, checked.get(name))
             found[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
@@ -342,9 +342,9 @@ class Output:
 #: The key that chooses one of several classes or constructors.
 KIND = "kind"
 # Classes and other constructors that `kind` chooses from. Materials:
-FAMILIES = "AnisotropicSolid Beam Laminate Shell Solid Truss"
+FAMILIES = "AnisotropicSolid Beam Laminate Shell Solid Truss material"
 LAWS = (
-    "Flores Gonthier HuntCrossley LankaraniNikravesh Stronge TanSun Thornton"
+    "ElasticPlastic Flores Gonthier HuntCrossley LankaraniNikravesh Stronge TanSun Thornton"
     " Thornton.from_material YangSun Hertz Hertz.from_radii Linear Power Tabulated"
 )
 IMPACTORS = "Impactor Obstacle RigidMass Sphere named_impactor"
@@ -414,7 +414,8 @@ _STRUCTURE: dict[str, Section] = {
     "deck": Section("table", "read_model",
         "a deck of Abaqus, CalculiX or Nastran with materials and supports", "supports attached"),
     "material": Section("named", FAMILIES,
-        "the material, of all cells or of named groups of them", alone=True),
+        'the material, of all cells or of named groups of them; by name: material = "steel S235"',
+        alone=True),
     "supports": Section("list", "Support", "displacements that are fixed"),
     "attached": Section("list", "PointMass Spring Damper Footing",
         "point masses, springs, dampers, footings on soil"),
@@ -441,7 +442,8 @@ SECTIONS: dict[str, Section] = {
     "sites": Section("named", "Site", "where the structure is struck"),
     "extract": Section("table", "extract", "the reduction to a model", "structure site"),
     "impactor": Section("table", IMPACTORS, "what strikes the structure"),
-    "contact": Section("table", LAWS, "the contact law between structure and impactor"),
+    "contact": Section("table", LAWS,
+        'the contact law between structure and impactor; without it the one they need, "auto"'),
     "simulate": Section("table", "simulate", "the impact of the impactor",
         "model impactor contact"),
     "strike": Section("table", "strike",
@@ -534,8 +536,12 @@ def _section(name: str, section: Section) -> dict[str, object]:
     if section.form == "list":
         return {"type": "array", "items": one}
     if section.form == "named":
-        return {"anyOf": [one, _many(one)]} if section.alone else _many(one)
+        return {"anyOf": [one, _many(one), _NAME, _many(_NAME)]} if section.alone else _many(one)
     return one
+
+
+#: A material by its name.
+_NAME = {"type": "string"}
 
 
 def _one_of(
@@ -552,6 +558,7 @@ def _one_of(
     if methods:  # as "impactor.hertz"
         kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
         tables.append({"type": "object", "required": [KIND], "properties": kind})
+        tables.append(_closed({KIND: {"const": "auto"}}))
     return tables[0] if len(tables) == 1 else {"anyOf": tables}
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -53,8 +53,8 @@ from antiosc.fem.assembly.parts import (
     communicator,
     on_every_rank,
 )
-from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.petsc_algebra import from_csr
+from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
@@ -493,7 +493,7 @@ def _joined(
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, Held(rows, fixed), label)
-        elastic += joint.elastic(layout, label)
+        elastic += [replace(one, name=label) for one in joint.elastic(layout, label)]
     for one in attached:
         elastic += attachment(layout, one)
     elastic += [superelement(layout, one) for one in layout.condensed.values()]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -292,10 +292,17 @@ class Added:
 
         self.K, self.M = whole([one.k for one in elastic]), whole([one.m for one in elastic])
 
-    def dissipation(self) -> list[Dissipation]:
-        """Dashpots and Maxwell branches that act on q."""
-        found = [Dissipation(G, one.c) for one, G in self._elastic if one.c is not None]
-        return found + [Dissipation(G, k, t) for one, G in self._elastic for k, t in one.branches]
+    def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
+        """Dashpots and Maxwell branches that act on q, or on u before the parts are joined."""
+        both = [(one, one.G if on_u else G) for one, G in self._elastic]
+        named = [(one, partial(Dissipation, G, name=one.name, point=one.point)) for one, G in both]
+        found = [term(one.c) for one, term in named if one.c is not None]
+        return found + [term(k, t) for one, term in named for k, t in one.branches]
+
+    def springs(self) -> list[Dissipation]:
+        """The springs on u, with their stiffnesses."""
+        every = [one for one, _ in self._elastic]
+        return [Dissipation(one.G, one.k, name=one.name, point=one.point) for one in every]
 
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
@@ -412,7 +419,7 @@ class AssembledMatrices(StructureMatrices):
         )
 
     def dissipation(self) -> list[Dissipation]:
-        """Dashpots, Maxwell branches and layers that relax, of joints and parts."""
+        """Dashpots, Maxwell branches, layers that relax, damping of superelements."""
         rows = self.local.rows
         found = [replace(one, G=one.G[:, rows]) for one in self.added.dissipation()]
         for member in self.layout.members.values():
@@ -423,20 +430,28 @@ class AssembledMatrices(StructureMatrices):
 
     @cached_property
     def _layers(self) -> list[Dissipation]:
-        """The layers of all parts that relax, on q."""
+        """The layers of all parts that relax, and the damping of superelements, on q."""
         found, made = [], dict[int, PETSc.Mat]()
+        for part in self.layout.condensed.values():
+            if part.part.C is not None:
+                C = self._on_q(part.rows, scipy.sparse.csr_matrix(part.part.C))
+                found.append(Dissipation(matrix=C))
         for member in self.layout.members.values():
-            T = self.T[member.rows]
             for one in member.part.dissipation():
                 if one.matrix is None:
                     continue
                 if id(one.matrix) not in made:
-                    whole = (T.T @ csr(one.matrix) @ T).tocsr()
-                    whole.sort_indices()
-                    block = block_of(self.layout)
-                    made[id(one.matrix)] = self.local.matrix(from_csr("K", whole), block)
-                found.append(replace(one, matrix=made[id(one.matrix)]))
+                    made[id(one.matrix)] = self._on_q(member.rows, csr(one.matrix))
+                owner = (member.name, one.owner[1]) if one.owner else None
+                found.append(replace(one, matrix=made[id(one.matrix)], owner=owner))
         return found
+
+    def _on_q(self, rows: slice, matrix: Sparse) -> PETSc.Mat:
+        """A matrix of some rows of u as one of q."""
+        T = self.T[rows]
+        whole = (T.T @ matrix @ T).tocsr()
+        whole.sort_indices()
+        return self.local.matrix(from_csr("K", whole), block_of(self.layout))
 
     @property
     def lossy(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from mpi4py import MPI
 
 from antiosc.base._types import IntArray
 from antiosc.base.checks import instance, list_of, path as checked_path, positive, shown, whole
-from antiosc.base.errors import InputError, MeshError
+from antiosc.base.errors import InputError, PiecesError
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.shared_nodes import NodeConstraints, SharedNodes
@@ -20,7 +21,7 @@ from antiosc.fem.elements.beam import Beam, Truss
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Nearest, Shell
 from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Family
-from antiosc.fem.linalg import Choice
+from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh import distributed
 from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
@@ -128,7 +129,8 @@ def read_model(
     Parameters
     ----------
     path
-        A deck of Abaqus or CalculiX (`.inp`), or of Nastran (`.bdf`, `.nas`, `.fem`).
+        A deck of Abaqus or CalculiX (`.inp`), of Nastran (`.bdf`, `.nas`, `.fem`), or of
+        Ansys (`.cdb`).
     unit
         Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "cm" (cm, N), "in" (inch,
         pound-force, psi), or metres per unit of length (forces in N). Masses and densities
@@ -246,7 +248,7 @@ def _reader(
         piece = whole("piece", piece, least=1)
     if root is not None:
         folder = Path(checked_path("root", root)).resolve()
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise InputError(f"root must be a folder; there is none at {shown(str(root))}.")
         root = str(folder)
 
@@ -258,7 +260,7 @@ def _reader(
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
-                raise MeshError(
+                raise PiecesError(
                     f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
                     "supports do not hold each: join or hold them (nodes that coincide: "
                     f"merge=1e-6) or read one of them ({_choices(flat)})."

@@ -23,9 +23,16 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Condensed, interface
 from antiosc.fem.mesh.surface import Quadrature, largest, quadrature
 from antiosc.fem.structure import in_space, skew
-from antiosc.fem.structure.attachments import NEAR, Damper, PointMass, Spring, values_of
+from antiosc.fem.structure.attachments import (
+    NEAR,
+    Damper,
+    PointMass,
+    Spring,
+    damper_to_itself,
+    values_of,
+)
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
-from antiosc.fem.structure.support import Support
+from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.dof_map import COMPONENTS
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.
@@ -387,6 +394,8 @@ class Stiffness:
     c: Array | None = None  # (j, j) damping of the functionals
     #: stiffnesses (j, j) and relaxation times [s] of Maxwell branches
     branches: Sequence[tuple[Array, float]] = ()
+    name: str = ""  # of the joint or attachment
+    point: Array | None = None  # (3,) of an attachment, m
 
     @property
     def strains(self) -> Array:
@@ -485,6 +494,9 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
     if isinstance(support.where, str):
         member, group = group_end(layout, "where", support.where)
         return [(member, member.nodes_of(group))]
+    if isinstance(support.where, NumberedNodes):
+        every = [member for member in layout.members.values() if len(member.part.mesh.labels)]
+        return [(member, member.nodes_of(support.where)) for member in every]
     return [
         (member, np.flatnonzero(support.selected(member.nodes)))
         for member in layout.members.values()
@@ -508,6 +520,8 @@ def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffne
             )
         G = end.components(names)
         if other is not None:
+            if isinstance(one, Damper) and np.allclose(other.point, end.point):
+                raise InputError(damper_to_itself(one))
             G = G - other.components(names)
         if isinstance(one, PointMass):
             found.append(Stiffness(G, zero, diagonal, one.mass))
@@ -517,6 +531,8 @@ def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffne
             found.append(Stiffness(G, zero, zero, c=diagonal))
         else:
             found.append(Stiffness(G, zero, zero, branches=[(diagonal, one.tau)]))
+        name = getattr(one, "name", None) or ""
+        found[-1] = replace(found[-1], name=name, point=end.point)
     return found
 
 
@@ -530,6 +546,11 @@ def superelement(layout: Layout, one: Condensed) -> Stiffness:
 def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
     """The points at which an attachment acts."""
     if not isinstance(where, str):
+        if len(where) < 3 and not layout.plane:
+            raise InputError(
+                f"the point {shown(where)} of a mass, spring or damper has {len(where)} coordinates"
+                " in an assembly in space: give x, y and z."
+            )
         x = in_space(where)
         name = min(
             layout.members,

@@ -18,6 +18,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, shown
 from antiosc.base.errors import InputError, name_list, without_warnings
@@ -38,6 +39,7 @@ from antiosc.fem.structure import (
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.damping import DampingMatrix
 from antiosc.models.model_file import reduced_matrices
 
 #: Most dofs: its matrices are dense.
@@ -76,6 +78,7 @@ class Superelement:
     ends: Mapping[str, Interface]  # name of a site, or number of a node -> its motion
     fixed: BoolArray  # (n,) dofs that are zero
     rigid: Array  # (n, r) orthonormal rigid motions, on which K is exactly zero
+    C: Array | None = None  # (n, n) damping
 
     @property
     def size(self) -> int:
@@ -120,6 +123,12 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
         raise InputError(
             f"the part {name!r} is a model without named sites in space: extract it with "
             "extract(structure, {name: Site(point, direction), ...})."
+        )
+    if isinstance(model.damping, DampingMatrix):
+        raise InputError(
+            f"the part {name!r} is a model with dampers or relaxing materials, which a "
+            "superelement of K and M leaves out: give the structure itself as the part, or put "
+            "the dampers into attached= of the assembly."
         )
     if model.damping is not None:
         raise InputError(
@@ -190,7 +199,8 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
         ends[str(number)] = Interface(point, moves, turns, along, about)
     fixed = np.zeros(size, dtype=bool)
     fixed[given.fixed] = True
-    found = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)))
+    C = None if given.C is None else _dense(given.C)
+    found = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)), C)
     return _padded(_without_rigid_strain(name, found, "its coordinates may have too few digits"))
 
 
@@ -260,6 +270,7 @@ def _padded(one: Superelement) -> Superelement:
         ends,
         np.pad(one.fixed, (0, more), constant_values=True),
         np.pad(one.rigid, below),
+        None if one.C is None else np.pad(one.C, (0, more)),
     )
 
 
@@ -287,11 +298,9 @@ def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
 
 def _check_name(what: str, name: object) -> None:
     """InputError for what no joint can name."""
-    if not isinstance(name, str) or not name.strip() or not name.isprintable() or ":" in name:
-        raise InputError(
-            f"a {what}'s name must be a text without a colon, on one line and not empty; got "
-            f"{shown(name)}."
-        )
+    found = checks.name(f"a {what}'s name", name)
+    if not found.strip() or ":" in found:
+        raise InputError(f"a {what}'s name must be a text without a colon; got {shown(name)}.")
 
 
 def _part(name: str, part: object) -> MeshedStructure | Superelement:

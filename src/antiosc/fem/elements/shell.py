@@ -25,7 +25,7 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import Checked, array, checked_by, number, point_text, positive, store
+from antiosc.base.checks import Checked, array, checked_by, number, positive, store
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Layer, PlateSection, stacked
 from antiosc.fem.elements.weak_form import (
@@ -40,14 +40,10 @@ from antiosc.fem.elements.weak_form import (
     measure,
 )
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import agree, compat
+from antiosc.fem.platform import compat
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
-
-
-#: Share of its size² below which a cell has no area.
-LEAST_AREA = 1e-10
 
 
 class SectionFields(NamedTuple):
@@ -202,25 +198,13 @@ def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
 
 
 def areas_of(mesh: Mesh) -> Expr:
-    """Area of every cell from its corners, as a function; InputError if it is zero."""
+    """Area of every cell from its corners, as a function."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     if mesh.cell == "quadrilateral":  # the diagonals
         first, second = x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
     areas = compat.cellwise(mesh.dolfinx)
     areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
-    owned = compat.cell_map(mesh.dolfinx).size_local
-    size = np.maximum(np.sum(first**2, axis=1), np.sum(second**2, axis=1))
-    bad = np.flatnonzero((areas.x.array <= LEAST_AREA * size)[:owned])
-    total = mesh.comm.allreduce(len(bad))
-    error = None
-    if len(bad):
-        at = point_text(x[bad[0]].mean(axis=0))
-        error = InputError(
-            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at {at}: "
-            "remesh the surface, or remove these cells."
-        )
-    agree(mesh.comm, error)
     return areas
 
 

@@ -25,6 +25,7 @@ from antiosc.base.checks import (
     Checked,
     array,
     checked_by,
+    flag,
     nonnegative,
     point_text,
     poisson,
@@ -321,13 +322,30 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     return tuple((ratio, tau) for ratio, tau in pairs.tolist())
 
 
+def _checked_pair(name: str, value: object, unit: str = "") -> tuple[float, float]:
+    """Two ascending numbers > 0."""
+    low, high = array(name, value, (2,)).tolist()
+    if positive(f"the lower end of {name}", low, unit) > high:
+        raise InputError(f"{name} must ascend; got {low:g} to {high:g}.")
+    return low, high
+
+
+def _checked_rate(name: str, value: object) -> tuple[float, float]:
+    """D [1/s] and q of Cowper and Symonds."""
+    D, q = array(name, value, (2,)).tolist()
+    return positive(f"D of {name}", D, "1/s"), positive(f"q of {name}", q)
+
+
 @dataclass(frozen=True)
 class Isotropic(Checked):
     """The constants of a material without directions, as `Family` asks for them.
 
-    `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety.
-    `loss` is its loss factor, for damping ratios by modal strain energy; `prony` its stiffness
-    that relaxes, pairs (share of E, time in s): E(t) = E (1 + Σ share exp(-t/time)).
+    `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety, and the law of
+    a contact follows from it. `yield_range` (Pa, Pa) is what it may be in truth, `rate` (1/s, 1) D
+    and q of Cowper and Symonds, by which it grows with the strain rate. `brittle`: it cracks or
+    crushes before it yields. `loss` is its loss factor, for damping ratios by modal strain energy;
+    `prony` its stiffness that relaxes, pairs (share of E, time in s):
+    E(t) = E (1 + Σ share exp(-t/time)). `name` and `source` of a material by name.
     """
 
     E: float = field(metadata=checked_by(positive, "Pa"))
@@ -340,6 +358,15 @@ class Isotropic(Checked):
     prony: Sequence[tuple[float, float]] = field(
         default=(), kw_only=True, metadata=checked_by(_checked_prony)
     )
+    yield_range: tuple[float, float] | None = field(
+        default=None, kw_only=True, metadata=checked_by(_checked_pair, "Pa")
+    )
+    rate: tuple[float, float] | None = field(
+        default=None, kw_only=True, metadata=checked_by(_checked_rate)
+    )
+    brittle: bool = field(default=False, kw_only=True, metadata=checked_by(flag))
+    name: str = field(default="", kw_only=True)
+    source: str = field(default="", kw_only=True, repr=False)
 
     @property
     def G(self) -> float:

@@ -167,9 +167,13 @@ class OfGeometry(Source):
         wished: SizeField | None,
         grading: Sequence[float],
     ) -> RawMesh:
-        def work() -> RawMesh:
-            raw = read(self._path, ANY, order, refine, sizes=wished, grading=grading)
+        def checked(raw: RawMesh) -> RawMesh:
             return sound(flattened(raw, gdim, self._path.name), self._path.name, True)
+
+        def work() -> RawMesh:
+            return read(
+                self._path, ANY, order, refine, sizes=wished, grading=grading, sound=checked
+            )
 
         return on_root(MPI.COMM_WORLD, work)
 

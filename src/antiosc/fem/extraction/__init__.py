@@ -31,8 +31,8 @@ import scipy.linalg
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import NotConvergedError
-from antiosc.fem.linalg import Solver
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, Inertia

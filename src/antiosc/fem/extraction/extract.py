@@ -7,18 +7,17 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal, get_args, overload
+from typing import TYPE_CHECKING, Literal, cast, get_args, overload
 
 import numpy as np
 
-from antiosc.base import process
+from antiosc.base import checks, process
 from antiosc.base._types import Array
 from antiosc.base.checks import (
     choice,
     flag,
     instance,
     positive,
-    text,
     tolerance,
     whole,
     within_range,
@@ -57,6 +56,7 @@ from antiosc.models.modal import Damping, as_damping
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors
+    from antiosc.fem.structure.meshed import MeshedStructure
 
 
 #: Default number of anti-oscillators, and the largest number with a band.
@@ -212,9 +212,13 @@ def _at_one_site(
     )
     if target.point is not None and target.direction is not None:
         info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
+    if target.cell is not None:
+        info = replace(info, cells={"": target.cell})
+    info = replace(info, surfaces=_surfaces(structure, {UNNAMED: target}))
     weight = uniform_inertia(structure, target)
     parts = np.column_stack([one.residual, one.psi])
     shapes = np.column_stack([parts.sum(axis=1), one.psi])
+    info = with_second_order(structure, info, [""], shapes[:, :1], np.array([[one.k0]]))
     return AntiOscillators(
         m0=one.m0,
         k0=one.k0,
@@ -229,6 +233,21 @@ def _at_one_site(
         hidden=one.hidden if structure.rigid_inertia is not None else None,
         info=info,
     )
+
+
+def _surfaces(
+    structure: Structure, sites: Mapping[str, Functional]
+) -> dict[str, dict[str, object]] | None:
+    """What the law of a contact needs of each site that has it; None: of no site."""
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        return None
+    from antiosc.fem.site.surface import surface_at  # given matrices do without meshes
+
+    found = {
+        name: surface_at(structure, one.point, one.direction, one.radius)
+        for name, one in sites.items()
+    }
+    return {name: one.as_dict() for name, one in found.items() if one is not None} or None
 
 
 def _at_named_sites(
@@ -248,7 +267,13 @@ def _at_named_sites(
         places = {name: own[0].point for name, own in sites.items()}
         points = {name: place.tolist() for name, place in places.items() if place is not None}
         info = replace(info, points=points)
+    cells = {name: own[0].cell for name, own in sites.items() if own[0].cell is not None}
+    info = replace(info, cells=cells or None)
+    firsts_by_name = {name: own[0] for name, own in sites.items()}
+    info = replace(info, surfaces=_surfaces(structure, firsts_by_name))
     shapes = np.hstack([static.phi @ static.W.T, kept.phi])
+    unit = static.phi @ static.W.T
+    info = with_second_order(structure, info, list(sites), unit, _turned(static.W, static.k0))
     return AntiOscillators(
         m0=_turned(static.W, kept.m0),
         k0=_turned(static.W, static.k0),
@@ -268,6 +293,27 @@ def _at_named_sites(
         hidden=static.nodal,
         info=info,
     )
+
+
+def with_second_order(
+    structure: Structure, info: ModelInfo, sites: list[str], phi: Array, k0: Array
+) -> ModelInfo:
+    """The record with the second-order change of the force on curved sheets that are held.
+
+    phi (rows of this rank, p): shapes of unit displacements of p sites, k0 (p, p) their stiffness.
+    """
+    alone = structure.matrices.meshed and not structure.matrices.assembled
+    if info.thickness is None or not alone or len(sites) != len(k0) or structure.rigid_modes.size:
+        return info
+    from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
+
+    C = np.linalg.inv(k0)
+    part = cast("MeshedStructure", structure.matrices)
+    found = {
+        site: quadratic_share(part, phi @ C[:, i] / C[i, i], 1 / C[i, i])
+        for i, site in enumerate(sites)
+    }
+    return replace(info, second_order=found) if any(found.values()) else info
 
 
 def _turned(W: Array, matrix: Array) -> Array:
@@ -512,7 +558,7 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
         if not names:
             raise InputError("site names no site: give {name: Site(point, direction), ...}.")
         for name in names:
-            if ":" in text("the name of a site", name):
+            if ":" in checks.name("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
     sites: list[Site] = []
     for one in site if isinstance(site, list | tuple) else [site]:

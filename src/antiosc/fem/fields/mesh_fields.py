@@ -37,6 +37,7 @@ from antiosc.fem.recovery import (
     on_outlines,
     strength_of,
 )
+from antiosc.fem.recovery.relaxation import shares_of, with_branches
 from antiosc.fem.recovery.tensors import PointsInCells, evaluator
 from antiosc.fem.site import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
@@ -48,12 +49,17 @@ AT_ONCE = 4096
 
 
 def tensors_of_part(
-    part: MeshedStructure, shapes: Array, quantity: str, place: Place, materials: Sequence[int]
+    part: MeshedStructure,
+    shapes: Array,
+    quantity: str,
+    place: Place,
+    materials: Sequence[int],
+    shares: Array | None = None,
 ) -> tuple[IntArray, IntArray, Array]:
     """Nodes (S,) of this rank, number of the material (S,), six components (S, 6, columns) there.
 
     `quantity` "strain" or "stress"; `shapes` (rows of this rank, columns); `materials`: numbers of
-    those whose cells are meant. To be called on all ranks.
+    those whose cells are meant; `shares` of their branches. To be called on all ranks.
     """
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
@@ -91,10 +97,12 @@ def tensors_of_part(
     agree(mesh.comm, error)
     if solid:
         _join_ranks(part, slots, total, count)
-    return node, kind, total / count[:, None, None]
+    return node, kind, with_branches(total / count[:, None, None], shares, kind)
 
 
-def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
+def jumps(
+    part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None = None
+) -> Array:
     """Largest von Mises stress (nodes,) of the differences between cells' stresses and their mean.
 
     Zienkiewicz and Zhu's estimate of the error of a stress, at each node of this rank: the mean of
@@ -106,15 +114,17 @@ def jumps(part: MeshedStructure, shapes: Array, factors: Array) -> Array:
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, "stress", Place())
     own = compat.cell_map(mesh.dolfinx).size_local
+    material = part.part_of_cells()
     nodes, X = compat.geometry_nodes(mesh.dolfinx)[:own], mesh.geometry.reference_nodes
     six = np.zeros((own, len(X), 6))
     step = max(1, AT_ONCE // len(X))
     for first in range(0, own, step):
         cells = np.arange(first, min(own, first + step))
         at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
-        found = np.einsum("pijk,pk->pij", evaluate(at), factors[nodes[cells].ravel()])
+        columns = with_branches(evaluate(at), shares, material[at.cells])
+        found = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
         six[cells] = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
-    keys = nodes * len(part.parts) + part.part_of_cells()[:own, None]
+    keys = nodes * len(part.parts) + material[:own, None]
     slots, slot_of = np.unique(keys, return_inverse=True)
     slot_of = slot_of.reshape(keys.shape)
     total, count = np.zeros((len(slots), 6, 1)), np.zeros(len(slots))
@@ -168,7 +178,8 @@ def at_point(
 
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
     """Displacements (gdim, columns) of the point next to x (3,) of all parts."""
-    member, found, own = _nearest(parts, x[None], reach)
+    number, found = _nearest(parts, x[None], reach)
+    member, own = parts[number]
     values = _at_point(member, found[0], own)
     components = [name for name in "xyz" if name in member.part.form.components]
     return values[: len(components)]
@@ -190,13 +201,18 @@ def recovered(
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
-    return with_parts(structure).decided(lambda: _recovered(parts, points, quantity, place, reach))
+    shares = [shares_of(structure, quantity, member) for member, _ in parts]
+
+    def work() -> Array:
+        return _recovered(parts, points, quantity, place, reach, shares)
+
+    return with_parts(structure).decided(work)
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
     """The beams of the group `name` on the sheets of some parts, with the shapes on their rows."""
     found = [
-        (replace(member, part=alone(lines)), lines.rows_of(own))
+        (replace(member, part=alone(lines, group)), lines.rows_of(own))
         for member, own in parts
         for group, lines in member.part.stiffeners.items()
         if group == name
@@ -216,16 +232,19 @@ def _recovered(
     quantity: str,
     place: Place,
     reach: Reach,
+    shares: Sequence[Array | None],
 ) -> Array:
-    """`recovered` of the nearest of some parts."""
-    member, found, own = _nearest(candidates, points, reach)
-    mesh = member.part.mesh
+    """`recovered` of the nearest of some parts; `shares` of each in the branches."""
+    number, found = _nearest(candidates, points, reach)
+    member, own = candidates[number]
+    mesh, material = member.part.mesh, member.part.part_of_cells()
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
     with_ghosts = compat.with_ghosts(member.part.form.space, own)
     mine = found.rank == mesh.comm.rank
     here, error = None, None
     try:
-        here = evaluate(PointsInCells(member.part, with_ghosts, found.cell[mine], found.X[mine]))
+        at = PointsInCells(member.part, with_ghosts, found.cell[mine], found.X[mine])
+        here = with_branches(evaluate(at), shares[number], material[at.cells])
     except InputError as caught:
         error = caught
     agree(mesh.comm, error)
@@ -238,18 +257,16 @@ def _recovered(
 
 def _nearest(
     candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
-) -> tuple[Member, ClosestPoints, Array]:
-    """The part next to points (P, 3), its points next to them, and its shapes."""
-    parts = [
-        (member, closest_many(member.part.mesh, member.at.own(points)), own)
-        for member, own in candidates
-    ]
-    member, found, own = min(parts, key=lambda part: float(part[1].distance.sum()))
+) -> tuple[int, ClosestPoints]:
+    """The number of the part next to points (P, 3), and its points next to them."""
+    nearest = [closest_many(m.part.mesh, m.at.own(points)) for m, _ in candidates]
+    number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
+    member, found = candidates[number][0], nearest[number]
     far, mesh = int(np.argmax(found.distance)), member.part.mesh
     there = member.at.placed(found.x[far][None])[0]
     element = partial(size_at, mesh, found[far])
     reach.check(points[far], there, mesh.extent(), element)
-    return member, found, own
+    return number, found
 
 
 def _turned(R: Array, values: Array, quantity: str) -> Array:
@@ -288,10 +305,11 @@ def tensors_at_nodes(
     points, cells, _ = at_nodes(structure, shapes[:, :0], part)
     node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
     for member, own in parts:
-        found = []
+        found, shares = [], shares_of(structure, quantity, member)
         for place, numbers in _requests(member.part, places, ply):
             there = place.within(member.at.rotation)
-            nodes, kind, columns = tensors_of_part(member.part, own, quantity, there, numbers)
+            asked = own, quantity, there, numbers, shares
+            nodes, kind, columns = tensors_of_part(member.part, *asked)
             found.append((nodes, kind + len(origins), columns))
             origins += [
                 Origin(strength_of(material, place) if n in numbers else None, place)
@@ -307,7 +325,7 @@ def tensors_at_nodes(
             start += size
     if not node:
         none = np.zeros(0, dtype=int)
-        return points, cells, NodeTensors(none, np.zeros((0, 6, shapes.shape[1])), none, origins)
+        return points, cells, NodeTensors(none, np.zeros((0, 6, 0)), none, origins)
     joined = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
     return points, cells, NodeTensors(*joined, origins)
 
@@ -518,7 +536,8 @@ def stress_jumps(
         first = start + sum(sizes[: comm.rank])
         here = np.zeros(sizes[comm.rank])
         if member.part.kind.name == "solid":
-            here = jumps(member.part, own, factors[first : first + len(here)])
+            shares = shares_of(structure, "stress", member)
+            here = jumps(member.part, own, factors[first : first + len(here)], shares)
         found += comm.gather(here, root=0) or []
         start += sum(sizes)
     return np.concatenate(found) if found else np.zeros(0)

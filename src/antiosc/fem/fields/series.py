@@ -10,11 +10,9 @@ from __future__ import annotations
 import base64
 import os
 import re
-import secrets
 import shutil
 import stat
 import sys
-import tempfile
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -93,10 +91,6 @@ def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
     )
 
 
-#: With what the name of a temporary folder begins.
-PREFIX = ".antiosc-"
-
-
 def listing(path: str | os.PathLike[str]) -> Path:
     """The `.pvd` file of a series: `path` with the suffix `.pvd`.
 
@@ -134,31 +128,41 @@ def write_frames(
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(prefix=PREFIX, dir=target.parent))
-        listed = False
-        try:
-            names = []
-            for number, field in enumerate(fields):
-                names.append(f"{target.stem}_{number:04d}.vtu")
-                files.write_through(staging / names[-1], frames.content({"displacement": field}))
-            old = _listed(target)
-            staged = [f"{staging.name}/{name}" for name in names]
-            files.write_text(target, _collection(times, staged), "the series")
-            listed = True
-            for name in old:
-                (target.parent / name).unlink(missing_ok=True)
-            for name in names:
-                (staging / name).chmod(stat.S_IMODE(target.stat().st_mode))
-                _second_name(staging / name, target.parent / name)
-            files.write_text(target, _collection(times, names), "the series")
-            listed = False
-        finally:
-            if not listed:
-                shutil.rmtree(staging, ignore_errors=True)
+        staging = files.part_name(target)
+        staging.mkdir(mode=0o700)
+        with files.claimed(staging):
+            old = _replaced(target, staging, frames, times, fields)
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error
     for folder in {(target.parent / name).parent for name in old} - {target.parent}:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _replaced(
+    target: Path, staging: Path, frames: Frames, times: Array, fields: Iterable[Array]
+) -> list[str]:
+    """Write the frames and their list; returns the frames of the previous list."""
+    listed = False
+    try:
+        names = []
+        for number, field in enumerate(fields):
+            names.append(f"{target.stem}_{number:04d}.vtu")
+            files.write_through(staging / names[-1], frames.content({"displacement": field}))
+        old = _listed(target)
+        staged = [f"{staging.name}/{name}" for name in names]
+        files.write_text(target, _collection(times, staged), "the series")
+        listed = True
+        for name in old:
+            (target.parent / name).unlink(missing_ok=True)
+        for name in names:
+            (staging / name).chmod(stat.S_IMODE(target.stat().st_mode))
+            _second_name(staging / name, target.parent / name)
+        files.write_text(target, _collection(times, names), "the series")
+        listed = False
+    finally:
+        if not listed:
+            shutil.rmtree(staging, ignore_errors=True)
+    return old
 
 
 def _second_name(frame: Path, name: Path) -> None:
@@ -187,7 +191,7 @@ def _listed(target: Path) -> list[str]:
         text = target.read_text(encoding="utf-8") if target.is_file() else ""
     except UnicodeDecodeError:
         return []
-    own = re.compile(f"({re.escape(PREFIX)}[^/]+/)?{re.escape(target.stem)}_\\d{{4,}}\\.vtu")
+    own = re.compile(f"({re.escape(files.PART)}[^/]+/)?{re.escape(target.stem)}_\\d{{4,}}\\.vtu")
     quoted = re.findall(r"""file=(?:"([^"]*)"|'([^']*)')""", text)
     names = (unescape(a or b, {"&quot;": '"', "&apos;": "'"}) for a, b in quoted)
     return [name for name in names if own.fullmatch(name)]
@@ -248,11 +252,12 @@ def _staged(target: Path) -> Path:
             raise PermissionError(13, "Permission denied")
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error
-    return target.with_name(f".antiosc-{secrets.token_hex(6)}.bp")
+    return files.part_name(target, ".bp")
 
 
 def _moved(staged: Path, target: Path) -> None:
     try:
         files.replace_folder(staged, target)
+        files.clear_parts(target)
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error

@@ -24,10 +24,11 @@ import scipy.sparse
 from antiosc.base import process
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.progress import counting
-from antiosc.fem.linalg import Factorization, Solver, solver_choice
+from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
+from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solver_choice import OnOneRank
 from antiosc.fem.platform import agree, on_root, warn
 

@@ -48,10 +48,11 @@ from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.base.process import allocation_failed
-from antiosc.fem.linalg import SINGULAR, Choice, Factorization, Solver, cholmod
+from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, dense, lower, multiply, watch
+from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
 from antiosc.fem.platform import agree, on_root, warn
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import (
     flag,
     instance,
@@ -21,7 +21,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
-from antiosc.io.neutral import RawMesh
+from antiosc.io.neutral import CadSurface, RawMesh
 from antiosc.io.reading import keys
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
@@ -159,12 +159,18 @@ class Mesh(ReprMixin):
     name: str = "mesh"
     #: whether the unit of its lengths was given, or is stated by its file
     stated: bool = False
+    #: curvature of the surfaces of CAD at nodes, on all ranks
+    cad: CadSurface | None = None
+    #: the file's numbers of its nodes, in the order in which dolfinx got them; -1: none
+    labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
         instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
         instance("name", self.name, str, "a text")
         flag("stated", self.stated)
+        if self.cad is not None:
+            instance("cad", self.cad, CadSurface, "what read_mesh finds in CAD")
         compat.name_coordinates(self.dolfinx)
 
     @property
@@ -213,10 +219,38 @@ class Mesh(ReprMixin):
             low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
         return low, high
 
+    @cached_property
+    def cad_tree(self) -> cKDTree:
+        """The nodes on surfaces of CAD."""
+        return cKDTree(np.zeros((0, 3)) if self.cad is None else self.cad.points)
+
     def extent(self) -> float:
         """Diagonal of the bounding box, in m."""
         low, high = bounds(self.comm, self.dolfinx.geometry.x)
         return float(np.linalg.norm(high - low))
+
+    def numbered(self, nodes: Sequence[int]) -> BoolArray:
+        """Which nodes of this rank have one of these numbers in the file.
+
+        InputError for a mesh whose file has no numbers of nodes.
+        """
+        if not len(self.labels):
+            raise InputError(f"the nodes of {self.name} have no numbers: give a point or a group.")
+        own = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
+        return np.asarray(np.isin(own, np.asarray(nodes, dtype=np.int64)))
+
+    def node(self, number: int) -> Array | None:
+        """Coordinates (3,) of the node with a number in the file [m]; None if there is none.
+
+        InputError if several nodes have it, as in instances of an assembly.
+        """
+        here = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
+        x = np.unique(np.vstack(self.comm.allgather(here)), axis=0)
+        if len(x) > 1:
+            raise InputError(
+                f"{len(x)} nodes of {self.name} have the number {number}: give the point."
+            )
+        return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
         """{dimension: local entities} of the group `name`; InputError if there is none."""
@@ -239,7 +273,8 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
         cells, points = cells[:0], points[:0]
     cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
-    return Mesh(mesh, local_groups(mesh, raw.groups), name)
+    groups = local_groups(mesh, raw.groups)
+    return Mesh(mesh, groups, name, cad=raw.cad, labels=raw.labels)
 
 
 def local_groups(

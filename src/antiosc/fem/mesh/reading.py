@@ -27,15 +27,20 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.mesh import Mesh, distributed
-from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
+from antiosc.io.cad import STATES_UNIT
 from antiosc.io.neutral import RawMesh, UnitSystem
-from antiosc.io.reading import STATES_UNIT, Wanted, read
+from antiosc.io.reading import Wanted, read
 from antiosc.io.request import Refinement
 
 if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
+
+
+#: What chooses one of the pieces of a mesh.
+BY_PIECE = 'piece=1 is the largest; or cells="its group"'
 
 
 @collective()
@@ -53,6 +58,7 @@ def read_mesh(
     merge: float | None = None,
     solid: bool = False,
     fragments: bool = False,
+    piece: int | None = None,
     trust: bool = False,
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -67,10 +73,10 @@ def read_mesh(
     source
         A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`;
         CAD files' own length unit is converted to metres), a deck of Abaqus, CalculiX (`.inp`) or
-        Nastran (`.bdf`, `.nas`, `.fem`), a universal file (`.unv`), any other file that meshio
-        reads, or a dolfinx mesh. Coordinates are metres (see `unit`). Wedges, pyramids and mixed
-        volumes are cut into tetrahedra, quadrilaterals beside triangles into triangles, and cells
-        with 8 and 20 nodes get the missing nodes.
+        Nastran (`.bdf`, `.nas`, `.fem`), an archive of Ansys (`.cdb`), a universal file (`.unv`),
+        an Exodus file, any other file that meshio reads, or a dolfinx mesh. Coordinates are metres
+        (see `unit`). Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals
+        beside triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
     size
         Largest element size in m; geometry files only (needed unless a `.geo` sets its own).
     gdim
@@ -99,11 +105,13 @@ def read_mesh(
     merge
         Nodes of a finished mesh or deck that are no further apart than this, m, become one.
     solid
-        Fill the closed surface of an STL file with tetrahedra (`size`, and `unit`, for STL has
-        none). Without it the triangles are a sheet; `merge` joins their corners.
+        Fill the closed surface of an STL, OBJ, PLY or OFF file with tetrahedra (`size`, and `unit`,
+        for they have none). Without it the triangles are a sheet.
     fragments
         Cut the solids of a STEP or BREP assembly at each other, so that they share nodes where they
-        touch. Solids are groups by their names.
+        touch.
+    piece
+        Of a mesh that falls into pieces without a common node: 1 for the largest, 2 for the next.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
@@ -112,6 +120,11 @@ def read_mesh(
         time that a file of its size, or that number of cells, needs.
     comm
         The MPI communicator that shares the mesh.
+
+    Groups of a CAD file or a filled surface are its solids by their labels, its outer faces ("face
+    1", "face 2", …; besides by labels and by colours, "colour #ff0000", where the file has several)
+    and its holes by their diameter ("hole 6 mm (1)"). A geometry that gmsh cannot mesh is tried
+    again with other sizes, algorithms and repairs; a warning says what helped.
 
     Raises
     ------
@@ -133,6 +146,8 @@ def read_mesh(
             choice(name, given, options)
     for name, either in (("trust", trust), ("solid", solid), ("fragments", fragments)):
         flag(name, either)
+    if piece is not None:
+        piece = whole("piece", piece, least=1)
     _check_refinements(refine)
     if parts is not None:
         if cells is not None:
@@ -158,8 +173,15 @@ def read_mesh(
         )
     file = checked_path("source", source)
 
+    made_here = file.suffix.lower() in GEOMETRY or solid
+
+    def checked(raw: RawMesh) -> RawMesh:
+        if size is not None:
+            plausible.refuse_size(size, raw.points, file.name)
+        return sound(flattened(raw, gdim, file.name), file.name, made_here, by=BY_PIECE)
+
     def work() -> RawMesh:
-        raw = read(
+        return read(
             file,
             size,
             order,
@@ -171,11 +193,9 @@ def read_mesh(
             merge=merge,
             solid=solid,
             fragments=fragments,
+            piece=piece,
+            sound=checked,
         )
-        if size is not None:
-            plausible.refuse_size(size, raw.points, file.name)
-        made_here = file.suffix.lower() in GEOMETRY or solid
-        return sound(flattened(raw, gdim, file.name), file.name, made_here)
 
     raw = on_root(comm, work)
     for sentence in raw.told:
@@ -244,7 +264,9 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]
     if compat.coordinate_map(mesh).degree > 2:
         error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
     agree(compat.communicator(mesh), error)
-    return Mesh(mesh, named, "the dolfinx mesh")
+    found = Mesh(mesh, named, "the dolfinx mesh")
+    refuse_degenerate(found)
+    return found
 
 
 #: by the number of lengths: a name, a script of gmsh, and the sides by their groups

@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text
-from antiosc.base.errors import MeshError, warn
-from antiosc.fem.platform import compat
+from antiosc.base.errors import MeshError, PiecesError, UnmeshableError, warn
+from antiosc.fem.platform import agree, compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
-from antiosc.io.reading import keys
+from antiosc.io.reading import described_pieces, keys, piece_of_cells
+
+if TYPE_CHECKING:
+    from antiosc.fem.mesh import Mesh
 
 #: A point this close to a face, over the size of the face, lies on it.
 ON = 1e-3
@@ -235,8 +238,9 @@ def sound(
     Raises
     ------
     MeshError
-        Repeated cells, two with two sides in common, cells without length, area or volume, pieces
-        that share no node, nodes inside sides that neighbours do not share.
+        Repeated cells, two with two sides in common, cells without length, area or volume, cells
+        that cross themselves, pieces that share no node, nodes inside sides that neighbours do not
+        share.
 
     Warns
     -----
@@ -257,7 +261,7 @@ def sound(
 
     def refuse(some: IntArray, what: str, remedy: str) -> None:
         if len(some):
-            raise MeshError(told(some, what, remedy))
+            raise (UnmeshableError if made_here else MeshError)(told(some, what, remedy))
 
     ordered = np.sort(raw.cells, axis=1)
     refuse(
@@ -284,7 +288,14 @@ def sound(
         f"have no {('length', 'area', 'volume')[kind.dim - 1]}",
         "merge the nodes that coincide, or mesh it anew",
     )
-    if kind.order > 1 and not made_here:
+    # gmsh bends a few curved cells too far where a mesh is coarse for its curves
+    if not (made_here and kind.order > 1):
+        refuse(
+            crossed(raw.points, cells, kind.shape, kind.order),
+            "cross themselves, as a bowtie does",
+            "give their nodes in order around each side, or mesh it anew",
+        )
+    if kind.order > 1:  # nodes of a mesh that gmsh made may have been merged
         refuse(
             unlike_middles(cells, compat.nodes_between(kind.shape)),
             "have a node inside a side that is a corner of another cell, or not the node that "
@@ -328,20 +339,12 @@ def sound(
 
 
 def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
-    n = len(raw.points)
-    first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
-    graph = coo_matrix(
-        (np.ones(first.size, dtype=np.int8), (first.ravel(), raw.cells[:, 1:].ravel())),
-        shape=(n, n),
-    )
-    count, label = connected_components(graph, directed=False)
+    count = int(piece_of_cells(raw).max()) + 1
     if count > 1:
-        sizes = np.sort(np.bincount(label[raw.cells[:, 0]], minlength=count))[::-1]
-        shown = ", ".join(str(s) for s in sizes[:4]) + (", …" if count > 4 else "")
-        raise MeshError(
-            f"{name} falls into {count} pieces that share no node ({shown} cells): join them "
-            "(nodes that coincide: merge=1e-6; in gmsh: BooleanFragments or Coherence) or read the "
-            f"piece of interest ({by})."
+        raise PiecesError(
+            f"{name} falls into {count} pieces that share no node ({described_pieces(raw)}): join "
+            "them (nodes that coincide: merge=1e-6; solids of a CAD file: fragments=True; in gmsh: "
+            f"BooleanFragments) or read the piece of interest ({by})."
         )
 
 
@@ -411,6 +414,48 @@ def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArra
     return np.flatnonzero(nothing | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
 
 
+#: Area or volume of a cell, counted negative where its sides cross, over the sum without signs,
+#: below which it crosses itself: bowties have 0 to 0.4, one corner beyond the diagonal leaves 0.6.
+CROSSED = 0.5
+
+
+def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
+    """Cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
+    if shape == "interval":
+        return np.zeros(0, dtype=np.int64)
+    slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
+    found = []
+    for start in range(0, len(cells), 20_000):
+        x = points[cells[start : start + 20_000]]
+        J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
+        if J.shape[2] == J.shape[3]:
+            measure = np.linalg.det(J)[..., None]
+        else:
+            measure = np.cross(J[:, :, 0], J[:, :, 1])
+        whole = np.linalg.norm(measure.sum(axis=1), axis=1)
+        parts = np.linalg.norm(measure, axis=2).sum(axis=1)
+        found.append(start + np.flatnonzero(whole <= CROSSED * parts))
+    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+
+def refuse_degenerate(mesh: Mesh) -> None:
+    """MeshError for cells of a mesh, on all ranks, without area or volume or that cross."""
+    own = compat.cell_map(mesh.dolfinx).size_local
+    nodes = compat.geometry_nodes(mesh.dolfinx)[:own].astype(np.int64)
+    points = mesh.dolfinx.geometry.x[:, : mesh.gdim]
+    size = ("length", "area", "volume")[mesh.tdim - 1]
+    for check, what in ((collapsed, f"have no {size}"), (crossed, "cross themselves")):
+        bad = check(points, nodes, mesh.cell, mesh.order) if own else nodes[:0, 0]
+        total, error = mesh.comm.allreduce(len(bad)), None
+        if len(bad):
+            error = MeshError(
+                f"{total} of {mesh.n_cells} {mesh.cell} cells {what}, one at "
+                f"{point_text(points[nodes[bad[0]]].mean(axis=0))}: mesh the part anew, or remove "
+                "these cells."
+            )
+        agree(mesh.comm, error)
+
+
 def bends(points: Array, cells: IntArray) -> Array:
     """Height (n,) of the arcs of second-order hexahedra over their thickness; 0 of straight ones.
 
@@ -451,7 +496,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     while len(bad):
         straight[bad] = True
         if straight.sum() == before:
-            raise MeshError(
+            raise UnmeshableError(
                 f"gmsh made {len(bad)} cells without volume: choose another element size."
             )
         before = int(straight.sum())

@@ -16,6 +16,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh, clamped, excess, near, projected
 from antiosc.fem.platform import compat
+from antiosc.io.cad import FACE
 
 #: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
 DEGREE = 6
@@ -223,12 +224,17 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
 
 
 def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
-    """Largest distance in m between two nodes of the cell with the closest point, on all ranks."""
-    size = 0.0
+    """Largest distance [m] of two corners of the cell with the closest point, on all ranks."""
+    x = corners_at(mesh, nearest)
+    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+
+
+def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
+    """Corners (n, 3) of the cell with the closest point, on all ranks."""
+    corners = None
     if mesh.comm.rank == nearest.rank:
-        x = mesh.geometry.nodes[nearest.cell]
-        size = float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
-    return float(mesh.comm.bcast(size, root=nearest.rank))
+        corners = mesh.geometry.nodes[nearest.cell][: len(mesh.geometry.corners)]
+    return np.asarray(mesh.comm.bcast(corners, root=nearest.rank))
 
 
 def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
@@ -526,6 +532,37 @@ class Faces(Entities):
         steps = np.array([0.0, 0.5, 1.0])
         grid = np.stack(np.meshgrid(*[steps] * self.dim), axis=-1).reshape(-1, self.dim)
         return np.asarray(grid[grid.sum(axis=1) <= 1] if self.simplex else grid)
+
+
+def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
+    """(names of the geometry's faces "face 1", …, number of that of each of `faces` (F,) or -1)."""
+    names = [name for name in faces.mesh.groups if FACE.fullmatch(name)]
+    tags = np.full(len(faces), -1, dtype=np.int64)
+    for number, name in enumerate(names):
+        own = faces.mesh.groups[name].get(faces.dim, np.zeros(0, dtype=np.int32))
+        tags[np.isin(faces.facets, own)] = number
+    return names, tags
+
+
+def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
+    """(point (3,) of a group of faces that is next to its centroid [m], unit direction inward).
+
+    On a sheet against the normal of its cells. InputError for a group without outer faces.
+    """
+    faces = Faces(mesh, sheet=mesh.tdim < mesh.gdim)
+    own = np.flatnonzero(np.isin(faces.facets, mesh.group(group).get(faces.dim, ())))
+    x, normals = faces.tangents[0][own], faces.normals[own]
+    area = faces.sizes[own] ** 2
+    total = mesh.comm.allreduce(area.sum())
+    if not total:
+        raise InputError(f"the group {group!r} of {mesh.name} has no faces on the outside.")
+    middle = mesh.comm.allreduce(area @ x) / total
+    away = np.linalg.norm(x - middle, axis=1)
+    best = int(np.argmin(away)) if len(away) else 0
+    here = (float(away[best]), x[best], -normals[best]) if len(away) else (np.inf, middle, middle)
+    every = mesh.comm.allgather(here)
+    _, point, direction = min(every, key=lambda one: one[0])
+    return np.asarray(point), np.asarray(direction)
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -6,8 +6,9 @@ file is long because it alone may know versions: a new one is met by reading thi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from ctypes import addressof
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -22,6 +23,7 @@ from petsc4py import PETSc
 
 from antiosc.base import march
 from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import MeshError
 from antiosc.base.process import processor_features, threads
 from antiosc.fem.platform.compiled_forms import compiler
 
@@ -45,9 +47,11 @@ def create_mesh(
 
     `cells` (n, nodes) in dolfinx's node order, `x` (n, gdim). If more than two lines or facets may
     meet, 0.9 would silently separate them when it partitions the mesh; there such a mesh stays
-    whole on rank 0.
+    whole on rank 0. MeshError for a node that is a corner and lies inside a side, at which dolfinx
+    would end the process.
     """
     gdim = x.shape[1]
+    _refuse_double_nodes(comm, cells, cell)
     joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
     joints = joints or cell == "interval"
     if DOLFINX < (0, 8):
@@ -63,6 +67,20 @@ def create_mesh(
         else:
             options["max_facet_to_cell_links"] = 64
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
+
+
+#: Corners of the cells.
+CORNERS = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
+
+
+def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
+    corners, inside = cells[:, : CORNERS[cell]], cells[:, CORNERS[cell] :]
+    both = comm.allreduce(int(np.isin(inside, corners).sum()) if inside.size else 0)
+    if both:
+        raise MeshError(
+            f"{both} nodes inside sides of cells are corners of cells too: merge nodes within a"
+            " smaller distance, or mesh the part anew."
+        )
 
 
 #: One flat array of vertices for each kind of cell, or a list for each cell.
@@ -238,17 +256,21 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> fem.Function:
 
 def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.FunctionSpace:
     """A space of `size` components, scalar where that is 0."""
-    with compiler():
-        if DOLFINX < (0, 8):
-            cell = mesh.ufl_cell()
-            if size:
-                return fem.FunctionSpace(mesh, ufl.VectorElement(family, cell, degree, dim=size))
-            return fem.FunctionSpace(mesh, ufl.FiniteElement(family, cell, degree))
-        import basix.ufl
+    if DOLFINX < (0, 8):
+        cell = mesh.ufl_cell()
+        if size:
+            return _space_of(mesh, ufl.VectorElement(family, cell, degree, dim=size))
+        return _space_of(mesh, ufl.FiniteElement(family, cell, degree))
+    import basix.ufl
 
-        shape = (size,) if size else None
-        element = basix.ufl.element(family, mesh.basix_cell(), degree, shape=shape)
-        return fem.functionspace(mesh, element)
+    shape = (size,) if size else None
+    return _space_of(mesh, basix.ufl.element(family, mesh.basix_cell(), degree, shape=shape))
+
+
+def _space_of(mesh: dolfinx.mesh.Mesh, element: object) -> fem.FunctionSpace:
+    """The space of an element of UFL, which up to 0.8 is compiled."""
+    with compiler():
+        return (fem.FunctionSpace if DOLFINX < (0, 8) else fem.functionspace)(mesh, element)
 
 
 #: Flags with which kernels of few numbers a cell take half the time: sums may change their order.
@@ -356,6 +378,20 @@ def local_size(space: fem.FunctionSpace) -> int:
     return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)
 
 
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Context in which PETSc's lack of memory is a MemoryError.
+
+    dolfinx makes a text of PETSc's error, which has none where memory is short.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if "basic_string" not in str(error):
+            raise
+        raise MemoryError("PETSc has no memory for a matrix") from error
+
+
 def assemble(
     forms: Sequence[ufl.Form],
     space: fem.FunctionSpace,
@@ -371,8 +407,9 @@ def assemble(
     total = None
     for form in forms:
         compiled = _compiled(form)
-        matrix = fem.petsc.assemble_matrix(compiled, bcs, diagonal if total is None else 0.0)
-        matrix.assemble()
+        with _refusals():
+            matrix = fem.petsc.assemble_matrix(compiled, bcs, diagonal if total is None else 0.0)
+            matrix.assemble()
         # From 0.9 the layouts of the matrix point into the mesh: they must not die first.
         matrix.setAttr("keep", (compiled, space))
         if total is None:
@@ -396,14 +433,13 @@ def strain_matrix(
         element = ufl.VectorElement(
             "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
         )
-        points = fem.FunctionSpace(mesh, element)
     else:
         import basix.ufl
 
         element = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(size,), degree=degree
         )
-        points = fem.functionspace(mesh, element)
+    points = _space_of(mesh, element)
     v = ufl.TestFunction(points)
     dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
     S = assemble([ufl.dot(strains, v) * dx], space, fixed, 0.0)
@@ -416,7 +452,8 @@ def strain_matrix(
 
 def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
     """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
-    vector = fem.petsc.assemble_vector(_compiled(form))
+    with _refusals():
+        vector = fem.petsc.assemble_vector(_compiled(form))
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     values = np.array(vector.array_r, dtype=float)
     vector.destroy()
@@ -533,6 +570,14 @@ def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
         function.x.scatter_forward()
         result[:, k] = function.x.array
     return result
+
+
+def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
+    """The function with these values at the dofs that this rank owns."""
+    function = fem.Function(space)
+    function.x.array[: len(values)] = values
+    function.x.scatter_forward()
+    return function
 
 
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:

@@ -4,7 +4,9 @@ FFCx loads the library of a form from its folder whatever it is: one that was cu
 ends the process, one that somebody else has put there runs in it. antiosc therefore has a folder of
 its own. It is the user's, and nobody else may write there. A library is loaded if it is the one
 that was compiled (its checksum is in a file beside it); otherwise it is made again. dolfinx and
-FFCx read no configuration files meanwhile: these name compilers, libraries and folders.
+FFCx read no configuration files meanwhile: these name compilers, libraries, folders. Those of the
+working folder, which may come from elsewhere, they do not read at all in a process with antiosc,
+whoever compiles.
 """
 
 from __future__ import annotations
@@ -36,6 +38,18 @@ from antiosc.base.process import own_folder, quiet, restored
 PATIENCE = 3600.0
 #: Modules of dolfinx and FFCx that read configuration files, and names of the functions that do.
 READERS = {"_load_options", "_load_parameters"}
+#: FFCx's own options
+SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
+
+
+def _of_the_user(usual: Callable[[], tuple[object, object]]) -> tuple[object, object]:
+    """What a reader finds in the user's folder and in the working folder, without the latter."""
+    return usual()[0], {}
+
+
+for _module in (dolfinx.jit, SETTINGS):
+    for _name in READERS & vars(_module).keys():
+        setattr(_module, _name, partial(_of_the_user, getattr(_module, _name)))
 
 
 @contextmanager
@@ -49,12 +63,11 @@ def checked_folder() -> Iterator[None]:
         yield
         return
     folder = place()
-    settings = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
     held: dict[str, _Entry] = {}
     try:
         with (
             _replaced(dolfinx.jit, READERS, lambda: ({"cache_dir": folder}, {})),
-            _replaced(settings, READERS, lambda: ({}, {})),
+            _replaced(SETTINGS, READERS, lambda: ({}, {})),
             _replaced(ffcx_jit, {"get_cached_module"}, partial(_cached, folder, held, cached)),
             _replaced(ffcx_jit, {"_load_objects"}, partial(_compiled, held, load)),
         ):

@@ -66,6 +66,10 @@ class Site(FieldsRepr):
         Coordinates in m; any point of the structure, on or off the nodes. A text names a group (of
         an assembly "part:group"): its point, or the point next to the centroid of its entities. Of
         an assembly it may also be a reference point, or "part:site" of a superelement.
+    face : str, optional
+        In place of a point: a group of faces ("face 12", "hole 6 mm (1)", of an assembly
+        "part:face 12"). The site is its point next to its centroid, and the direction is by default
+        that into the part.
     direction : sequence of 2 or 3 floats
         The direction in which the impactor pushes; need not be a unit vector.
     radius : float, optional
@@ -81,8 +85,8 @@ class Site(FieldsRepr):
         For matrices, instead of point and direction: the number of the dof at the site. With
         `node`: "x", "y", "z", "rx", "ry", "rz" or the number of the dof at the node.
     node : int
-        For matrices with a map of their nodes and dofs: the number of the node, with `dof` or
-        `direction`.
+        The number of a node in the file of a mesh or a deck, with `direction`. For matrices with a
+        map of their nodes and dofs, with `dof` or `direction`.
     vector : array_like (n,)
         For matrices: any load vector b.
     part : str, optional
@@ -103,8 +107,13 @@ class Site(FieldsRepr):
     part: str | None = None
     tangential: bool = False
     node: int | None = None
+    face: str | None = None
 
     def __post_init__(self) -> None:
+        if self.face is not None:
+            if self.point is not None:
+                raise InputError("a Site takes a point or a face; got both.")
+            store(self, face=text("face", self.face), point=self.face)
         given = [self.point is not None, self.dof is not None, self.vector is not None]
         at_node = self.node is not None
         if (given[0] or given[2]) if at_node else sum(given) != 1:
@@ -120,7 +129,7 @@ class Site(FieldsRepr):
         else:
             store(self, snap=inf if is_rigid(self.snap) else positive("snap", self.snap, "m"))
         store(self, tangential=flag("tangential", self.tangential))
-        if self.tangential and self.direction is None:
+        if self.tangential and self.direction is None and self.face is None:
             raise InputError("tangential directions need a Site with a direction.")
         if at_node and self.dof is not None:
             store(self, dof=component_of(self.dof))
@@ -133,6 +142,8 @@ class Site(FieldsRepr):
             if self.point is None:
                 raise InputError("part= names the part of an assembly on which a point lies.")
         if self.point is None and not (at_node and self.direction is not None):
+            return
+        if self.direction is None and self.face is not None:
             return
         if self.direction is None:
             raise InputError(
@@ -171,6 +182,8 @@ class Functional:
     direction: Array | None = None
     #: the same along the directions across it, if asked for
     across: tuple[Functional, ...] = ()
+    #: the cell and the waves at the site (`ModelInfo.cells`), where there is a mesh
+    cell: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -247,7 +260,12 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
         given = [functional_on_nodes(structure, site) for site in sites]
         pairs = zip(given, sites, strict=True)
         return [one or algebraic(structure.matrices, site) for one, site in pairs]
-    at_points = [site for site in sites if site.point is not None]
+    meshed = structure.matrices.meshed or structure.matrices.assembled
+
+    def at_point(site: Site) -> bool:
+        return site.point is not None or (meshed and site.node is not None and site.dof is None)
+
+    at_points = [site for site in sites if at_point(site)]
     found: Iterator[Functional] = iter(())
     if at_points:
         matrices = with_parts(
@@ -257,7 +275,7 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
 
         found = iter(functionals_at(matrices, at_points))
     return [
-        algebraic(structure.matrices, site) if site.point is None else next(found) for site in sites
+        next(found) if at_point(site) else algebraic(structure.matrices, site) for site in sites
     ]
 
 
@@ -267,8 +285,9 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
     n, comm = algebra.size(structure.K), algebra.communicator(structure.K)
     if site.node is not None:
         raise InputError(
-            "the nodes of this structure have no numbers: Site(node=…) needs matrices with a map, "
-            "Structure.from_files(K, M, map=…)."
+            "the nodes of this structure have no numbers: Site(node=…) needs a mesh of a file that "
+            "numbers them, with direction=, or matrices with a map, Structure.from_files(K, M, "
+            "map=…)."
         )
     if site.radius is not None:
         raise InputError("radius needs a mesh; a site given by dof or vector has none.")
@@ -462,7 +481,7 @@ MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
 
 
 def point_of(
-    structure: Structure, point: object, part: str | None
+    structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, Motion | None]:
     """(coordinates (3,) [m], the part on which it lies or None, its motion if it has no mesh).
 
@@ -471,6 +490,9 @@ def point_of(
     """
     if part is not None:
         checks.text("part", part)
+    if node is not None:
+        member, own = node_of(with_parts(structure), whole("node", node), part)
+        return member.at.placed(own[None])[0], member.name or None, None
     if not isinstance(point, str):
         return in_space(checks.coordinates("point", point)), part, None
     checks.text("point", point)
@@ -499,13 +521,55 @@ def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
     """
     from antiosc.fem.mesh.surface import centre  # needs dolfinx
 
+    member, group = _group_of(matrices, name)
+    return member, centre(member.part.mesh, group)
+
+
+def on_face(matrices: MeshedParts, site: Site) -> Site:
+    """A site on a face as one at a point of it, with its direction."""
+    from antiosc.fem.mesh.surface import struck_point  # needs dolfinx
+
+    assert site.face is not None
+    member, group = _group_of(matrices, site.face)
+    own, inward = struck_point(member.part.mesh, group)
+    point, along = member.at.placed(own[None])[0], member.at.rotation @ inward
+    direction = along.tolist() if site.direction is None else site.direction
+    part = member.name if matrices.assembled else None
+    point = point[: len(direction)]
+    return replace(site, point=point.tolist(), direction=direction, face=None, snap=True, part=part)
+
+
+def at_node(matrices: MeshedParts, site: Site) -> Site:
+    """A site at a numbered node as one at a point."""
+    assert site.node is not None
+    member, own = node_of(matrices, site.node, site.part)
+    point = member.at.placed(own[None])[0][: len(site.direction or (0, 0, 0))]
+    part = member.name if matrices.assembled else None
+    return replace(site, point=point.tolist(), node=None, snap=True, part=part)
+
+
+def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tuple[Member, Array]:
+    """(part, coordinates (3,) in its axes [m]) of a numbered node, in the first part that has it.
+
+    InputError if there is none.
+    """
+    for member in matrices.members(part):
+        mesh = member.part.mesh
+        x = mesh.node(number) if len(mesh.labels) or not matrices.assembled else None
+        if x is not None:
+            return member, x
+    raise InputError(f"the structure has no node {number}, by its number in the file.")
+
+
+def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
+    """(part, group in it) of the group of one mesh, or "part:group"."""
     (member, *_), group = matrices.members(), name
     if matrices.assembled:
         from antiosc.fem.assembly.joint import group_end
 
         layout = cast("AssembledMatrices", matrices).layout
         member, group = group_end(layout, "point", name)
-    return member, centre(member.part.mesh, group)
+    return member, group
 
 
 def motion_of(matrices: MeshedParts, name: str) -> Motion | None:

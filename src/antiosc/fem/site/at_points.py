@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
+from mpi4py import MPI
 
 from antiosc.base import plausible
 from antiosc.base._types import Array, IntArray
@@ -21,16 +22,19 @@ from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, size_at
+from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, corners_at, size_at
+from antiosc.fem.platform import bounds
 from antiosc.fem.site import (
     LEAST_FREE_SHARE,
     Functional,
     Reach,
     Site,
     algebraic,
+    at_node,
     constrained,
     middle_of,
     motion_of,
+    on_face,
     tangents,
 )
 from antiosc.fem.site.sites import (
@@ -42,7 +46,7 @@ from antiosc.fem.site.sites import (
     sums,
     warn_of_doubts,
 )
-from antiosc.fem.structure import in_space
+from antiosc.fem.structure import Dissipation, in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs
 
@@ -89,7 +93,9 @@ def before_joining(
     """
     found: dict[int, Functional] = {}
     struck: dict[str, tuple[Member, dict[int, Site]]] = {}
-    for k, site in enumerate(sites):
+    for k, given in enumerate(sites):
+        site = given if given.face is None else on_face(structure, given)
+        site = site if site.node is None else at_node(structure, site)
         assert site.direction is not None  # Site has seen to that
         direction = in_space(site.direction)
         end = motion_of(structure, site.point) if isinstance(site.point, str) else None
@@ -282,6 +288,10 @@ def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -
     """The data of sites one by one."""
     columns = found.loads.toarray().T
     sides = _across(structure, sites, found)
+    nearest = closest_many(structure.mesh, found.points)
+    # here, for all ranks take part in it
+    low, high = bounds(structure.comm, structure.mesh.dolfinx.geometry.x)
+    thickness = structure.dimensions[2]
     return [
         Functional(
             np.ascontiguousarray(columns[i]),
@@ -290,9 +300,41 @@ def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -
             found.points[i],
             found.directions[i],
             sides[i],
+            cell_and_waves(structure, nearest[i], found.directions[i], high - low, thickness),
         )
         for i in range(len(sites))
     ]
+
+
+#: Cosine of a blow and the normal of a sheet, or the thin side of a block, up to which it does not
+#: bend it.
+ALONG = 0.3
+
+
+def cell_and_waves(
+    structure: MeshedStructure,
+    nearest: ClosestPoint,
+    direction: Array,
+    sides: Array,
+    thickness: float,
+) -> tuple[float, float, float]:
+    """Longest edge [m] of a cell, speed times radius of gyration [m²/s] of bending, speed [m/s].
+
+    `sides` (3,) [m] of the box around the part; `thickness` of a sheet, a beam, or that box.
+    """
+    mesh = structure.mesh
+    x = corners_at(mesh, nearest)
+    edges = x[:, None] - x[None]
+    size = float(np.linalg.norm(edges, axis=2).max())
+    if mesh.tdim == mesh.gdim:
+        thin = np.eye(3)[int(np.argmin(sides[: mesh.gdim]))]
+        bends = abs(float(direction @ thin))
+    else:  # how far it points out of the cell's tangents
+        tangents = np.linalg.svd(edges.reshape(-1, 3), full_matrices=False)[2][: mesh.tdim]
+        bends = float(np.linalg.norm(direction - (direction @ tangents.T) @ tangents))
+    speed = max(material.bar_speed() for material, _ in structure.parts)
+    gyration = thickness / sqrt(12) if bends > ALONG else 0.0
+    return size, speed * gyration, speed
 
 
 def _across(
@@ -364,8 +406,50 @@ def _check_distance(
         )
 
 
+#: Force of an element in a rigid motion over that of its terms, below which it is rounding.
+INTERNAL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """A spring to the ground, or a term of the damping, on some rows of u.
+
+    `name` and `point` (3,) [m]: of what acts on the ground; "" of others.
+    """
+
+    name: str
+    point: Array | None
+    rows: slice
+    term: Dissipation
+
+    def forces(self, comm: MPI.Comm, u: Array) -> Array:
+        """c G u (j, k) of motions (rows of this rank, k) of all parts."""
+        return np.asarray(self.term.c @ comm.allreduce(np.asarray(self.term.G @ u[self.rows])))
+
+    def loads(self, comm: MPI.Comm, u: Array) -> Array:
+        """Gᵀ c G u (rows of this rank, k)."""
+        found = np.zeros(u.shape)
+        found[self.rows] = (
+            self.term.G.T @ self.forces(comm, u)
+            if self.term.matrix is None
+            else self.term.factor * multiply(self.term.matrix, u[self.rows])
+        )
+        return found
+
+    def if_to_ground(self, comm: MPI.Comm, rigid: Array) -> Element:
+        """The element, without its name where rigid motions do not strain it."""
+        moved = np.abs(self.forces(comm, rigid)).max(initial=0.0)
+        assert self.term.c is not None
+        terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
+        named = moved > INTERNAL * terms.max(initial=0.0)
+        return self if named else replace(self, name="")
+
+
 class Released:
     """The supports of a structure and of its parts, released one after the other.
+
+    The ground ends of springs are released likewise, after the supports. What acts on the ground
+    has the name of a support: of dampers alone no motion belongs to it.
 
     Where a joint and supports hold the same motion, the constraints of the joint that follow from
     the supports carry no force, as in the assembly itself, which leaves them out.
@@ -387,6 +471,8 @@ class Released:
             )
         self._parts: dict[int, MeshedStructure] = {}
         self._motions = np.zeros((0, 0))
+        self._springs: list[Element] = []
+        self._damping: list[Element] = []
         self.centres, pulled = matrices.decided(lambda: self._released(supports))
         self.pulled: Array = matrices.own(pulled)
 
@@ -420,6 +506,47 @@ class Released:
 
         return self._of.decided(work)
 
+    def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
+        """(relaxation time, reactions (6 S, B) by motions of the shapes (rows of this rank, B)).
+
+        Of the terms of the damping, in the order of the structure's; to be called after `inertia`.
+        """
+        u = self._of.expanded(shapes)
+
+        def work() -> list[tuple[float | None, Array]]:
+            return [(one.term.tau, self._by_damping(one, u)) for one in self._damping]
+
+        return self._of.decided(work)
+
+    def _by_damping(self, one: Element, u: Array) -> Array:
+        comm = self._of.workers
+        loads = one.loads(comm, u)
+        found = dot(comm, self._motions, loads)
+        if one.name:
+            rigid = self._of.places.rigid_motions(self.centres[one.name])
+            column = 6 * list(self.centres).index(one.name)
+            found[column : column + 6] -= dot(comm, rigid, loads)
+        return found
+
+    def _elements(self) -> tuple[list[Element], list[Element]]:
+        """The springs to the ground, and all terms of the damping in the order of the structure."""
+        springs: list[Element] = []
+        terms: list[Element] = []
+        comm, rigid = self._of.workers, self._of.places.rigid_motions(np.zeros(3))
+        if self._assembly:
+            added = self._assembly.added
+            for kind, found in ((springs, added.springs()), (terms, added.dissipation(on_u=True))):
+                every = [Element(term.name, term.point, slice(None), term) for term in found]
+                kind += [element.if_to_ground(comm, rigid) for element in every]
+        for member in self._of.members():
+            part, prefix = self._part(member), f"{member.name}:" if member.name else ""
+            for kind, found in ((springs, [*part.springs]), (terms, part.dissipation())):
+                for term in found:
+                    at = None if term.point is None else member.at.placed(term.point[None])[0]
+                    kind.append(Element(term.name and prefix + term.name, at, member.rows, term))
+        springs = [one for one in springs if one.name]
+        return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
+
     def _functional(self, site: Site) -> Functional:
         if site.point is not None:
             return before_joining(self._of, [site], self._part)[0]
@@ -445,8 +572,18 @@ class Released:
             points = places.points
             for name, one in zip(names, rows, strict=False):
                 centres[name] = points[np.unique(one.matrix.indices)].mean(axis=0)
+        self._springs, self._damping = self._elements()
+        grounds = [element for element in (*self._springs, *self._damping) if element.name]
+        for element in grounds:
+            own = [other.point for other in grounds if other.name == element.name]
+            known = [x for x in own if x is not None]
+            centre = np.mean(known or places.points[element.term.G.indices], axis=0)
+            centres.setdefault(element.name, centre)
         if not centres:
-            raise InputError("the structure has no supports: it has no reactions.")
+            raise InputError(
+                "the structure has no supports, springs or dampers to the ground: it has no"
+                " reactions."
+            )
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}
         motions = np.zeros((len(places.kind), 6 * len(centres)))
         for name, dofs, moved in held:
@@ -465,7 +602,11 @@ class Released:
             assert found.particular is not None
             motions = motions + found.particular
         self._motions = motions
-        return centres, -self._forces("K", motions)
+        pulled = -self._forces("K", motions)
+        for spring in self._springs:
+            rigid = places.rigid_motions(centres[spring.name])
+            pulled[:, column[spring.name]] += self._on_free(spring.loads(self._of.workers, rigid))
+        return centres, pulled
 
     def _part(self, member: Member) -> MeshedStructure:
         """A part without its supports."""
@@ -482,12 +623,19 @@ class Released:
         for member in self._of.members():
             matrix = getattr(self._part(member), which)
             forces[member.rows] = multiply(matrix, motions[member.rows])
+        free = self._on_free(forces)
         if self._assembly is None:
-            forces[self._of.fixed[self._of.fixed < len(forces)]] = 0.0
-            return forces
+            return free
         added = self._assembly.added
         more = added.forces(motions) if which == "K" else added.inertial_loads(motions)[0]
-        return np.asarray(self._of.joined(forces) + more)
+        return np.asarray(free + more)
+
+    def _on_free(self, forces: Array) -> Array:
+        """Forces on u (rows of this rank, k) as those on the dofs that are free."""
+        if self._assembly is not None:
+            return np.asarray(self._of.joined(forces))
+        forces[self._of.fixed[self._of.fixed < len(forces)]] = 0.0
+        return forces
 
 
 def _centre(member: Member, dofs: IntArray) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, Box, IntArray, Matrix
 from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
-from antiosc.fem.linalg import Choice, Solver, algebra, solver_for
+from antiosc.fem.linalg import algebra, solver_for
 from antiosc.fem.linalg.algebra import (
     by_strains,
     communicator,
@@ -31,6 +31,7 @@ from antiosc.fem.linalg.algebra import (
     softness,
     sum_of,
 )
+from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.io.dof_map import DofMap
 from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.motion import Inertia
@@ -193,13 +194,18 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Dissipation:
-    """One term Gᵀ c G of the damping."""
+    """One term Gᵀ c G of the damping; of springs to the ground one of the stiffness."""
 
     G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
     c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
     tau: float | None = None  # relaxation time [s] of a branch; None: dashpots
     matrix: Matrix | None = None  # of all dofs, times `factor`
     factor: float = 1.0
+    #: of a material that relaxes: the name of its part, and its number there or that of a stiffener
+    owner: tuple[str, int | str] | None = None
+    #: of what acts on the ground: its name, and the mean (3,) of its points
+    name: str = ""
+    point: Array | None = None
 
     def projected(self, comm: MPI.Comm, V: Array) -> Array:
         """L (r, k) with L'L = Vᵀ C V, for V (rows of this rank, k)."""

@@ -9,8 +9,8 @@ T.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import dolfinx
 import numpy as np
@@ -30,6 +30,7 @@ from antiosc.base.checks import (
     point_text,
     positive,
     shown,
+    text,
 )
 from antiosc.base.errors import InputError
 from antiosc.closed_form.soil import soil_cone
@@ -49,6 +50,10 @@ NEAR = 1e-3
 def _checked_where(_: str, where: object) -> str | tuple[float, ...]:
     """A group's name, or coordinates."""
     return where if isinstance(where, str) else coordinates("where, if no group's name,", where)
+
+
+#: The name that a user gives to an attachment.
+NAME = checked_by(text)
 
 
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
@@ -124,10 +129,13 @@ class Spring(Checked):
         As for `PointMass`.
     stiffness : dict
         Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
+    name : str, optional
+        Of its force in `reactions`; default: "spring 1" and on.
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
     stiffness: Mapping[str, float] = field(metadata=checked_by(_some_components, "Spring"))
+    name: str | None = field(default=None, kw_only=True, metadata=NAME)
 
 
 @dataclass(frozen=True)
@@ -147,12 +155,15 @@ class Damper(Checked):
     tau : float, optional
         The damper is in series with a spring of stiffness damping/tau (N/m), so that it relaxes in
         this time, s (Maxwell).
+    name : str, optional
+        Of its force in `reactions`, where it acts on the ground; default: "damper 1" and on.
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
     damping: Mapping[str, float] = field(metadata=checked_by(_some_components, "Damper"))
     to: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     tau: float | None = field(default=None, metadata=checked_by(positive, "s"))
+    name: str | None = field(default=None, kw_only=True, metadata=NAME)
 
     @property
     def values(self) -> dict[str, float]:
@@ -178,6 +189,8 @@ class Footing:
         Normal of the ground. Along it the soil has its vertical stiffness.
     along : sequence of "x", "y" and "z"
         Directions in which the soil holds the footing.
+    name : str, optional
+        Of the force of its soil in `reactions`; default: "footing 1" and on.
     """
 
     where: str | Sequence[float]
@@ -188,11 +201,12 @@ class Footing:
     mass: float = 0.0
     up: Literal["x", "y", "z"] = "z"
     along: Sequence[str] = ("x", "y", "z")
+    name: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        self._parts()
+        self._parts(self.name)
 
-    def _parts(self) -> list[PointMass | Spring | Damper]:
+    def _parts(self, name: str | None) -> list[PointMass | Spring | Damper]:
         """What it adds to a structure."""
         choice("up", self.up, ("x", "y", "z"))
         soil = {
@@ -204,8 +218,8 @@ class Footing:
         }  # fmt: skip
         mass = nonnegative("mass", self.mass, "kg") + sum(cone.mass for cone in soil.values())
         return [
-            Spring(self.where, {axis: cone.stiffness for axis, cone in soil.items()}),
-            Damper(self.where, {axis: cone.damping for axis, cone in soil.items()}),
+            Spring(self.where, {axis: cone.stiffness for axis, cone in soil.items()}, name=name),
+            Damper(self.where, {axis: cone.damping for axis, cone in soil.items()}, name=name),
             *([PointMass(self.where, mass)] if mass else []),
         ]
 
@@ -215,12 +229,26 @@ Attachment = PointMass | Spring | Damper | Footing
 
 
 def attachments_of(given: object) -> list[PointMass | Spring | Damper]:
-    """Checked attachments, a footing by its parts."""
+    """Checked attachments, a footing by its parts; springs and dampers with names."""
     known = (PointMass, Spring, Damper, Footing)
-    found: list[Attachment] = list_of(
-        "attached", given, known, "PointMass, Spring, Damper and Footing objects"
+    what = "PointMass, Spring, Damper and Footing objects"
+    found: list[Any] = list(list_of("attached", given, known, what))
+    parts: list[PointMass | Spring | Damper] = []
+    for kind in (Spring, Damper, Footing):
+        for number, k in enumerate(np.flatnonzero([type(one) is kind for one in found]), start=1):
+            if found[k].name is None:
+                found[k] = replace(found[k], name=f"{kind.__name__.lower()} {number}")
+    for one in found:
+        parts += one._parts(one.name) if isinstance(one, Footing) else [one]
+    return parts
+
+
+def damper_to_itself(one: Damper) -> str:
+    """Message for a damper without a length."""
+    return (
+        f"the Damper at {shown(one.where)} ends at the point where it begins, {shown(one.to)}: it"
+        " brakes nothing; name another point, or leave to= out for the ground."
     )
-    return [part for one in found for part in (one._parts() if isinstance(one, Footing) else [one])]
 
 
 def values_of(one: PointMass | Spring | Damper, plane: bool) -> dict[str, float]:
@@ -256,8 +284,7 @@ class Added:
     mass: float
     #: M e for unit accelerations e along x, y, z, of the attachment alone (rows of this rank, 3)
     inertia: Array
-    #: b of every component on which a spring acts (rows of this rank, k)
-    springs: Array
+    springs: Sequence[Dissipation] = ()
     dampers: Sequence[Dissipation] = ()
 
 
@@ -273,7 +300,8 @@ def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
     matrix = to.M if isinstance(one, PointMass) else to.K if isinstance(one, Spring) else None
     points = _attachment_points(to.mesh, one.where)
     rows = compat.local_size(to.form.space)
-    mass, inertia, springs = 0.0, np.zeros((rows, 3)), np.zeros((rows, 0))
+    mass, inertia = 0.0, np.zeros((rows, 3))
+    centre = np.mean([nearest.x for nearest in points], axis=0)
     found = [
         (component, value, _add_component(to, matrix, component, nearest, value))
         for nearest in points
@@ -281,19 +309,29 @@ def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
     ]
     if matrix is not None:
         matrix.assemble()
+    diagonal = np.diag([value for _, value, _ in found])
     if isinstance(one, Damper):
         ground = [] if one.to is None else _attachment_points(to.mesh, one.to)
+        if ground and any(np.allclose(ground[0].x, nearest.x) for nearest in points):
+            raise InputError(damper_to_itself(one))
         ends = {c: _add_component(to, None, c, end, 0.0) for end in ground for c in values}
-        G = np.array([b - ends[c] if ends else b for c, _, b in found]).reshape(-1, rows)
-        c = np.diag([value for _, value, _ in found])
-        damper = Dissipation(scipy.sparse.csr_matrix(G), c, one.tau)
-        return Added(mass, inertia, springs, [damper])
+        G = [b - ends[c] if ends else b for c, _, b in found]
+        name = "" if ends else str(one.name)
+        damper = Dissipation(_functionals(G, rows), diagonal, one.tau, name=name, point=centre)
+        return Added(mass, inertia, dampers=[damper])
     if isinstance(one, Spring):
-        return Added(mass, inertia, np.column_stack([springs, *(b for _, _, b in found)]))
+        G = [b for _, _, b in found]
+        name = str(one.name)
+        spring = Dissipation(_functionals(G, rows), diagonal, name=name, point=centre)
+        return Added(mass, inertia, [spring])
     for component, value, b in found:
         if component in "xyz":
             inertia[:, "xyz".index(component)] += value * b
-    return Added(one.mass * len(points), inertia, springs)
+    return Added(one.mass * len(points), inertia)
+
+
+def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
+    return scipy.sparse.csr_matrix(np.array(b).reshape(-1, rows))
 
 
 def _add_component(
@@ -319,6 +357,11 @@ def _add_component(
 
 def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[ClosestPoint]:
     if not isinstance(where, str):
+        if len(where) < mesh.gdim:
+            raise InputError(
+                f"the point {point_text(np.array(where))} of a mass, spring or damper has"
+                f" {len(where)} coordinates, and {mesh.name} lives in space: give x, y and z."
+            )
         nearest = closest(mesh, in_space(where))
         if nearest.distance > NEAR * mesh.extent():
             raise InputError(
@@ -388,10 +431,8 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Add
         moving[dofs[dofs < len(moving)], axis] = 1.0
     inertia = multiply(own[1], moving)
     mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
-    rows = compat.local_size(to.form.space)
     on_sheet = multiply(T.transpose(PETSc.Mat()), inertia)
-    added = Added(mass, on_sheet, np.zeros((rows, 0)))
-    return added, Stiffener(line, form, parts, own[0], own[1], T)
+    return Added(mass, on_sheet), Stiffener(line, form, parts, own[0], own[1], T)
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.

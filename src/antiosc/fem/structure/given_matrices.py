@@ -20,8 +20,9 @@ from antiosc import fem
 from antiosc.base._types import Array, BoolArray, IntArray, Matrix
 from antiosc.base.checks import LARGEST, SMALLEST, array
 from antiosc.base.errors import InputError, finite_element_packages
-from antiosc.fem.linalg import Solver, algebra
+from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import agree, agreed, alike, of_petsc
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, of_matrices
 from antiosc.io.dof_map import DofMap, rows_of

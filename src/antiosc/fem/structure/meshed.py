@@ -28,8 +28,8 @@ from antiosc.fem.elements.weak_form import (
     measure,
     restricted,
 )
-from antiosc.fem.linalg import Choice, checked_choice
 from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import (
@@ -58,7 +58,13 @@ from antiosc.fem.structure.attachments import (
     add_beams,
     attachments_of,
 )
-from antiosc.fem.structure.support import NO_DOFS, Support, dofs_of_group, fixed_dofs
+from antiosc.fem.structure.support import (
+    NO_DOFS,
+    NumberedNodes,
+    Support,
+    dofs_of_entities,
+    fixed_dofs,
+)
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
@@ -128,10 +134,11 @@ class Member:
         """The closest points of the part to points (n, 3) of the assembly."""
         return closest_many(self.part.mesh, self.at.own(points))
 
-    def nodes_of(self, group: str) -> IntArray:
-        """The nodes of the displacements in a group of the part."""
-        form = self.part.form
-        dofs = dofs_of_group(self.part.mesh, form, group, form.components["x"])
+    def nodes_of(self, where: str | NumberedNodes) -> IntArray:
+        """The nodes of the displacements in a group of the part, or on numbered nodes."""
+        form, mesh = self.part.form, self.part.mesh
+        parts = mesh.group(where) if isinstance(where, str) else where.entities(mesh)
+        dofs = dofs_of_entities(mesh, form, parts, form.components["x"])
         return np.unique(np.asarray(dofs) // self.block)
 
     def points_of(self, group: str) -> Quadrature:
@@ -163,8 +170,11 @@ class MeshedStructure(StructureMatrices):
     #: the least of a sheet [m], unless it is held along one line alone
     thickness: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
+    springs: Sequence[Dissipation] = ()  # to the ground
     #: its fixed dofs, as its forms are assembled with
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
+    #: the group of edges of the sheet of which this is a stiffener
+    edges: str = ""
 
     meshed: ClassVar[bool] = True
 
@@ -299,7 +309,8 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def lossy(self) -> bool:
-        return any(getattr(material, "loss", 0.0) for material, _ in self.parts)
+        beams = (lines.parts[0] for lines in self.stiffeners.values())
+        return any(getattr(material, "loss", 0.0) for material, _ in (*self.parts, *beams))
 
     def dissipation(self) -> list[Dissipation]:
         return [*self.dampers, *self._layers]
@@ -307,30 +318,38 @@ class MeshedStructure(StructureMatrices):
     @cached_property
     def _layers(self) -> list[Dissipation]:
         return [
-            Dissipation(matrix=K, factor=ratio, tau=tau)
-            for material, K in self._stiffnesses("prony")
+            Dissipation(matrix=K, factor=ratio, tau=tau, owner=("", own))
+            for own, material, K in self._stiffnesses("prony")
             for ratio, tau in material.prony
         ]
 
+    @property
+    def owners(self) -> Sequence[int | str]:
+        """What tells the materials apart: their numbers; of a stiffener alone its edges."""
+        return [self.edges] if self.edges else range(len(self.parts))
+
     @cached_property
-    def _losses(self) -> list[tuple[Material, PETSc.Mat]]:
+    def _losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
         return self._stiffnesses("loss")
 
     def loss_stiffness(self, V: Array) -> Array | None:
         if not self.lossy:
             return None
-        own = (material.loss * dot(self.comm, V, multiply(K, V)) for material, K in self._losses)
+        own = (one.loss * dot(self.comm, V, multiply(K, V)) for _, one, K in self._losses)
         return np.asarray(sum(own))
 
-    def _stiffnesses(self, name: str) -> list[tuple[Material, PETSc.Mat]]:
-        """(material, its share of K) of the materials in which `name` is set."""
-        found = []
-        for material, cells in self.parts:
+    def _stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
+        """(owner, material, its share of K) of the materials in which `name` is set."""
+        found: list[tuple[int | str, Material, PETSc.Mat]] = []
+        for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
                 own = restricted(self.form.stiffness, self.mesh, cells)
-                found.append(
-                    (material, compat.assemble(own, self.form.space, self.conditions, 0.0))
-                )
+                K = compat.assemble(own, self.form.space, self.conditions, 0.0)
+                found.append((number, material, K))
+        for group, lines in self.stiffeners.items():
+            beam = lines.parts[0][0]
+            if getattr(beam, name, None):
+                found.append((group, beam, lines.K.ptap(lines.shared)))
         return found
 
     def describe(self, dofs: int) -> str:
@@ -341,7 +360,7 @@ class MeshedStructure(StructureMatrices):
         )
 
 
-def alone(stiffener: Stiffener) -> MeshedStructure:
+def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
     """The beams of a stiffener as a structure, for what is asked of its cells."""
     rows = compat.local_size(stiffener.form.space)
     return MeshedStructure(
@@ -356,7 +375,8 @@ def alone(stiffener: Stiffener) -> MeshedStructure:
         parts=stiffener.parts,
         total_mass=0.0,
         attached_inertia=np.zeros((rows, 3)),
-        again=lambda _: alone(stiffener),
+        again=lambda _: alone(stiffener, edges),
+        edges=edges,
     )
 
 
@@ -487,7 +507,8 @@ def assembled(
     attached_inertia = sum(
         (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
     )
-    springs = np.column_stack([attached_inertia[:, :0], *(one.springs for one in added)])
+    held_by = [spring for one in added for spring in one.springs]
+    springs = np.column_stack([attached_inertia[:, :0], *(s.G.toarray().T for s in held_by)])
     modes, shift = support.of_mesh(form, fixed, K, M, springs)
     if conditions and modes.shape[1]:
         motions = support.described(mesh, form, modes)
@@ -517,6 +538,7 @@ def assembled(
         supports=held,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
         dampers=[damper for one in added for damper in one.dampers],
+        springs=held_by,
         conditions=conditions,
         doubts=doubts,
         thickness=_stretched(mesh, form, fixed, [one for one, _ in parts]),

@@ -20,7 +20,8 @@ from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
 from antiosc.base.texts import ReprMixin
-from antiosc.fem.linalg import Choice, Solver, algebra
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair

@@ -8,9 +8,10 @@ quadratic ones is of the order of the first elastic ω², from which the shift i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import InitVar, dataclass
 from functools import partial
+from typing import cast
 
 import dolfinx
 import numpy as np
@@ -18,7 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import coordinates, nonnegative, point_text, shown, store
+from antiosc.base.checks import coordinates, nonnegative, point_text, shown, store, whole
 from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.fem.elements.weak_form import WeakForm
@@ -60,6 +61,8 @@ class Support(FieldsRepr):
         (lower, upper): nodes between two corners, m.
     plane
         (point, normal): nodes on a plane, m.
+    nodes
+        Numbers of nodes in the mesh's file; with them the edges and faces between them are held.
 
     Raises
     ------
@@ -73,13 +76,14 @@ class Support(FieldsRepr):
     near: InitVar[tuple[Sequence[float], float] | None] = None
     box: InitVar[tuple[Sequence[float], Sequence[float]] | None] = None
     plane: InitVar[tuple[Sequence[float], Sequence[float]] | None] = None
+    nodes: InitVar[Sequence[int] | None] = None
 
-    def __post_init__(self, near: object, box: object, plane: object) -> None:
-        given = {"where": self.where, "near": near, "box": box, "plane": plane}
+    def __post_init__(self, near: object, box: object, plane: object, nodes: object) -> None:
+        given = {"where": self.where, "near": near, "box": box, "plane": plane, "nodes": nodes}
         named = [name for name, value in given.items() if value is not None]
         if len(named) > 1:
-            raise InputError(f"a Support takes one of where, near, box, plane; got {named}.")
-        make = {"near": ball, "box": _box, "plane": _plane}
+            raise InputError(f"a Support takes one of {', '.join(given)}; got {named}.")
+        make = {"near": ball, "box": _box, "plane": _plane, "nodes": NumberedNodes.of}
         if named and named[0] in make:
             store(self, where=make[named[0]](given[named[0]]))
         if not isinstance(self.where, str) and not callable(self.where):
@@ -128,7 +132,7 @@ class Support(FieldsRepr):
         """The place of the support, for messages."""
         if isinstance(self.where, str):
             return f"on group {self.where!r}"
-        if isinstance(self.where, Region):
+        if isinstance(self.where, Region | NumberedNodes):
             return self.where.words
         return f"by function {getattr(self.where, '__name__', repr(self.where))!r}"
 
@@ -156,21 +160,58 @@ def fixed_dofs(
 
 def _there(mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]) -> IntArray:
     if isinstance(support.where, str):
-        return dofs_of_group(mesh, form, support.where, path)
+        return dofs_of_entities(mesh, form, mesh.group(support.where), path)
+    if isinstance(support.where, NumberedNodes):
+        return dofs_of_entities(mesh, form, support.where.entities(mesh), path)
     dofs, x = compat.dof_coordinates(form.space, path)
     size = {"size": mesh.extent()} if isinstance(support.where, Region) else {}
     return dofs[agreed(mesh.comm, lambda: support.selected(x, **size))]
 
 
-def dofs_of_group(mesh: Mesh, form: WeakForm, group: str, path: tuple[int, ...]) -> IntArray:
-    """Dofs of one component on the entities of a group, of this rank, ghosts included."""
+def dofs_of_entities(
+    mesh: Mesh, form: WeakForm, parts: Mapping[int, IntArray], path: tuple[int, ...]
+) -> IntArray:
+    """Dofs of one component on entities by their dimension, of this rank, ghosts included."""
     component = compat.subspace(form.space, path)
-    parts = mesh.group(group)
     found = [NO_DOFS]
     for dim in sorted(parts):
         mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
         found.append(dolfinx.fem.locate_dofs_topological(component, dim, parts[dim]))
     return np.unique(np.concatenate(found))
+
+
+@dataclass(frozen=True)
+class NumberedNodes:
+    """Nodes selected by their numbers in the file."""
+
+    numbers: tuple[int, ...]
+
+    @classmethod
+    def of(cls, given: object) -> NumberedNodes:
+        """InputError for anything but whole numbers."""
+        several = isinstance(given, list | tuple | range | np.ndarray) and len(given) > 0
+        if not several:
+            raise InputError(f"nodes must be a list of numbers of nodes; got {shown(given)}.")
+        return cls(tuple(whole("a number of nodes", one) for one in cast("list[int]", given)))
+
+    @property
+    def words(self) -> str:
+        """Where it is, in a sentence."""
+        shown_first = ", ".join(map(str, self.numbers[:6]))
+        return f"on nodes {shown_first}{', …' * (len(self.numbers) > 6)}"
+
+    def __call__(self, x: Array) -> BoolArray:
+        """InputError: the numbers are of a mesh, not of points x (3, n)."""
+        raise InputError("nodes= needs a mesh whose file has numbers of nodes.")
+
+    def entities(self, mesh: Mesh) -> dict[int, IntArray]:
+        """Vertices, edges and faces of this rank all of whose nodes are selected."""
+        marked = mesh.numbered(self.numbers)
+        found: dict[int, IntArray] = {}
+        for dim in range(mesh.tdim):
+            inside = marked[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
+            found[dim] = np.flatnonzero(inside).astype(np.int32)
+        return found
 
 
 #: What lies outside a region by this share of the size of the mesh belongs to it.

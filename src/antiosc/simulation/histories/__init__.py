@@ -38,7 +38,7 @@ from antiosc.simulation.histories.results import HistoryResults
 from antiosc.simulation.march.engine import Run
 from antiosc.simulation.states import (
     blocks,
-    damping_accelerations,
+    damping_states,
     forces,
     largest_rotation,
     locate,
@@ -64,10 +64,10 @@ class History(HistoryResults, OneContact):
 
     Attributes
     ----------
-    error : estimated relative errors reached, of the forces: "force" (L2 norm of all) and "peak";
-        empty when the step was given. With n="auto" also "truncation peak_force", "... impulse",
-        "... contact_time"; "dampers": of the coupling of modes by dampers, the largest in these
-        three.
+    error : estimated relative errors reached, the largest of a contact: "force" (L2 norm and
+        impulse) and "peak"; empty when the step was given. With n="auto" also "truncation
+        peak_force", "... impulse", "... contact_time"; "dampers": of the coupling of modes by
+        dampers, the largest in these three.
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
         a contact that touched during the run goes on at its end: its contact time, impulse and
         peak force count up to there.
@@ -113,11 +113,20 @@ class History(HistoryResults, OneContact):
         """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
         return energy_balance(self.assembly, self._nodes)
 
+    @property
+    def details(self) -> list[str]:
+        """What was changed in laws of contacts: compliances that the bodies have already."""
+        return list(self.assembly.notes)
+
     # -- of one contact: force and numbers are those of `OneContact`
 
     @property
     def displacement(self) -> Array:
-        """Displacement u of the structure's site [m], (n,), along the contact."""
+        """Displacement u of the structure's site [m], (n,), along the contact.
+
+        Of a structure that supports hold it is that from its equilibrium under gravity: the sag
+        under its own weight is not in it.
+        """
         return self._sites[0]
 
     @property
@@ -223,7 +232,8 @@ class History(HistoryResults, OneContact):
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
         """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m].
 
-        Article eq. (8). `body`: of a model with shapes.
+        Article eq. (8), without the sag of a held body under its own weight. `body`: of a model
+        with shapes.
         """
         model, own = self.of(body)
         if own.basis is None:
@@ -328,12 +338,14 @@ class History(HistoryResults, OneContact):
         kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
+        springs: list[list[Array]] = [[] for _ in a.bodies]
         if a.system.first is not None:
-            accelerations -= damping_accelerations(self.run, a.system, *locate(self.run, time))
+            decelerations, springs = damping_states(self.run, a.system, *locate(self.run, time))
+            accelerations -= decelerations
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
         found = {}
-        for name, body in a.bodies.items():
+        for (name, body), stretched in zip(a.bodies.items(), springs, strict=True):
             j, k = a.spans[name], a.columns[name]
             residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
             found[name] = BodyHistory(
@@ -346,6 +358,7 @@ class History(HistoryResults, OneContact):
                 kinetic=kinetic[:, j].sum(axis=1),
                 strain=strain[:, j].sum(axis=1) + residual,
                 _columns=columns[:, k],
+                springs=stretched,
             )
         return found
 
@@ -435,6 +448,13 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     own, one = modes_of(history, body), _motion_at(history, times, body)
     q = (one.q, one.v, one.a)[derivative]
     return _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
+
+
+def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
+    """Factors (n, B) of the body's shapes in the spring of each Maxwell branch, at `times`."""
+    own, one = modes_of(history, body), _motion_at(history, times, body)
+    none = np.zeros_like(one.forces)
+    return [_factors(own, each, none) for each in one.springs]
 
 
 def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +15,8 @@ from antiosc.base import checks, march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin, engineering, percent
+from antiosc.contact import ContactLaw
+from antiosc.contact.dent import Dent, dent_of
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import SceneBody
 from antiosc.simulation.histories.energy import impulses
@@ -27,7 +29,9 @@ QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: What a cause adds that does not apply.
 NO_ERROR = dict.fromkeys(QUANTITIES, 0.0)
 #: Causes of error, in the order in which they are told.
-CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model")
+CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model", "law")
+#: Those that no finer model or run changes.
+ASSUMED = ("model", "law")
 #: Those that are told only of models that were measured.
 MEASURED = ("noise", "band")
 
@@ -46,6 +50,7 @@ class ErrorBar:
     geometry : of flat faces that stand for a curved surface.
     noise, band : of a measured model, of the noise and of the modes above the measured band.
     model : of the element family, such as a beam in place of a solid bar.
+    law : of the contact's law and of what it follows from; None: not known.
     """
 
     value: float
@@ -57,16 +62,22 @@ class ErrorBar:
     noise: float = 0.0
     band: float = 0.0
     model: float = 0.0
+    law: float | None = 0.0
 
     @property
     def numerical(self) -> float:
-        """Sum of all causes but the model, which no finer mesh changes."""
-        return sum(getattr(self, cause) for cause in CAUSES if cause != "model")
+        """Sum of all causes but model and law, which no finer mesh changes."""
+        return sum(getattr(self, cause) for cause in CAUSES if cause not in ASSUMED)
 
     @property
-    def total(self) -> float:
-        """Sum of all causes."""
+    def without_law(self) -> float:
+        """Sum of all causes but the law."""
         return self.numerical + self.model
+
+    @property
+    def total(self) -> float | None:
+        """Sum of all causes; None where the error of the contact's law is not known."""
+        return None if self.law is None else self.without_law + self.law
 
 
 @dataclass(frozen=True)
@@ -79,12 +90,14 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
     notes : what the bars do not include, and what makes them doubtful.
     safety : factor of the mesh's bars over the differences to the corrected model.
+    law : why the error of the contact's law is not in the bars; "" where it is.
     """
 
     bars: Mapping[str, ErrorBar]
     energy_error: float
     notes: tuple[str, ...] = ()
     safety: float = 2.0
+    law: str = ""
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -110,27 +123,41 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The errors to print; noise and band only of a measured model."""
-        bars = self.bars.values()
-        return tuple(c for c in CAUSES if c not in MEASURED or any(getattr(b, c) for b in bars))
+        """The errors to print; noise and band only of a measured model, the law if it is known."""
+        bars, without = self.bars.values(), ("law",) if self.law else ()
+        known = (c for c in CAUSES if c not in without)
+        return tuple(c for c in known if c not in MEASURED or any(getattr(b, c) for b in bars))
 
     @property
-    def worst(self) -> float:
-        """Largest total of the three quantities."""
-        return max(bar.total for bar in self.bars.values())
+    def worst(self) -> float | None:
+        """Largest total of the three quantities; None where the law's error is not known."""
+        totals = [bar.total for bar in self.bars.values()]
+        return None if None in totals else max(filter(None, totals), default=0.0)
+
+    @property
+    def without_law(self) -> float:
+        """Largest of the three without the share of the law."""
+        return max(bar.without_law for bar in self.bars.values())
 
     @property
     def numerical(self) -> float:
-        """Largest of the three without the shares of the model."""
+        """Largest of the three without the shares of model and law."""
         return max(bar.numerical for bar in self.bars.values())
+
+    def shown(self, name: str, digits: int = 4) -> str:
+        """A quantity with its bar; "numerical" where the bar leaves the law out."""
+        bar = self.bars[name]
+        value = engineering(bar.value, QUANTITIES[name], digits)
+        if self.law or bar.total is None:
+            return f"{value}, numerical ± {percent(bar.without_law)}"
+        return f"{value} ± {percent(bar.total)}"
 
     def __str__(self) -> str:
         lines = []
         for name, bar in self.bars.items():
             causes = ", ".join(f"{c} {percent(getattr(bar, c))}" for c in self.causes)
-            value = engineering(bar.value, QUANTITIES[name], 4)
-            lines.append(f"{name.replace('_', ' ')} {value} ± {percent(bar.total)}: {causes}")
-        return "\n".join([*lines, *self.notes])
+            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {causes}")
+        return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
 
 
 #: Each error is at least this share of the largest of the three.
@@ -195,6 +222,23 @@ class OneContact:
     def indentation(self) -> Array:
         """Indentation w - u - gap [m], (n,); negative: distance."""
         return self._record.nodes.depth[:, self._row]
+
+    @property
+    def law(self) -> ContactLaw:
+        """The law of the contact, as it was given or chosen; without the compliance of patches."""
+        return self._record.assembly.scene.contacts[self._row].law
+
+    @property
+    def dent(self) -> Dent | None:
+        """The permanent indentation that is left; None of an elastic contact."""
+        return dent_of(self.law, self.deepest)
+
+    @property
+    def deepest(self) -> float:
+        """Largest indentation [m], with that of the patches that the law leaves to the bodies."""
+        own = self._record.assembly.laws[self._row]
+        kept = own.compliance if self.law.compliance == 0.0 else 0.0
+        return float(max(self.indentation.max(), 0.0)) + kept * self.peak_force
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
@@ -316,6 +360,7 @@ class BodyHistory(ReprMixin):
     time : (n,) [s].
     q, v, a : (n, J) modal displacements, velocities and accelerations.
     forces : (n, P) on the columns of its sites, along their directions [N].
+    springs : (n, J) modal displacements of the spring of each Maxwell branch of its damping.
     kinetic, strain : (n,) energies [J].
     """
 
@@ -328,9 +373,14 @@ class BodyHistory(ReprMixin):
     kinetic: Array
     strain: Array
     _columns: Array
+    springs: Sequence[Array] = ()
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Displacement (n,) [m] of a site, along the direction that the contact pushes it in."""
+        """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.
+
+        Of a body that supports hold it is that from its equilibrium under gravity: the sag under
+        its own weight is not in it.
+        """
         return np.asarray(self._columns @ self._row(site, direction))
 
     def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:

@@ -20,6 +20,7 @@ from antiosc.base.texts import ReprMixin, engineering, percent, point_text as pl
 from antiosc.models import model_file
 from antiosc.models.body import info_of, site_points
 from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.histories import verdict
 from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.march.convergence import Converged, stopped
 from antiosc.simulation.march.engine import Run
@@ -27,6 +28,7 @@ from antiosc.simulation.march.system import System
 from antiosc.simulation.states import free_steps
 
 if TYPE_CHECKING:
+    from antiosc.simulation.bodies import SceneBody
     from antiosc.simulation.histories import History
     from antiosc.simulation.histories.parts import ContactHistory
 
@@ -245,11 +247,45 @@ def large_deflection_message(history: History) -> str:
         h = info_of(body.body).thickness
         if h is None or not body.omega.all():
             continue
+        if sentence := _beyond_linear_of_curved(name, body, h, history):
+            return sentence
         own, columns = a.spans[name], a.columns[name]
         sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
         w = float(abs(_sampled_motion(history, body.omega)[:, own] @ sites).max(initial=0.0))
         if w > worst * h:
             worst, message = w / h, beyond_linear(name, w, h)
+    return message
+
+
+#: Change of the force by second-order strain from which a curved sheet is told: of a peak force,
+#: which grows as the root of the stiffness, about twice its own change.
+CURVED_CHANGE = 0.1
+
+
+def _beyond_linear_of_curved(name: str, body: SceneBody, thickness: float, history: History) -> str:
+    """What is wrong with the deflection of a curved sheet that is held, at its worst site."""
+    changes = info_of(body.body).second_order or {}
+    worst, message = CURVED_CHANGE, ""
+    if not changes:
+        return message
+    motion = _sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
+    for site, share in changes.items():
+        u = motion @ body.B[:, body.columns_of(site)[0]]
+        k = int(np.argmax(np.abs(u)))
+        change = share * float(u[k])
+        if abs(change) <= worst:
+            continue
+        worst = abs(change)
+        softer = (
+            "softer, forces are smaller and deflections larger than these, and it may snap through"
+        )
+        stiffer = "stiffer, forces are larger and deflections smaller than these"
+        message = (
+            f"{name!r}, a curved sheet, deflects by {1e3 * abs(u[k]):.3g} mm,"
+            f" {abs(u[k]) / thickness:.3g} times its thickness: second-order strain changes its"
+            f" force by about {change:+.0%}: it is {softer if change < 0 else stiffer}; analyse it"
+            " by a nonlinear program."
+        )
     return message
 
 
@@ -461,6 +497,8 @@ class HistoryResults(Results):
             "sites": {name: list(point) for name, point in history_sites(own).items()},
             "status": int(own.status),
             "message": self.explanation,
+            "verdict": self.verdict,
+            "details": own.details,
         }
 
     @property
@@ -476,6 +514,15 @@ class HistoryResults(Results):
             f" {own.run.time[-1]:g} s; lengthen the duration."
         )
 
+    @property
+    def verdict(self) -> str:
+        """Whether contacts yield, and what remains of them."""
+        contacts = cast("History", self).contact_histories
+        told = [(_contact_label(one), verdict.sentence(one)) for one in contacts]
+        if not self.named:
+            return told[0][1]
+        return " ".join(f"{label}: {text}" for label, text in told if text)
+
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
         own = cast("History", self)
@@ -483,8 +530,9 @@ class HistoryResults(Results):
         if not self.named:
             e = own.restitution
             rows = [
+                *(("contact", text) for text in [self.verdict] if text),
+                ("peak force", self.force_text),
                 *(("site", point) for point in places.values()),
-                ("peak force", engineering(own.peak_force, "N", 4)),
                 ("impulse", engineering(own.impulse, "N s", 4)),
                 ("contacts", f"{len(own.contacts)}"),
                 ("contact time", engineering(own.contact_time, "s", 4)),
@@ -492,7 +540,9 @@ class HistoryResults(Results):
                 ("energy drift", f"{own.energy.drift:.1e}"),
                 ("step", engineering(own.step, "s")),
                 ("force error", error_text(own)),
+                ("law", verdict.law_text(own)),
                 ("status", self.explanation),
+                *(("details", text) for text in own.details),
             ]
             return "\n".join(f"{name:<13} {value}" for name, value in rows)
         lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
@@ -504,7 +554,14 @@ class HistoryResults(Results):
             )
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {own.energy.drift:.1e}; force error {error_text(own)}")
-        return "\n".join([*lines, self.explanation])
+        return "\n".join([*filter(None, [self.verdict]), *lines, self.explanation, *own.details])
+
+    @property
+    def force_text(self) -> str:
+        """The peak force of one contact, with its bar once the error budget is known."""
+        own = cast("History", self)
+        budget = vars(own).get("error_budget")
+        return budget.shown("peak_force") if budget else engineering(own.peak_force, "N", 4)
 
     def _facts(self) -> list[tuple[str, str]]:
         own = cast("History", self)

@@ -71,7 +71,7 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Relative difference of the forces in the L2 norm and of their peak; until when they agree.
+    """Relative difference of the forces (L2 norm, impulse) and of their peak; until they agree.
 
     Up to the end of the shorter run.
     """

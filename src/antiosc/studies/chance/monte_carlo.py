@@ -25,7 +25,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.files import atomic_file, check_readable
 from antiosc.base.progress import counting
-from antiosc.simulation.batch import check_executor, completed_calls, simulate_many
+from antiosc.simulation.batch import check_executor, completed_calls, rows_of, simulate_many
 from antiosc.studies.chance.sample import Sample
 from antiosc.studies.map_results import ImpactMap
 
@@ -111,14 +111,24 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
     for stream, (name, what) in zip(streams, inputs.items(), strict=True):
         shares = np.random.default_rng(stream).random(n)
         if hasattr(what, "ppf"):
-            found[name] = np.asarray(what.ppf(shares), dtype=float)
-            if found[name].shape != (n,) or not np.all(np.isfinite(found[name])):
-                raise InputError(f"the distribution of {name} gives values that are not finite.")
+            found[name] = quantiles(name, what, shares)
         else:
             weights = what.areas if isinstance(what, ImpactMap) else np.ones(len(what))
             ends = np.cumsum(weights) / np.sum(weights)
             found[name] = np.searchsorted(ends[:-1], shares, side="right")
     return found
+
+
+def quantiles(name: str, what: Any, shares: np.ndarray) -> np.ndarray:
+    """What the `ppf` of an input returns for shares (n,), or InputError."""
+    try:
+        found = what.ppf(shares)
+    except Exception as error:  # of any package
+        said = f"{type(error).__name__}: {error}"
+        raise InputError(
+            f"ppf of {name} must take an array of shares; it failed ({said})."
+        ) from error
+    return checks.array(f"what ppf of {name} returns", found, shares.shape)
 
 
 def value(what: Any, drawn: Any) -> Any:
@@ -219,7 +229,8 @@ def made(
     if executor is None:
         yield from ((k, _rows(run, part)) for k, part in enumerate(given))
         return
-    for k, rows in completed_calls(executor, _rows, [((run, part), {}) for part in given]):
+    for k, found in completed_calls(executor, _rows, [((run, part), {}) for part in given]):
+        rows = rows_of(found, len(given[k]))
         if isinstance(rows, InputError):
             raise rows
         yield k, [str(rows)] * len(given[k]) if isinstance(rows, AntioscError) else rows

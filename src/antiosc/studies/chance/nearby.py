@@ -28,7 +28,7 @@ from antiosc.fem.site import Site, functional
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import from_free_modes
-from antiosc.studies.chance.monte_carlo import is_name
+from antiosc.studies.chance.monte_carlo import is_name, quantiles
 
 #: Squared length of a direction over that of the shapes, below which it adds nothing to the space.
 DEPENDENT = 1e-10
@@ -254,7 +254,7 @@ def _named(ranges: object) -> dict[str, Any]:
 def _range(name: str, given: object) -> tuple[float, float]:
     """(low, high) of a parameter."""
     if hasattr(given, "ppf"):
-        given = [float(given.ppf(q)) for q in ((1 - COVERED) / 2, (1 + COVERED) / 2)]
+        given = quantiles(name, given, np.array([(1 - COVERED) / 2, (1 + COVERED) / 2]))
     low, high = checks.array(f"the range of {name}", given, (2,)).tolist()
     if not low < high:
         raise InputError(f"the range of {name} must have low < high; got {low:g} and {high:g}.")

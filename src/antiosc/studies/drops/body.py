@@ -24,10 +24,13 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.contact import ContactLaw
+from antiosc.contact.curvature import Curvature
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies import RigidBody, Sphere
+from antiosc.studies.drops.corners import columns, missing
 
 if TYPE_CHECKING:
+    from antiosc.fem.site import Site
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.structure import Structure
     from antiosc.studies.drops.bed import Bed
@@ -41,6 +44,8 @@ SMOOTH = float(np.cos(np.radians(35.0)))
 FLATTEST = 10.0
 #: Ratio of the principal curvatures from which a rounded place is taken as a part of a ball.
 ROUND = 0.5
+#: Ratio of the principal curvatures below which a place is straight in one direction.
+STRAIGHT = 0.2
 #: Directions whose extent is below this share of the largest one have none.
 THIN = 1e-9
 
@@ -91,6 +96,12 @@ class Skin:
         low, high = self.curvatures.T
         rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
+
+    @property
+    def lines(self) -> BoolArray:
+        """(P,) whether a smooth vertex is curved in one direction alone, as on a cylinder."""
+        low, high = self.curvatures.T
+        return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
 
 
 def skin_of(structure: Structure) -> Skin:
@@ -216,8 +227,8 @@ def hull(points: Array) -> IntArray:
     return np.sort(cast(IntArray, ConvexHull(own).vertices)).astype(int)
 
 
-#: Free elastic modes where none are asked for.
-MODES = 60
+#: Free elastic modes where none are asked for, and most: their shapes and forces fill the memory.
+MODES, MOST_MODES = 60, 5000
 #: Damping ratio of the free modes where none is given.
 RATIO = 0.01
 #: Vertices of the hull up to which the patches of all of them are made with the modes.
@@ -248,6 +259,7 @@ class FreeBody:
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
     structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
     bed : its surface, if it falls on a layer.
+    lines : (N, 3) points of surfaces that are curved in one direction alone [m].
     laws, idle : of a body on a bed, laws of pieces by their numbers, and (V,) what is no contact.
     """
 
@@ -271,6 +283,7 @@ class FreeBody:
     bed: Bed | None = None
     laws: dict[int, ContactLaw] = field(default_factory=dict)
     idle: BoolArray | None = None
+    lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
     _known: dict[int, tuple[Array, Array]] = field(default_factory=dict)
 
     @cached_property
@@ -304,6 +317,10 @@ class FreeBody:
     def slowest(self) -> float:
         """Longest period of the elastic modes [s]; 0 of a rigid body."""
         return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
+
+    def surface(self, which: int) -> Curvature:
+        """Curvature at a point."""
+        return Curvature.of_radii(*self.radii[which].tolist())
 
     def touching_as(self, which: list[int]) -> BoolArray:
         """(V,) whether a point is one of some points, or the same contact as one of them.
@@ -342,6 +359,7 @@ class FreeBody:
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
     """The body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for others."""
+    given = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
     if corner is not None:
@@ -359,7 +377,7 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
     with finite_element_packages():
         from antiosc.fem.structure.structure import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
-    return _elastic(part, modes, damping, corner)
+    return _elastic(part, modes, given, corner)
 
 
 def _rigid(
@@ -379,7 +397,9 @@ def _rigid(
     return FreeBody(mass, tensor, points, centre, *alike, *modes, extent or 2 * radius)
 
 
-def _elastic(structure: Structure, count: int, damping: Any, corner: float | None) -> FreeBody:
+def _elastic(
+    structure: Structure, count: int, given: Damping | None, corner: float | None
+) -> FreeBody:
     """The free modes of a structure and the points of its hull."""
     from scipy.spatial import cKDTree
 
@@ -396,15 +416,14 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
             f"a part that is dropped is free in space, with six rigid-body modes; this one has "
             f"{structure.rigid_modes.shape[1]}: leave its supports out."
         )
-    whole, given = inertia[0], as_damping(damping)
-    found = ModeSolver(structure).lowest(checks.whole("modes", count))
+    whole, found = inertia[0], ModeSolver(structure).lowest(count)
     omega, phi = found.omega[:count], found.phi[:, :count]
     points, _, moved = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     own = hull(skin.points)
     at, balls = cKDTree(points).query(skin.points[own])[1], skin.balls[own]
     notes = []
-    rounded = min(CORNER, structure.dimensions[2] / 4) if corner is None else corner
+    rounded = min(CORNER, _least(structure, skin) / 4) if corner is None else corner
     if corner is None and (skin.sharp[own] & (skin.half[own] == 0)).any():
         notes += [f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)"]
     if given is None:
@@ -428,42 +447,93 @@ def _elastic(structure: Structure, count: int, damping: Any, corner: float | Non
         facing=None if skin.half.any() else skin.normals[own],
         structure=structure,
         basis=phi,
-        residual=partial(_residual, structure, phi, omega, skin, own),
+        residual=partial(_residual, structure, phi, omega, skin, own, rounded),
+        lines=skin.points[skin.lines] - centre,
     )
-    if len(own) <= FEW:  # all of them will touch, and together they cost less
+    many = skin.sharp[own] & (skin.half[own] == 0)  # which take a finer mesh each
+    if len(own) <= FEW and not many.any():  # all of them will touch: together they cost less
         body.sites(np.arange(len(own)))
     return body
 
 
+def _least(structure: Structure, skin: Skin) -> float:
+    """Least dimension of a part [m]; of nodes alone that of their box that is not 0."""
+    matrices: Any = structure.matrices
+    if not matrices.located:
+        return structure.dimensions[2]
+    sides = np.ptp(skin.points, axis=0)
+    return float(sides[sides > THIN * skin.size].min())
+
+
 def _residual(
-    structure: Structure, phi: Array, omega: Array, skin: Skin, own: IntArray, which: IntArray
+    structure: Structure,
+    phi: Array,
+    omega: Array,
+    skin: Skin,
+    own: IntArray,
+    corner: float,
+    which: IntArray,
 ) -> tuple[Array, Array]:
     """Shapes and residual compliances of patches at vertices of the hull `own`; see `sites`."""
-    from antiosc.fem.site import Site, functionals
+    from antiosc.fem.site import functionals
 
-    sites = []
-    for k in own[which].tolist():
-        push = -skin.normals[k] if np.any(skin.normals[k]) else np.array([0.0, 0.0, 1.0])
-        solid = skin.half[k] == 0 and skin.sizes[k] > 0 and len(skin.triangles)
-        radius = float(skin.sizes[k]) if solid else None
-        sites.append(Site(tuple(skin.points[k]), tuple(push), radius, tangential=True))
+    chosen = own[which]
+    sites = [_site(skin, k, corner) for k in chosen.tolist()]
     with without_warnings():
         found = functionals(structure, sites)
-    B = np.column_stack([np.column_stack([f.b, *(a.b for a in f.across)]) for f in found])
+    B = np.column_stack([columns(one) for one in found])
     Y = structure.factorize().solve_block(B)
+    lacks = _lacking(structure, skin, chosen, sites)
     x, shapes, residual = omega**2 + structure.shift, [], []
-    for n, (k, one) in enumerate(zip(own[which], found, strict=True)):
+    for n, (k, one) in enumerate(zip(chosen, found, strict=True)):
         b, y = (each[:, 3 * n : 3 * n + 3] for each in (B, Y))
         axes = np.array([one.direction, *(a.direction for a in one.across)])
         moved, rigid = b.T @ phi, b.T @ structure.rigid_modes
-        r = b.T @ y - (moved / x) @ moved.T - rigid @ rigid.T / structure.shift
-        if not skin.sharp[k]:
-            nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
-            aside = (2 - nu) / (2 * (1 - nu))
-            r = r - one.local_compliance * np.diag([1.0, aside, aside])
+        r = b.T @ y - (moved / x) @ moved.T - rigid @ rigid.T / structure.shift + lacks[n]
+        nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
+        aside = (2 - nu) / (2 * (1 - nu))
+        r = r - one.local_compliance * np.diag([1.0, aside, aside])
         residual.append(axes.T @ _positive(r) @ axes)
         shapes.append((axes.T @ moved).T)
     return np.array(shapes), np.array(residual)
+
+
+def _site(skin: Skin, which: int, corner: float) -> Site:
+    """The site of a vertex: a patch on a solid, of the size of its radius on edges and corners."""
+    from antiosc.fem.site import Site
+
+    normal = skin.normals[which]
+    push = -normal if normal.any() else np.array([0.0, 0.0, 1.0])
+    solid = skin.half[which] == 0 and skin.sizes[which] > 0 and len(skin.triangles)
+    radius = corner if skin.sharp[which] else float(skin.sizes[which])
+    place = tuple(skin.points[which].tolist())
+    return Site(place, tuple(push.tolist()), radius if solid else None, tangential=True)
+
+
+def _lacking(structure: Structure, skin: Skin, chosen: IntArray, sites: list[Site]) -> Array:
+    """What the mesh lacks of the compliances of sites (n, 3, 3) on edges and corners [m/N]."""
+    found = np.zeros((len(sites), 3, 3))
+    sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
+    matrices: Any = structure.matrices
+    if not len(sharp) or matrices.located:
+        return found
+    members = matrices.members()
+    points = skin.points[chosen[sharp]]
+    nearest = np.argmin([member.closest(points).distance for member in members], axis=0)
+    for number, member in enumerate(members):
+        those = sharp[nearest == number]
+        own = [_in_part(sites[i], member) for i in those]
+        lacks = missing(member.part, own) if len(those) else None
+        if lacks is not None:
+            found[those] = lacks
+    return found
+
+
+def _in_part(site: Site, member: Any) -> Site:
+    """A site in the axes of its part."""
+    place = member.at.own(np.array([site.point]))[0]
+    along = np.array(site.direction) @ member.at.rotation
+    return replace(site, point=tuple(place.tolist()), direction=tuple(along.tolist()))
 
 
 def _positive(matrix: Array) -> Array:

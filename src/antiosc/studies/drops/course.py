@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +10,13 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr
-from antiosc.contact import ContactLaw, Hertz
+from antiosc.contact import ContactLaw, ElasticPlastic, Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.results.margin import HertzContact
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import AXES, Episode, Held, episode
 from antiosc.studies.drops.flight import SIDES, Flight, State
-from antiosc.studies.drops.floor import Floor, Setting, law_of
+from antiosc.studies.drops.floor import Floor, Setting, law_at
 
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
 #: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
@@ -284,9 +284,10 @@ def impact_of(body: FreeBody, gravity: float, own: Sequence[Episode]) -> Impact:
     """The impact that some episodes make."""
     impulses: dict[int, float] = {}
     peak = 0.0
+    # a point above its dent begins an episode in which nothing pushes: flight
+    own = [one for one in own if one.forces()[1].any()] or own
     for one in own:
-        f = one.forces()[1]
-        peak = max(peak, float(f.sum(axis=1).max(initial=0.0)))
+        peak = max(peak, one.peak_force())
         for i, value in zip(one.which.tolist(), one.impulses().tolist(), strict=True):
             impulses[i] = impulses.get(i, 0.0) + value
     most = max(impulses, key=lambda i: impulses[i])
@@ -314,31 +315,36 @@ def _rising(body: FreeBody, state: State, point: int) -> float:
     return float((state.velocity + np.cross(state.spin(body), arm))[2])
 
 
-#: How the law is given that yields.
-REMEDY = "Floor(law={}), with the same friction"
-
-
 def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
-    """That the pressure of a contact exceeds that at first yield; "" where not, or unknown.
-
-    Known of contacts by Hertz's law of parts with a yield strength.
-    """
-    with without_warnings():
-        found = list(_contacts(body, floor, episodes))
-    return max(found, key=lambda one: one.share).warning(REMEDY) if found else ""
-
-
-def _contacts(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Iterator[HertzContact]:
-    """The contacts by Hertz's law whose strength is known."""
-    if body.strengths is None or floor.layer is not None:
-        return
+    """That a contact yields, and what remains; "" where none does, or it is not known."""
+    if floor.layer is not None:
+        return ""
+    dents, pressures = [], []
     for one in episodes:
-        for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0), strict=True):
-            strength, radii = float(body.strengths[i]), tuple(body.radii[i].tolist())
-            stiffness = _stiffness(law_of(floor, radii, body.materials[i]))
-            if force > 0 and strength > 0 and stiffness is not None:
-                modulus = _modulus(stiffness, radii, body.materials[i])
-                yield HertzContact(stiffness, modulus, float(force), strength)
+        peaks = one.forces()[1].max(axis=0).tolist()
+        for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
+            law = law_at(body, floor, i)
+            if isinstance(law, ElasticPlastic) and force > law.yield_force:
+                dents.append(one.history.contact_histories[k].dent)
+            elif force > 0 and (known := _elastic_contact(body, law, i, force)) is not None:
+                pressures.append(known)
+    if dents:
+        worst = max(filter(None, dents), key=lambda dent: dent.depth)
+        return f"the contact yields: {worst.text}"
+    return max(pressures, key=lambda one: one.share).warning() if pressures else ""
+
+
+def _elastic_contact(
+    body: FreeBody, law: ContactLaw, which: int, force: float
+) -> HertzContact | None:
+    """A contact by Hertz's law whose strength is known."""
+    strength = 0.0 if body.strengths is None else float(body.strengths[which])
+    stiffness, radii = _stiffness(law), tuple(body.radii[which].tolist())
+    if not strength > 0 or stiffness is None:
+        return None
+    with without_warnings():
+        modulus = _modulus(stiffness, radii, body.materials[which])
+    return HertzContact(stiffness, modulus, force, strength)
 
 
 def _stiffness(law: ContactLaw) -> float | None:

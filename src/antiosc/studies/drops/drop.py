@@ -25,7 +25,7 @@ from antiosc.simulation.batch import check_executor
 from antiosc.studies.chance.monte_carlo import made, sample_of
 from antiosc.studies.chance.sample import Quantile, quantile
 from antiosc.studies.drops.bed import bedded
-from antiosc.studies.drops.body import MODES, FreeBody, free_body
+from antiosc.studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
 from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.fall import Fall, fall_of
 from antiosc.studies.drops.flight import State, turned
@@ -279,6 +279,11 @@ def _tumble(
 GRAVITY = 9.81
 #: Longest first flight [s], and least height [m]: below it there is no flight.
 LONGEST, LEAST_HEIGHT = 1e4, 1e-9
+#: Standard deviations that a draw of an ensemble is meant to lie within.
+DRAWN = 3.0
+#: Least mass of a floor's model at its site over that of the part. A block of 0.5 kg on a soil cone
+#: with 1e-3, 1e-5 and 1e-6 kg takes 0.2, 2.2 and 7.2 s for an impact: with 1e-9 kg minutes.
+LIGHTEST = 1e-8
 
 
 @checks.within_range
@@ -343,7 +348,7 @@ def drop(
         Radius [m] of sharp corners and edges; default 1 mm, at most a quarter of the part's least
         dimension.
     tol : float
-        Relative error of the contact forces in an impact.
+        Relative error of the contact forces in an impact, all contacts together.
     ensemble : Tilts, optional
         What varies: n falls are computed, and `Drops` are returned.
     n, seed, executor
@@ -377,10 +382,13 @@ def drop(
         name: checks.array(name, given, (3,))
         for name, given in (("spin", spin), ("velocity", velocity))
     }
-    body = free_body(part, modes, damping, corner_radius)
+    count = checks.whole("modes", modes, most=MOST_MODES)
+    body = free_body(part, count, damping, corner_radius)
     body = replace(body, bed=None) if setting.floor.layer is None else bedded(body)
-    whirl = body.extent * float(np.linalg.norm(moving["spin"]))
-    _check_flight(setting, float(np.linalg.norm(moving["velocity"])) + whirl)
+    if ensemble is not None:
+        checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
+    _check_ground(body, setting.floor)
+    _check_flight(body, setting, ensemble, **moving)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))
     plausible.warn_each([plausible.of_blow(None, (), arrival, moving["velocity"])])
     R = orientation(body, tilt, face, edge, corner, toward)
@@ -391,7 +399,6 @@ def drop(
         fall = fall_of(body, start, setting)
         fall.warn()
         return fall
-    checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     check_executor(executor)
     return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed, executor)
 
@@ -407,20 +414,40 @@ def end_of(until: str | int | float) -> tuple[int, float]:
     return MOST_IMPACTS, checks.positive("until", until, "s")
 
 
-def _check_flight(setting: Setting, speed: float) -> None:
+def _check_ground(body: FreeBody, floor: Floor) -> None:
+    """InputError for a floor's model that is too light: it would take minutes for each impact."""
+    moving = 0.0 if floor.model is None else float(np.sum(floor.model.modal().b ** 2))
+    least = LIGHTEST * body.mass
+    if moving * least > 1:
+        raise InputError(
+            f"the floor's model has {1 / moving:.3g} kg at its site, and must have at least "
+            f"{LIGHTEST:g} of the part's mass, {least:.3g} kg: it follows each force at once, in "
+            f"steps too small to compute. Give it more, as with soil_cone(...).model(mass)."
+        )
+
+
+def _check_flight(
+    body: FreeBody, setting: Setting, ensemble: Tilts | None, spin: Array, velocity: Array
+) -> None:
     """InputError for a first flight that is too fast or too long to be meant."""
-    fast = hypot(speed, sqrt(2 * setting.gravity * setting.height))
-    long = sqrt(2 * setting.height / setting.gravity)
+    whirl, height, of = float(np.linalg.norm(spin)), setting.height, ""
+    if ensemble is not None:
+        whirl += DRAWN * ensemble.spin
+        height *= 1 + DRAWN * ensemble.height
+        of = f"{DRAWN:g} standard deviations of the ensemble off, "
+    speed = float(np.linalg.norm(velocity)) + body.extent * whirl
+    fast = hypot(speed, sqrt(2 * setting.gravity * height))
+    long = sqrt(2 * height / setting.gravity)
     if fast > FASTEST_WAVE:
         raise InputError(
-            f"the part would touch at {fast:.3g} m/s, at most {FASTEST_WAVE:g} are meant: height is"
-            f" in m (got {setting.height:g}), gravity in m/s^2 ({setting.gravity:g}), spin in"
-            f" rad/s."
+            f"{of}the part would touch at {fast:.3g} m/s, at most {FASTEST_WAVE:g} are meant: "
+            f"height is in m ({height:g}), gravity in m/s^2 ({setting.gravity:g}), spin in rad/s "
+            f"({whirl:g})."
         )
     if setting.height < LEAST_HEIGHT:
         raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")
     if long > LONGEST:
         raise InputError(
-            f"the part would fall for {long:.3g} s, at most {LONGEST:g} are meant: height is in m "
-            f"(got {setting.height:g}), gravity in m/s^2 ({setting.gravity:g})."
+            f"{of}the part would fall for {long:.3g} s, at most {LONGEST:g} are meant: height is "
+            f"in m ({height:g}), gravity in m/s^2 ({setting.gravity:g})."
         )

@@ -340,7 +340,7 @@ class Fall(ReprMixin):
         found = replace(found, error=None)
         if found._margin is not None and found._margin.criterion == "yield":
             told = self._contact_yield(chosen)
-            found = replace(found, _margin=replace(found._margin, contact=told))
+            found = replace(found, _margin=replace(found._margin, contact=bool(told)))
         return WorstField(**vars(found), impact=impact)
 
     def _contact_yield(self, impacts: Iterable[int]) -> str:
@@ -351,8 +351,27 @@ class Fall(ReprMixin):
     @property
     def notes(self) -> list[str]:
         """What was taken for granted, and that the contact itself yields."""
-        told = self._contact_yield(range(len(self.groups)))
-        return [*self.body.notes, *([told] if told else [])]
+        told = [self._contact_yield(range(len(self.groups))), self._lines]
+        return [*self.body.notes, *filter(None, told)]
+
+    @cached_property
+    def _lines(self) -> str:
+        """That impacts are along lines, whose forces depend on the mesh; "" if none is."""
+        found = [
+            (k, one)
+            for k, own in enumerate(self.groups)
+            for one in (self.episodes[i] for i in own)
+            if one.along_line()
+        ]
+        if not found:
+            return ""
+        first, one = found[0]
+        return (
+            f"in {len({k for k, _ in found})} of {len(self.groups)} impacts, first in number "
+            f"{first}, the part lands along a line of its surface, as a cylinder on its side; this "
+            f"contact is taken at {len(one.which)} vertices of the mesh, as points with their "
+            f"radii, and its force depends on the mesh: tilt the part, or give the floor a layer"
+        )
 
     @property
     def contact_yields(self) -> bool:
@@ -425,6 +444,8 @@ class Fall(ReprMixin):
                 f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
                 AccuracyWarning,
             )
+        if self._lines:
+            warn(f"{self._lines}.", AccuracyWarning)
         layer = self.setting.floor.layer
         if layer is not None:
             self._warn_of(layer)

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isnan, pi, sqrt
+from math import isnan, pi, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
+from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
-from antiosc.contact import ContactLaw, Gonthier, Hertz, Power
-from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
+from antiosc.contact import ContactLaw, Gonthier, Power
+from antiosc.contact.choice import choose
+from antiosc.contact.curvature import Curvature
+from antiosc.contact.surfaces import RIGID, Matter, Surface, matter_of
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.damping import StackedModes
 from antiosc.models.modal import ModalBody, SiteModes
 from antiosc.models.motion import ModalState
-from antiosc.simulation.bodies import Sphere
 
-#: (E [Pa], nu) of what is rigid.
-RIGID = (inf, 0.3)
 #: A loss factor is at most this.
 LARGEST_LOSS = 1.0
 
@@ -73,8 +71,8 @@ class Floor(FieldsRepr):
 
     Parameters
     ----------
-    material : Solid, optional
-        Material of the half-space; None: rigid.
+    material : Solid or str, optional
+        Material of the half-space, or its name; None: rigid.
     friction : float
         Coulomb's coefficient.
     restitution : float, optional
@@ -97,8 +95,13 @@ class Floor(FieldsRepr):
     model: LinearBody | None = None
 
     def __post_init__(self) -> None:
-        if self.material is not None:
-            constants(self.material)
+        matter_of(self.material)
+        if hasattr(self.material, "section"):
+            raise InputError(
+                "a floor of a material is a half-space, without a thickness or a section: give "
+                "Solid(E, nu, rho), or a plate that was extracted as model=; got "
+                f"{checks.shown(self.material)}."
+            )
         checks.store(self, friction=checks.nonnegative("friction", self.friction))
         if self.restitution is not None:
             e = checks.positive("restitution", self.restitution)
@@ -123,6 +126,11 @@ class Floor(FieldsRepr):
                 "a floor with a layer takes no restitution: give SoftLayer(loss=), which leaves "
                 "the restitution exp(-pi loss/2)."
             )
+
+    @cached_property
+    def face(self) -> Surface:
+        """The flat face of its material."""
+        return Surface(matter_of(self.material) or RIGID)
 
     @cached_property
     def ground(self) -> Ground | None:
@@ -224,117 +232,34 @@ class Setting:
     tol: float
 
 
-def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> ContactLaw:
-    """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
+def law_of(
+    floor: Floor, surface: Curvature, material: Array, strength: float = np.nan
+) -> ContactLaw:
+    """Law of the contact of a surface of (E [Pa], nu) and a yield strength [Pa] with a floor."""
     if floor.law is not None:
         return floor.law
+    low, high = surface.values.tolist()
     if floor.layer is not None:
         # F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)
-        stiffness = pi * floor.layer.E * sqrt(radii[0] * radii[1]) / floor.layer.thickness
-        return cushion(floor.layer, stiffness, 2.0)
+        bent = sqrt(low * high)
+        if bent == 0.0:
+            raise InputError("a line or a plane on a layer has no law of its own: give radius=.")
+        return cushion(floor.layer, pi * floor.layer.E / (bent * floor.layer.thickness), 2.0)
     E, nu = material.tolist()
-    other = RIGID if floor.material is None else constants(floor.material)
-    law = _hertz(radii, RIGID if isnan(E) else (E, nu), (inf, inf), other)
-    if floor.restitution is None or floor.restitution == 1.0:
-        return law
-    return Gonthier(law.stiffness, floor.restitution)
-
-
-def constants(material: Any) -> tuple[float, float]:
-    """(E [Pa], nu) of a material; InputError for what is none or has directions."""
-    found = getattr(material, "constants", None)
-    if found is None:
-        raise InputError(
-            f"material must be a material such as Solid(E, nu, rho); got {checks.shown(material)}."
-        )
-    E, nu = found()[:2]
-    return float(E), float(nu)
-
-
-def _hertz(
-    radii: tuple[float, float],
-    own: tuple[float, float],
-    others: tuple[float, float],
-    other: tuple[float, float],
-) -> Hertz:
-    """Hertz's law of two surfaces; a modulus of inf is rigid."""
-    if own[0] == inf and other[0] == inf:
+    own = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)
+    if own.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
             "layer or a law."
         )
-    first, second = (own, other) if own[0] < inf else (other, own)
-    E = effective_modulus(*first, None if second[0] == inf else second[0], second[1])
-    return Hertz(hertz_stiffness(E, *relative_curvatures(radii, others, 0.0)))
+    touching = Surface(own, (low, high), surface.error, surface.kind, surface.length)
+    return choose(touching, floor.face, floor.restitution).law
 
 
-@checks.within_range
-def contact_at(
-    part: Any, point: ArrayLike, other: Any = None, *, radius: float | None = None
-) -> ContactLaw:
-    """The law of contact of a part at a point, from the curvature of its mesh and two materials.
-
-    Parameters
-    ----------
-    part : Structure
-        With a mesh; the vertex of its surface next to `point` is taken.
-    point : array_like (3,)
-        [m].
-    other : material, Floor, Sphere or Structure, optional
-        What touches there: the half-space of a material (`Solid`), a floor, a sphere, or another
-        part at its vertex next to the point. None: a rigid plane.
-    radius : float, optional
-        Radius of the part [m], in place of that of the mesh. Sharp edges and corners, which have
-        none, are taken with 1 mm (at most a quarter of the part's least dimension).
-
-    Returns
-    -------
-    Hertz, or the law of the floor.
-
-    Raises
-    ------
-    InputError
-        Two flat surfaces, which have no point contact; materials without constants.
-
-    Warns
-    -----
-    AccuracyWarning
-        The part is sharp at the point, and no radius is given.
-    """
-    with finite_element_packages():
-        from antiosc.fem.structure.structure import Structure
-    checks.instance("part", part, Structure, "a Structure")
-    x = checks.array("point", point, (3,))
-    radii, material = _vertex(part, x, radius)
-    if isinstance(other, Sphere):
-        return _hertz(radii, material, (other.radius, other.radius), (other.E, other.nu))
-    if isinstance(other, Structure):
-        return _hertz(radii, material, *_vertex(other, x, None))
-    floor = other if isinstance(other, Floor) else Floor(other)
-    return law_of(floor, radii, np.array(material))
-
-
-def _vertex(
-    part: Any, x: Array, radius: float | None
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Principal radii, and (E, nu), of the vertex of a part next to a point."""
-    from antiosc.studies.drops.body import CORNER, skin_of
-
-    skin = skin_of(part)
-    k = int(np.argmin(np.linalg.norm(skin.points - x, axis=1)))
-    E, nu = skin.materials[k]
-    if isnan(E):
-        raise InputError("the part has no isotropic material there: give the law of the contact.")
-    if radius is not None:
-        radius = checks.positive("radius", radius, "m")
-        return (radius, radius), (float(E), float(nu))
-    rounded = min(CORNER, part.dimensions[2] / 4)
-    if skin.sharp[k] and not skin.half[k]:
-        warn(
-            f"the mesh is sharp at ({', '.join(f'{c:.4g}' for c in skin.points[k])}): a radius of "
-            f"{rounded:.3g} m is taken there; give radius=.",
-            AccuracyWarning,
-        )
-    if not skin.sharp[k] and skin.curvatures[k, 1] * skin.size < 1e-3:
-        raise InputError("the part is flat there, which makes no point contact: give radius=.")
-    return skin.radii(k, rounded), (float(E), float(nu))
+def law_at(body: Any, floor: Floor, which: int) -> ContactLaw:
+    """Law of the contact of a point of a FreeBody with a floor."""
+    own: ContactLaw | None = body.laws.get(which)
+    if own is not None:
+        return own
+    strength = np.nan if body.strengths is None else float(body.strengths[which])
+    return law_of(floor, body.surface(which), body.materials[which], strength)

@@ -30,12 +30,13 @@ from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import Damping, as_damping
+from antiosc.simulation.auto_contact import AnyLaw
 from antiosc.simulation.bodies import RigidMass
 from antiosc.simulation.histories import History
 from antiosc.studies.find.forward import Struck, Surface
 from antiosc.studies.find.recording import Recording, Sensor, of_shapes, recording
 from antiosc.studies.find.search import POOR, Fit, Scan, most_probable, scan
-from antiosc.studies.maps import ABOVE, FreeSites, Where, free_sites
+from antiosc.studies.maps import ABOVE, FreeSites, Where, free_sites, on_plane
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -213,7 +214,7 @@ def find_impact(
     unknown: Sequence[str] = ("place", "mass", "velocity", "stiffness"),
     *,
     impactor: RigidMass | None = None,
-    contact: ContactLaw | None = None,
+    contact: AnyLaw | None = None,
     direction: Sequence[float] | None = None,
     radius: float | None = None,
     damping: float | Damping | None = None,
@@ -243,8 +244,9 @@ def find_impact(
         structure.
     impactor : RigidMass, optional
         Mass and velocity that are not unknown.
-    contact : ContactLaw, optional
-        With the stiffness, if that is not unknown; default: Hertz's law.
+    contact : ContactLaw or "auto", optional
+        With the stiffness, if that is not unknown; "auto": the law of the impactor's tip on a flat
+        face of the structure. Default: Hertz's law.
     damping : float or Damping, optional
         Of the structure.
     noise : float or (m,), optional
@@ -279,19 +281,20 @@ def find_impact(
     sensors = checks.list_of("sensors", sensors, Sensor, "Sensor")
     if not sensors:
         raise InputError("sensors must hold one Sensor or more.")
-    names = _names(unknown, impactor, contact)
+    law = None if contact is None else on_plane(structure, impactor, contact)
+    names = _names(unknown, impactor, law)
     expected = (
         checks.tolerance(frequency_error, "frequency_error"),
         checks.tolerance(shape_error, "shape_error"),
     )
     if band is not None:
         band = checks.positive("band", band, "rad/s")
-    recording(signals, len(sensors), rate, noise, band, np.inf)  # refused before the modes
+    recording(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
     monitored = prepared(structure, sensors, where, direction, radius, modes, band)
     prepared_at = time.perf_counter()
-    data = recording(signals, len(sensors), rate, noise, band, monitored.seen.omega[-1] / ABOVE)
+    data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / ABOVE)
     with without_warnings():
-        result = found_in(monitored, data, names, impactor, contact, as_damping(damping), expected)
+        result = found_in(monitored, data, names, impactor, law, as_damping(damping), expected)
     seconds = {"model": prepared_at - started, "search": time.perf_counter() - prepared_at}
     result = replace(result, info={**result.info, "seconds": seconds})
     if result.status:
@@ -311,8 +314,6 @@ def _names(
         checks.choice("unknown", name, UNKNOWN)
     if impactor is not None:
         checks.instance("impactor", impactor, RigidMass, "a RigidMass")
-    if contact is not None:
-        checks.instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
     missing = {"mass", "velocity"} - set(unknown)
     if missing and impactor is None:
         raise InputError(f"{min(missing)} is not unknown: give it as impactor=RigidMass(…).")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +22,15 @@ from antiosc.fem.fields import source
 from antiosc.fem.recovery import place
 from antiosc.fem.site import Reach, point_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.studies.measured.reading import rows_of
+from antiosc.studies.measured.tables import (
+    MOTIONS,
+    TIMES,
+    Column,
+    columns,
+    factor_of,
+    motion_label,
+    unknown_unit,
+)
 
 #: Quantities of sensors: the time derivative of the displacement that each is made of.
 DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
@@ -100,6 +108,11 @@ def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
 
 
+#: Units of strains.
+STRAINS = {
+    **{"-": 1.0, "1": 1.0, "m/m": 1.0, "%": 0.01},
+    **dict.fromkeys(("µm/m", "μm/m", "um/m", "µε", "με", "microstrain"), 1e-6),
+}
 #: Fewest samples, and most values of all signals.
 FEWEST, MOST = 32, 200_000
 #: Share of the power of a signal above its noise that lies in its band.
@@ -150,15 +163,16 @@ class Recording:
 
 def recording(
     signals: ArrayLike | str | os.PathLike[str],
-    count: int,
+    sensors: Sequence[Sensor],
     rate: float | None,
     noise: ArrayLike | None,
     band: float | None,
     most: float,
 ) -> Recording:
-    """Checked signals (n, m) of `count` sensors; InputError for others."""
+    """Checked signals (n, m) of m sensors; InputError for others."""
+    count = len(sensors)
     if isinstance(signals, str | os.PathLike):
-        signals, rate = _read(checks.path("signals", signals), count, rate)
+        signals, rate = _read(checks.path("signals", signals), sensors, rate)
     rate = checks.positive("rate", rate, "Hz")
     values = checks.array("signals", signals, None)
     if values.ndim == 1 and count == 1:
@@ -196,19 +210,45 @@ def recording(
     return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / nyquist))
 
 
-def _read(path: Path, count: int, rate: float | None) -> tuple[Array, float | None]:
+def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:
     """The signals of a table, and their rate where its first column has the times."""
     check_readable(path, "the signals")
-    values = rows_of(path)[1]
-    if values.shape[1] != count + 1:
+    found = columns(path, [])
+    timed = len(found) == len(sensors) + 1
+    signals = found[1:] if timed else found
+    if len(signals) == len(sensors):
+        pairs = zip(signals, sensors, strict=True)
+        values = np.column_stack([_in_si(each, _units(sensor.quantity)) for each, sensor in pairs])
+    else:
+        values = np.column_stack([each.values for each in signals])  # refused by its shape
+    if not timed:
         return values, rate
-    t = values[:, 0]
+    t = _in_si(found[0], TIMES)
     if len(t) < FEWEST:
         raise InputError(f"{path.name} has {len(t)} samples; {FEWEST} or more are needed.")
     step = (t[-1] - t[0]) / (len(t) - 1)
     if not step > 0 or np.abs(np.diff(t) - step).max() > UNEVEN * step:
         raise InputError(f"the times in the first column of {path.name} do not ascend in one step.")
-    return values[:, 1:], 1 / step
+    return values, 1 / step
+
+
+def _in_si(column: Column, known: Mapping[str, float]) -> Array:
+    """The numbers of a column whose unit is one of those known."""
+    if not column.unit:
+        return column.values
+    factor = factor_of(column.unit, known) or known.get(motion_label(column.unit))
+    if factor is None:
+        raise unknown_unit(column, ", ".join(known))
+    return factor * column.values
+
+
+def _units(quantity: str) -> dict[str, float]:
+    """Units of what a sensor measures, in SI."""
+    if quantity == "strain":
+        return STRAINS
+    per_force = {"displacement": "receptance", "velocity": "mobility"}
+    own = per_force.get(quantity, "accelerance")
+    return {unit: factor for unit, (factor, kind) in MOTIONS.items() if kind == own}
 
 
 def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:

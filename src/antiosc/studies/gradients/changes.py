@@ -259,7 +259,7 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
              (by.friction, b.slip - a.slip), (wanted.r, after.r - before.r)]  # fmt: skip
     total = sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
-        total += float(slope @ (_leading(new) - _leading(old)))
+        total += float(slope @ (leading(new) - leading(old)))
         if old.kernel[0].kind == march.TABLE and old is not new:  # type: ignore[attr-defined]
             raise NotDifferentiableError(
                 "there are no derivatives by the curves of a table: make it outside of build."
@@ -295,12 +295,14 @@ def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
     return np.asarray(basis * np.where(R.diagonal() < 0, -1.0, 1.0))
 
 
-def _leading(law: ContactLaw) -> Array:
+def leading(law: ContactLaw) -> Array:
     """The parameters that the march has derivatives by, then 0."""
     kind, values = law.kernel[0].kind, law.parameters()  # type: ignore[attr-defined]
-    count = {march.TABLE: 0, march.HERTZ: 2}.get(kind, march.LAW_SLOPES)
+    count = {march.TABLE: 0, march.HERTZ: 1}.get(kind, march.LAW_SLOPES - 1)
+    first = values[: min(count, len(values) - 1)]
     found = np.zeros(march.LAW_SLOPES)
-    found[: min(count, len(values))] = values[:count]
+    found[: len(first)] = first
+    found[-1] = law.compliance  # type: ignore[attr-defined]
     return found
 
 

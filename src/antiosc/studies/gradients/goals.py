@@ -29,6 +29,8 @@ TINY = float(np.finfo(float).tiny)
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
 #: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.
 EQUAL = 1e-9
+#: A peak that is smaller than the largest by less, relatively, bounds how far its gradient reaches.
+NEAR = 0.1
 #: Times of a run, besides the edges of its steps, at which the largest displacement is sought.
 TIMES = 1024
 #: Change of a sample for the derivative of a function of all, over the largest of its array.
@@ -127,13 +129,7 @@ def seeds(
             f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
             f" {checks.shown(goal)}, time = {checks.shown(time)}."
         )
-    empty = Seeds(
-        value=0.0,
-        force=np.zeros(found.run.force.shape),
-        time=np.zeros(found.edges.size),
-        B=np.zeros(found.B.shape),
-        r=np.zeros(found.r.shape),
-    )
+    empty = _empty_seeds(found)
     if time is None:
         if callable(goal):
             _of_function(found, contact, empty, goal)
@@ -147,6 +143,16 @@ def seeds(
     step, since = locate(found.run, np.array([t]))
     TIMED[str(goal)](found, contact, empty, int(step[0]), float(since[0]))
     return empty
+
+
+def _empty_seeds(found: Recorded) -> Seeds:
+    return Seeds(
+        value=0.0,
+        force=np.zeros(found.run.force.shape),
+        time=np.zeros(found.edges.size),
+        B=np.zeros(found.B.shape),
+        r=np.zeros(found.r.shape),
+    )
 
 
 def _read_force(found: Recorded, c: int, to: Seeds, step: int, since: float) -> None:
@@ -163,22 +169,49 @@ def _of_force(found: Recorded, c: int, to: Seeds, step: int, u: float, stays: bo
 
 
 def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
-    run = found.run
-    steps = np.arange(run.time.size // 2)
-    tops = march.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
+    tops = _tops(found, c)
     if not tops.max(initial=0.0) > 0:
         raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
     k = int(np.argmax(tops))
-    equal = np.flatnonzero(tops >= (1 - EQUAL) * tops[k])
-    if np.any((np.abs(equal - k) > 1) & _rises(tops, equal)):
+    if len(_other_peaks(tops, k, EQUAL)):
         raise NotDifferentiableError(
             f"two peaks of {tops[k]:.6g} N are equal: their maximum has a gradient on either side"
             f" alone; change an input slightly."
         )
-    f0, f1, f2 = run.force[2 * k : 2 * k + 3, c].tolist()
+    _of_peak(found, c, to, k, float(tops[k]))
+
+
+def next_peak(found: Recorded, contact: int) -> Seeds | None:
+    """The seeds of the second largest peak of a contact; None where it is not near the largest."""
+    tops = _tops(found, contact)
+    others = _other_peaks(tops, int(np.argmax(tops)), NEAR)
+    if not len(others):
+        return None
+    k = int(others[np.argmax(tops[others])])
+    to = _empty_seeds(found)
+    _of_peak(found, contact, to, k, float(tops[k]))
+    return to
+
+
+def _tops(found: Recorded, c: int) -> Array:
+    """The largest force of a contact in each step."""
+    run = found.run
+    steps = np.arange(run.time.size // 2)
+    return march.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
+
+
+def _other_peaks(tops: Array, k: int, near: float) -> NDArray[np.intp]:
+    """Steps of the peaks besides that in step k that are smaller by less than a share."""
+    large = np.flatnonzero(tops >= (1 - near) * tops[k])
+    return large[(np.abs(large - k) > 1) & _rises(tops, large)]
+
+
+def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
+    """Read the largest force of a contact in step k."""
+    f0, f1, f2 = found.run.force[2 * k : 2 * k + 3, c].tolist()
     a, b = f1 - f0, f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
-    to.value = float(tops[k])
+    to.value = value
     _of_force(found, c, to, k, u, stays=True)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
@@ -29,17 +30,20 @@ from antiosc.studies.gradients.changes import (
     changed_model,
     compared_runs,
     first_order_weights,
+    leading,
     through_start,
 )
-from antiosc.studies.gradients.goals import Recorded, Sampled, Seeds, recorded, seeds
+from antiosc.studies.gradients.goals import Recorded, Sampled, Seeds, next_peak, recorded, seeds
 
 if TYPE_CHECKING:
     from antiosc.studies.gradients.of_part import Chain
 
 #: Speed of a touch or release, over the fastest, below which it grazes.
 GRAZING = 1e-6
-#: Relative change of a law's parameter by which the damping factor of its restitution is derived.
+#: Relative change of a law's field by which its parameters are derived.
 CHANGE = 1e-6
+#: What a gradient has derivatives by.
+_PARTS = ("bodies", "contacts")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,6 +60,11 @@ class Gradient(ReprMixin):
         Ends (a, b) of a contact -> {parameter of its law, or gap: derivative}.
     error : Gradient or None
         The bars of all these numbers, >= 0; None: not asked for, or not known.
+    reach : Gradient or None
+        Of "peak_force" with a second peak that is less than 10 % smaller, `reach.value`: by the
+        same names the change of each parameter alone, with its sign, at which the second peak
+        becomes the largest, to first order. Beyond it the derivative is that of the second peak.
+        None: there is no such peak.
 
     A derivative has the unit of the goal over that of the parameter. None: there is none, as by m0
     where the site has no mass.
@@ -66,6 +75,7 @@ class Gradient(ReprMixin):
     bodies: dict[str, Values]
     contacts: dict[tuple[str, str], Values]
     error: Gradient | None = None
+    reach: Gradient | None = None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -82,12 +92,19 @@ class Gradient(ReprMixin):
         )
 
     def _facts(self) -> list[tuple[str, str]]:
-        told = [(self.goal, f"{self.value:.6g}")]
-        for each in (*self.contacts.values(), *self.bodies.values()):
-            told.append(
-                ("d/d", ", ".join(f"{n} {value_text(v)}" for n, v in each.items() if value_text(v)))
-            )
-        return told
+        facts = [(self.goal, f"{self.value:.6g}")]
+        if self.reach is not None:
+            near = f"of {self.reach.value:.6g} becomes the largest at a change of one parameter by"
+            facts += [("another peak", near), *self.reach._lines("change")]
+        return [*facts, *self._lines("d/d")]
+
+    def _lines(self, label: str) -> list[tuple[str, str]]:
+        """The numbers of each contact and each body."""
+        return [
+            (label, ", ".join(f"{n} {value_text(v)}" for n, v in each.items() if value_text(v)))
+            for each in (*self.contacts.values(), *self.bodies.values())
+            if each
+        ]
 
 
 class GradientNameError(InputError, AttributeError):
@@ -157,8 +174,13 @@ def gradient(
     """
     if error is not None:
         checks.choice("error", error, ("estimate",))
+    if x is not None and (part is None or not callable(part)):
+        raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
     runs = [(hit, lambda one: one), *(compared_runs(hit) if error is not None else ())]
     taken = [derived(each, goal, contact, time) for each, _ in runs]
+    second = second_peak(taken[0][0], contact) if goal == "peak_force" else None
+    if second is not None:
+        taken, runs = [*taken, second], [*runs, runs[0]]
     bodies = [_bodies(one, *each) for (one, _), each in zip(runs, taken, strict=True)]
     if part is not None:
         body = model_name(taken[0][0])
@@ -170,13 +192,31 @@ def gradient(
         contacts = _contacts(found, _settled(found, slopes))
         by_springs(one, slopes, own, contacts)
         all_of.append(Gradient(shown_goal(goal), wanted.value, own, contacts))
-    return replace(all_of[0], error=bars(all_of)) if error is not None else all_of[0]
+    reach = None if second is None else overtaken(all_of[0], all_of.pop())
+    return replace(all_of[0], error=None if error is None else bars(all_of), reach=reach)
+
+
+def overtaken(largest: Gradient, second: Gradient) -> Gradient:
+    """The changes at which the second peak becomes the largest."""
+    lead = largest.value - second.value
+
+    def change(a: Any, b: Any) -> Any:
+        if isinstance(a, dict):
+            return {name: change(a[name], b[name]) for name in a}
+        if a is None or b is None:
+            return None
+        faster = np.asarray(b) - np.asarray(a)
+        found = np.divide(lead, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
+        return found if found.ndim else float(found)
+
+    bodies, contacts = (change(getattr(largest, n), getattr(second, n)) for n in _PARTS)
+    return Gradient(second.goal, second.value, bodies, contacts)
 
 
 def bars(found: list[Gradient]) -> Gradient:
     """The bars of the first of these; the others are those of `compared_runs`."""
     value, bodies, contacts = (
-        bar([getattr(each, name) for each in found]) for name in ("value", "bodies", "contacts")
+        bar([getattr(each, name) for each in found]) for name in ("value", *_PARTS)
     )
     return Gradient(found[0].goal, value, bodies, contacts)
 
@@ -195,7 +235,16 @@ def derived(
     """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
     found = recorded(hit)
     _refuse(found)
-    wanted = seeds(found, goal, _contact(found, contact), time)
+    return _derived(found, seeds(found, goal, _contact(found, contact), time))
+
+
+def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | None:
+    """The same of the second largest peak of a contact; None where it is not near the largest."""
+    wanted = next_peak(found, _contact(found, contact))
+    return None if wanted is None else _derived(found, wanted)
+
+
+def _derived(found: Recorded, wanted: Seeds) -> Taken:
     places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
     weights, s = first_order_weights(found, weights), found.system.marched
     slopes, grazing, answer = engine.gradient(
@@ -257,7 +306,7 @@ def _of_part(
         to = {which: partial(change, which) for which in chains}
         own = dict(zip(to, by_part(list(to.values()), part), strict=True))
         return [own.get(which, {}) for which in range(len(taken))]
-    checks.function("part", part, "a Structure, or a function of x that builds one")
+    checks.function("part", part, "a Structure, or a function of x that builds one", 1)
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
     changes = [
@@ -359,7 +408,7 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str)
     touching = found.G[:, found.columns[name].start]
     given = zip(touching, found.scene.contacts, found.laws, strict=False)
     freed = [c for c, (on, contact, law) in enumerate(given) if on and law is not contact.law]
-    local = float(slopes.laws[freed, 1].sum()) if model.local_compliance > 0 else 0.0
+    local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
     return chain(model, by, local)
 
 
@@ -379,11 +428,16 @@ def _by_law(law: ContactLaw, by: Array) -> Values:
     if law.kernel[0].kind == march.TABLE:  # type: ignore[attr-defined]
         return {}
     names = [each.name for each in fields(law) if each.init]  # type: ignore[arg-type]
-    if "restitution" not in names:
-        return {name: float(value) for name, value in zip(names, by.tolist(), strict=False)}
-    stiffness, exponent, factor = by.tolist()
-    e = law.restitution  # type: ignore[attr-defined]
-    change = CHANGE * min(e, 1 - e) if e < 1 else -CHANGE
-    step = law._factor(e + change) - law._factor(e - change if e < 1 else e)  # type: ignore[attr-defined]
-    slope = step / (2 * change if e < 1 else change)
-    return {"stiffness": stiffness, "restitution": factor * slope, "exponent": exponent}
+    values = {name: float(by @ _by_field(law, name)) for name in names if name != "compliance"}
+    return {**values, "compliance": float(by[-1])}
+
+
+def _by_field(law: ContactLaw, name: str) -> Array:
+    """Derivatives of a law's leading parameters by one of its fields."""
+    value = getattr(law, name)
+    room = {"restitution": min(value, 1 - value), "exponent": value - 1}.get(name, value)
+    # at the end of its range a parameter changes to one side
+    change = CHANGE * room or (-CHANGE if name == "restitution" and value else CHANGE)
+    low, high = value - change if room > 0 else value, value + change
+    ends = [leading(replace(law, **{name: end})) for end in (low, high)]  # type: ignore[type-var]
+    return (ends[1] - ends[0]) / (high - low)

@@ -97,6 +97,7 @@ def minimize(
     start, tol = checks.column("x0", x0), checks.tolerance(tol)
     if not callable(build) or isinstance(build, type) or not start.size:
         raise InputError("build must be a function of x, and x0 one number or more.")
+    checks.function("build", build, "a function of x that returns what simulate takes", 1)
     scale = np.where(start != 0, abs(start), 1.0)
     search = _Search(build, goal, scale)
     limits = _scaled(bounds, start, scale)
@@ -183,5 +184,9 @@ def _rule(rule: Any, scale: Array) -> dict[str, Any]:
             'a constraint must be {"type": "eq" or "ineq", "fun": f}, a function of x that is 0 or'
             f" >= 0; got {checks.shown(rule)}."
         )
-    of: Callable[[Array], Any] = rule["fun"]
-    return {"type": rule["type"], "fun": lambda y: of(y * scale)}
+    of = checks.function("fun of a constraint", rule["fun"], "a function of x", 1)
+
+    def scaled(y: Array) -> Array:
+        return np.atleast_1d(checks.array("what a constraint returns", of(y * scale), None))
+
+    return {"type": rule["type"], "fun": scaled}

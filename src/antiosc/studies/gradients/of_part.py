@@ -55,7 +55,7 @@ LEAST = 1e-200
 #: Largest relative difference of the static mass of models that `build` gives beside x.
 SAME_MODEL = 1e-2
 #: Numbers of materials, sections and layers that are no parameters of K and M.
-IDLE = {"loss", "yield_strength", "outline"}
+IDLE = {"loss", "yield_strength", "yield_range", "rate", "outline"}
 #: Numbers of the layers of a laminate that are designed; the others are those of its materials.
 OF_LAYERS = {"thickness", "angle"}
 

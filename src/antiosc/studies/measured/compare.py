@@ -18,7 +18,7 @@ from antiosc.base.charts import figure_or_path, legend, panels
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import ReprMixin
-from antiosc.studies.measured.reading import table
+from antiosc.studies.measured.tables import table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -163,9 +163,10 @@ def _history(measured: object) -> tuple[Array, Array]:
     else:
         path = checks.path("measured", measured)
         check_readable(path, "a measurement")
-        given = table(path, ["time", "force"])
-        if not {"time", "force"} <= set(given):
+        found = table(path, ["time", "force"])
+        if not {"time", "force"} <= set(found):
             raise InputError(f"{path.name} needs the columns time [s] and force [N].")
+        given = {name: found[name].in_si() for name in ("time", "force")}
     t = checks.array("the measured times", given["time"], (None,))
     F = checks.array("the measured forces", given["force"], (None,))
     if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):

@@ -45,6 +45,8 @@ RELOCATED = 8
 PROMINENCE, OVER_NOISE = 0.3, 4.0
 #: Further poles, a share of the number of peaks and at least this many.
 SPARE, LEAST_SPARE = 0.4, 4
+#: Rows of a matrix that are made triangular at once.
+ROWS = 1024
 #: Damping ratio of the first poles.
 FIRST_DAMPING = 0.005
 
@@ -76,6 +78,14 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
     return omega[order], (-found.real / omega)[order]
 
 
+def _triangular(A: Array) -> Array:
+    """R of A = Q R, found block by block of rows: between two an interrupt is seen."""
+    R = A[:0]
+    for first in range(0, len(A), ROWS):
+        R = np.asarray(np.linalg.qr(np.vstack((R, A[first : first + ROWS])), mode="r"))
+    return R
+
+
 def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
     """The zeros of sigma, in the left half-plane; those off the real axis by their upper one."""
     real = a.imag == 0
@@ -87,7 +97,7 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     rows: list[Array] = []
     for h, v in zip(H.T, weight.T, strict=True):
         A = np.hstack([v[:, None] * own, -(v * h)[:, None] * sigma])
-        R: Array = np.asarray(np.linalg.qr(np.vstack([A.real, A.imag]), mode="r"))
+        R = _triangular(np.vstack([A.real, A.imag]))
         rows.append(R[own.shape[1] :, own.shape[1] :])
     scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])

@@ -483,7 +483,7 @@ def stated(quantity: Quantity | None) -> Quantity:
 def _names(name: str, given: Sequence[str]) -> tuple[str, ...]:
     """Different names."""
     checks.instance(name, given, (list, tuple), "a list of names")
-    found = tuple(checks.text(f"a name in {name}", each) for each in given)
+    found = tuple(checks.name(f"a name in {name}", each) for each in given)
     if len(set(found)) < len(found):
         raise InputError(f"{name} must be different names; got {checks.shown(given)}.")
     return found

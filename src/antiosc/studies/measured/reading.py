@@ -14,9 +14,19 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
+from antiosc.base.archives import read_arrays
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
-from antiosc.base.files import check_readable
+from antiosc.base.files import LARGEST_READ, check_readable
 from antiosc.studies.measured.frf import AVERAGES, FRF, Quantity, stated
+from antiosc.studies.measured.tables import (
+    COLUMNS,
+    UNITS,
+    Column,
+    motion_label,
+    response_unit,
+    table,
+    unknown_unit,
+)
 
 #: Function types of data set 58.
 RESPONSE, COHERENCE = 4, 6
@@ -24,16 +34,6 @@ RESPONSE, COHERENCE = 4, 6
 MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 FORCES = (0, 9, 13)
 AXES = "xyz"
-#: Units in labels, in SI, and what they measure.
-UNITS: dict[str, tuple[float, Quantity | None]] = {
-    **{name: (f, "accelerance") for name, f in (("m/s2", 1.0), ("mm/s2", 1e-3), ("g", 9.80665))},
-    **{name: (9.80665, "accelerance") for name in ("gn", "gs")},
-    **{name: (0.0254, "accelerance") for name in ("in/s2", "inch/s2")},
-    **{name: (f, "mobility") for name, f in (("m/s", 1.0), ("mm/s", 1e-3), ("in/s", 0.0254))},
-    **{name: (f, "receptance") for name, f in (("m", 1.0), ("mm", 1e-3), ("in", 0.0254))},
-    **{name: (1e-6, "receptance") for name in ("um", "µm", "μm")},
-    **{name: (f, None) for name, f in (("n", 1.0), ("kn", 1e3), ("mn", 1e-3), ("lbf", 4.4482216))},
-}
 
 
 #: An end of a function: entity, node, axis.
@@ -108,7 +108,7 @@ def _function(one: DataSet, scale: float) -> Function:
         f = np.asarray(one["x"], dtype=float)
         ends = [_end(one, side) for side in ("rsp", "ref")]
         numerator, denominator = (
-            _label(one.get(n)) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")
+            motion_label(one.get(n)) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")
         )
         motion, force = int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
@@ -125,7 +125,7 @@ def _function(one: DataSet, scale: float) -> Function:
             f"a frequency response is per data type {force}, not per force (13): response per"
             " response is no receptance."
         )
-    factor, by_label = _factor(numerator, denominator, scale)
+    factor, by_label = response_unit(numerator, denominator) if numerator else (scale, None)
     (response, turn), (reference, other) = ends
     return Function(
         response=response,
@@ -146,25 +146,6 @@ def _end(one: DataSet, side: str) -> tuple[End, int]:
     node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
     name = "" if name.upper() == "NONE" else name
     return (name, node, abs(axis)), -1 if axis < 0 else 1
-
-
-def _label(given: object) -> str:
-    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).lower().replace("²", "2")
-    text = text.replace("/s/s", "/s2").replace("sec", "s")
-    return "" if text in ("none", "unknown") else text
-
-
-def _factor(numerator: str, denominator: str, scale: float) -> tuple[float | None, Quantity | None]:
-    """Factor to SI, None for labels that are not known, and the quantity that they tell."""
-    for name in ("n", "kn", "mn", "lbf"):
-        if not denominator and numerator.endswith(f"/{name}"):
-            numerator, denominator = numerator.removesuffix(f"/{name}"), name
-    if not numerator:
-        return scale, None
-    if numerator not in UNITS or UNITS.get(denominator or "n", (0.0, "mobility"))[1] is not None:
-        return None, None
-    (top, quantity), (below, _) = UNITS[numerator], UNITS[denominator or "n"]
-    return top / below, quantity
 
 
 # -- which of them
@@ -189,7 +170,7 @@ def chosen(
         if not named:
             raise InputError("site names no site.")
         ends = {
-            checks.text("the name of a site", name): _named(measured, one) for name, one in named
+            checks.name("the name of a site", name): _named(measured, one) for name, one in named
         }
     return _joined(found, ends, quantity, unit, averages)
 
@@ -277,12 +258,6 @@ def _joined(
     )  # fmt: skip
 
 
-#: Columns of a table, by the beginning of their names.
-COLUMNS = {
-    "f": "frequency", "hz": "frequency", "re": "real", "im": "imag", "mag": "magnitude",
-    "abs": "magnitude", "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
-    "sig": "sigma", "std": "sigma", "t": "time", "force": "force",
-}  # fmt: skip
 #: Columns of a table without a header.
 DEFAULT = ["frequency", "real", "imag", "coherence"]
 
@@ -304,9 +279,11 @@ def read_frf(
         ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
         ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
         Anything else: a table of columns in text. Its header names them by words that begin with f
-        or Hz (frequency in Hz), re and im, or mag, abs or amp and pha (degrees or rad), and perhaps
+        or Hz (frequency), re and im, or mag, abs or amp and pha (degrees or rad), and perhaps
         coh or gam (coherence), sig or std (sigma); without a header frequency, real, imag,
-        coherence.
+        coherence. Units in the header, or in a row below it, are read: ``f [kHz]``, ``rpm``,
+        ``mag [dB]``, ``re [(mm/s²)/N]``; without one frequencies are in Hz. One that is unknown is
+        refused.
     site : str, int or {name: str or int}, optional
         Universal files: the site by its entity name, node or node and axis ("12", "12z"); several
         by names of one's own. None: the one driving point in the file.
@@ -314,7 +291,7 @@ def read_frf(
         Of tables and arrays; universal files tell it.
     unit : float, optional
         Factor of the values to m/N, m/(s N) or m/(s^2 N); default 1, in universal files what their
-        labels, or data set 164, tell.
+        labels, or data set 164, tell, in tables what their headers tell.
     averages : int
         Number of averages of the coherence.
 
@@ -332,7 +309,7 @@ def read_frf(
     where = checks.path("path", path)
     if quantity is not None:
         checks.choice("quantity", quantity, get_args(Quantity))
-    factor = 1.0 if unit is None else checks.positive("unit", unit)
+    factor = None if unit is None else checks.positive("unit", unit)
     averages = checks.whole("averages", averages)
     ending = where.suffix.lower()
     try:
@@ -342,35 +319,86 @@ def read_frf(
             return chosen(found, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
-        columns = _arrays(where) if ending == ".npz" else table(where, DEFAULT)
-        return _of_columns(columns, quantity, factor, averages)
+        columns = _arrays(where) if ending == ".npz" else _in_si(table(where, DEFAULT), factor)
+        return _of_columns(columns, quantity, factor or 1.0, averages)
     except AntioscError as error:
         if where.name in str(error):
             raise
         raise type(error)(f"{where.name}: {error}") from error
 
 
-def _of_columns(columns: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
+#: Of decibels: what they are relative to, "dB re 1 (m/s²)/N".
+_DECIBELS = re.compile(r"db(?:\s*re\.?\s*([\d.e+-]*)\s*(\D.*)?)?", re.IGNORECASE)
+
+
+def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
+    """The columns of a table in SI units; responses as they are where their `factor` is given."""
+    found: dict[str, object] = {}
+    told: set[Quantity | None] = set()
+    for kind, column in columns.items():
+        if kind in UNITS:
+            found[kind] = column.in_si()
+            continue
+        values, quantity = _response(column, factor is not None)
+        found[kind] = values
+        told.add(quantity)
+    if "phase" in columns and columns["phase"].unit:
+        found["degrees"] = False
+    if len(told - {None}) > 1:
+        raise InputError("the units in the header are those of different quantities.")
+    return {**found, "told": next(iter(told - {None}), None)}
+
+
+def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
+    """The numbers of a real or imaginary part, a magnitude or a sigma, and what they are of."""
+    values, unit = column.values, column.unit
+    decibels = _DECIBELS.fullmatch(unit)
+    if decibels is not None and column.kind == "magnitude":
+        scale, unit = decibels[1] or "1", decibels[2] or ""
+        try:
+            values = float(scale) * 10 ** (checks.array("magnitude", values / 20, None))
+        except ValueError:
+            raise unknown_unit(column, "dB, dB re 1 (m/s²)/N") from None
+    if plain or not unit:
+        return values, None
+    own, quantity = response_unit(motion_label(unit))
+    if own is None:
+        raise unknown_unit(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, dB, or give unit=")
+    return own * values, quantity
+
+
+def _of_columns(given: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
     """An FRF of named arrays."""
-    quantity = stated(quantity or columns.get("quantity"))
-    known = set(columns)
+    told = given.get("quantity", given.get("told"))
+    if quantity and given.get("told") not in (None, quantity):
+        raise InputError(
+            f"quantity={quantity!r} is not what the units in the header tell: {given['told']}."
+        )
+    quantity = stated(quantity or told)
+    known = set(given) - {"told", "degrees"}
     values: ComplexArray
     if "values" in known:
-        values = checks.spectrum("values", columns["values"]).astype(complex)
+        values = checks.spectrum("values", given["values"]).astype(complex)
     elif {"real", "imag"} <= known:
-        values = columns["real"] + 1j * columns["imag"]
+        real = checks.array("real", given["real"], None)
+        values = real + 1j * checks.array("imag", given["imag"], real.shape)
     elif {"magnitude", "phase"} <= known:
-        turn = columns["phase"]
-        in_degrees = columns.get("degrees", np.abs(turn).max(initial=0.0) > 2 * np.pi)
-        values = columns["magnitude"] * np.exp(1j * (np.radians(turn) if in_degrees else turn))
+        turn = checks.array("phase", given["phase"], None)
+        size = checks.array("magnitude", given["magnitude"], turn.shape)
+        in_degrees = given.get("degrees", np.abs(turn).max(initial=0.0) > 2 * np.pi)
+        values = size * np.exp(1j * (np.radians(turn) if in_degrees else turn))
     else:
         raise _missing("real and imag, or magnitude and phase", known)
     if "frequency" not in known:
         raise _missing("frequencies [Hz]", known)
-    more = {name: columns[name] for name in ("coherence", "sigma") if name in known}
+    more: dict[str, Any] = {
+        name: checks.array(name, given[name], None)
+        for name in ("coherence", "sigma")
+        if name in known
+    }
     if "sigma" in more:
         more["sigma"] = factor * more["sigma"]
-    return FRF(columns["frequency"], factor * values, quantity, averages=averages, **more)
+    return FRF(given["frequency"], factor * values, quantity, averages=averages, **more)
 
 
 def _missing(what: str, known: set[str]) -> InputError:
@@ -388,77 +416,8 @@ def _missing(what: str, known: set[str]) -> InputError:
 
 def _arrays(path: Path) -> DataSet:
     """The arrays of a NumPy file."""
-    try:
-        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            found = {name: file[name] for name in file.files}
-    except Exception as error:  # damaged archives raise what they like
-        raise InputError(f"{path.name} is no sound NumPy file of arrays.") from error
+    what = "a NumPy file of arrays (.npz)"
+    found: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, what, "fiucU"))
     if "quantity" in found:
         found["quantity"] = str(found["quantity"])
-    return found
-
-
-def table(path: Path, default: list[str]) -> dict[str, Array]:
-    """The columns of a table in text by name; `default`: names where it has no header."""
-    header, values = rows_of(path)
-    names = [_column(name) for name in header]
-    if len(names) != values.shape[1] or not any(names):
-        names, header = [*default[: values.shape[1]], *[""] * values.shape[1]], []
-    found = {name: values[:, i] for i, name in enumerate(names[: values.shape[1]]) if name}
-    for name in header:
-        if _column(name) == "phase" and re.search("deg|rad|°", name.lower()):
-            found["degrees"] = np.array("rad" not in name.lower())
-    return found
-
-
-def rows_of(path: Path) -> tuple[list[str], Array]:
-    """The header of a table in text, and its numbers (rows, columns)."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is no table in text (UTF-8).") from error
-    rows: list[list[float]] = []
-    header: list[str] = []
-    for number, line in enumerate(lines, start=1):
-        text = line.strip()
-        cells = _cells(text)
-        numbers = _numbers(cells)
-        if numbers is None and rows and text and not text.startswith("#"):
-            raise InputError(
-                f"line {number} of {path.name} is no row of numbers: {checks.shown(text)}."
-            )
-        if numbers is None:
-            header = _cells(text.lstrip("#%/ ")) or header
-            continue
-        if rows and len(numbers) != len(rows[0]):
-            raise InputError(
-                f"line {number} of {path.name} has {len(numbers)} columns, the first has"
-                f" {len(rows[0])}: the file is cut or mixed."
-            )
-        rows.append(numbers)
-    if not rows:
-        raise InputError(f"{path.name} holds no row of numbers.")
-    return header, np.array(rows)
-
-
-def _cells(text: str) -> list[str]:
-    """The cells of a row: between semicolons, tabs, commas or blanks."""
-    for mark in (";", "\t", ","):
-        if mark in text:
-            cells = [cell.strip() for cell in text.split(mark)]
-            return [cell.replace(",", ".") for cell in cells] if mark != "," else cells
-    return text.split()
-
-
-def _numbers(cells: list[str]) -> list[float] | None:
-    try:
-        return [float(cell) for cell in cells] or None
-    except ValueError:
-        return None
-
-
-def _column(name: str) -> str:
-    """What a column holds, by the longest beginning that fits; "" where unknown."""
-    plain = name.strip().lower()
-    fits = [key for key in COLUMNS if plain.startswith(key)]
-    return COLUMNS[max(fits, key=len)] if fits else ""
+    return {name: found[name] for name in found if name not in ("told", "degrees")}

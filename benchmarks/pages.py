@@ -1,0 +1,308 @@
+"""Every program of README, docs, demos and scene files, once as it stands and once much finer.
+
+A program runs as printed, with meshes of half the size, and with twice the anti-oscillators. A
+headline (peak force, impulse or contact time of a run) that moves by more than its error bar, or
+by more than `UNSAID` where the program prints no bar, is printed. Nothing printed: every page shows
+numbers that its own mesh and model support.
+
+    python benchmarks/pages.py [NAME …] [--workers 2]
+
+The exit code is 1 where a headline moves too far or a program fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import functools
+import io
+import json
+import math
+import os
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Relative change of a headline that a program without an error bar may show: the accuracy of
+#: `strike` by default is 2 %, that of a map 5 %.
+UNSAID = 0.05
+#: Seconds after which a program is stopped.
+LONGEST = 1800
+#: Variant -> (factor on element sizes, factor on numbers of anti-oscillators).
+VARIANTS = {"as printed": (1.0, 1), "half the size": (0.5, 1), "twice the modes": (1.0, 2)}
+#: The program of this page reads what the second one makes.
+BACKWARDS = {"howto/measured"}
+QUANTITIES = ("peak_force", "impulse", "contact_time")
+
+
+class Headline(NamedTuple):
+    """One number that a program found, with its error bar (None: no bar), relative."""
+
+    name: str
+    value: float
+    bar: float | None
+
+
+class Moved(NamedTuple):
+    """A headline that another variant changes by more than is allowed."""
+
+    program: str
+    variant: str
+    headline: str
+    printed: float
+    finer: float
+    allowed: float
+
+
+# --- in the child: run one program, with finer meshes or more anti-oscillators
+
+
+def recorded(headlines: list[Headline], call: Callable[..., Any]) -> Callable[..., Any]:
+    """`call`, whose result is added to the headlines."""
+
+    @functools.wraps(call)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        result = call(*args, **kwargs)
+        headlines.extend(headlines_of(f"{call.__name__} {len(headlines)}", result))
+        return result
+
+    return wrapper
+
+
+def headlines_of(name: str, result: Any) -> Iterator[Headline]:
+    """Peak force, impulse and contact time of a run; the largest peak of many runs."""
+    import numpy as np
+
+    peak = getattr(result, "peak_force", None)
+    if peak is None:
+        return
+    if np.ndim(peak):
+        finite = np.asarray(peak, dtype=float)
+        yield Headline(f"{name} largest peak_force", float(np.nanmax(finite)), None)
+        return
+    for quantity in QUANTITIES:
+        value = getattr(result, quantity, None)
+        if isinstance(value, int | float):
+            yield Headline(f"{name} {quantity}", float(value), bar_of(result, quantity))
+
+
+def bar_of(result: Any, quantity: str) -> float | None:
+    """The relative error bar of a run, None where it has none."""
+    from antiosc.base.errors import AntioscError
+
+    with contextlib.suppress(AntioscError, AttributeError, KeyError, TypeError):
+        return float(result.error_budget[quantity].total)
+    return None
+
+
+def finer_mesh(factor: float, call: Callable[..., Any]) -> Callable[..., Any]:
+    """`read_mesh` or `box_mesh` with all sizes times the factor."""
+
+    @functools.wraps(call)
+    def wrapper(source: Any, size: float | None = None, *args: Any, **kwargs: Any) -> Any:
+        if "refine" in kwargs:
+            kwargs["refine"] = [
+                (place, factor * near, *more) for place, near, *more in kwargs["refine"]
+            ]
+        return call(source, size and factor * size, *args, **kwargs)
+
+    return wrapper
+
+
+def more_modes(factor: int, call: Callable[..., Any]) -> Callable[..., Any]:
+    """A function whose argument n or modes counts anti-oscillators or modes, times the factor."""
+
+    @functools.wraps(call)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        for name in ("n", "modes"):
+            if isinstance(kwargs.get(name), int):
+                kwargs[name] *= factor
+        return call(*args, **kwargs)
+
+    return wrapper
+
+
+def patched(size: float, modes: int) -> list[Headline]:
+    """Make the public functions finer and record what they find."""
+    import antiosc as ao
+
+    headlines: list[Headline] = []
+    for name in ("read_mesh", "box_mesh"):
+        setattr(ao, name, finer_mesh(size, getattr(ao, name)))
+    for name in ("extract", "natural_modes", "superposition", "impact_map"):
+        setattr(ao, name, more_modes(modes, getattr(ao, name)))
+    for name in ("simulate", "simulate_many", "strike", "drop", "impact_map"):
+        setattr(ao, name, recorded(headlines, getattr(ao, name)))
+    ao.Scene.run = recorded(headlines, ao.Scene.run)  # type: ignore[method-assign]
+    return headlines
+
+
+def finer_scene(text: str, size: float, modes: int) -> str:
+    """A scene file with its sizes and its number of anti-oscillators times the factors."""
+
+    def scaled(match: re.Match[str]) -> str:
+        return f"{match[1]}{size * float(match[2]):.9g}"
+
+    def more(match: re.Match[str]) -> str:
+        return f"{match[1]}{modes * int(match[2])}"
+
+    text = re.sub(r"(?m)^(size = )([0-9.e+-]+)", scaled, text)
+    return re.sub(r"(?m)^(n = )([0-9]+)$", more, text)
+
+
+def run_scene(path: Path, size: float, modes: int) -> list[Headline]:
+    """Run a scene file by the command, and read its results."""
+    from antiosc.app.cli import main
+
+    path.write_text(finer_scene(path.read_text(encoding="utf-8"), size, modes), encoding="utf-8")
+    if code := main(["run", str(path), "--out", "results"]):
+        raise SystemExit(code)
+    headlines = []
+    for found in sorted(Path("results").rglob("*.json")):
+        result = json.loads(found.read_text(encoding="utf-8")).get("result", {})
+        for quantity in QUANTITIES:
+            if isinstance(result.get(quantity), int | float):
+                bar = result.get("error_budget", {}).get(quantity, {}).get("total")
+                headlines.append(Headline(f"{found.stem} {quantity}", result[quantity], bar))
+    return headlines
+
+
+def child(program: str, size: float, modes: int) -> None:
+    """Run one program here, in a folder of its own, and print its headlines as the last line."""
+    warnings.simplefilter("ignore")
+    out = sys.stdout
+    sys.argv = [program]
+    sys.path.insert(0, str(Path(program).resolve().parent))
+    with contextlib.redirect_stdout(io.StringIO()):
+        if program.endswith(".toml"):
+            headlines = run_scene(Path(program).resolve(), size, modes)
+        else:
+            headlines = patched(size, modes)
+            with contextlib.suppress(SystemExit):
+                runpy.run_path(program, run_name="__main__")
+    print(json.dumps(headlines), file=out)
+
+
+# --- in the parent: collect the programs, run their variants, compare
+
+
+def programs() -> dict[str, Callable[[Path], str]]:
+    """Name of each program -> what writes it into a folder and gives its path there."""
+    found: dict[str, Callable[[Path], str]] = {}
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    for page in pages:
+        blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        if not any("import antiosc" in block for block in blocks):
+            continue
+        name = str(page.relative_to(ROOT).with_suffix("")).removeprefix("docs/")
+        text = "\n".join(blocks[:: -1 if name in BACKWARDS else 1])
+        found[name] = functools.partial(write_program, text)
+    for script in sorted((ROOT / "demos").glob("*.py")):
+        found[f"demos/{script.stem}"] = functools.partial(copy_demos, f"demos/{script.name}")
+    for scene in sorted((ROOT / "demos/scenes").glob("*.toml")):
+        found[f"scenes/{scene.stem}"] = functools.partial(copy_demos, f"demos/scenes/{scene.name}")
+    return found
+
+
+def write_program(text: str, folder: Path) -> str:
+    """The programs of a page as one script, beside the meshes."""
+    shutil.copytree(ROOT / "meshes", folder / "meshes")
+    (folder / "program.py").write_text(text, encoding="utf-8")
+    return "program.py"
+
+
+def copy_demos(path: str, folder: Path) -> str:
+    """All demos with their scenes, beside the meshes."""
+    shutil.copytree(ROOT / "meshes", folder / "meshes")
+    shutil.copytree(ROOT / "demos", folder / "demos", ignore=shutil.ignore_patterns("pictures"))
+    return path
+
+
+def run(write: Callable[[Path], str], size: float, modes: int) -> list[Headline]:
+    """The headlines of one variant of a program, or RuntimeError with the end of what it said."""
+    with tempfile.TemporaryDirectory() as folder:
+        program = write(Path(folder))
+        command = [sys.executable, str(Path(__file__).resolve()), "--child", program]
+        command += ["--size", str(size), "--modes", str(modes)]
+        environment = os.environ | {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+        done = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST
+        )
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip()[-500:])
+    return [Headline(*entry) for entry in json.loads(done.stdout.strip().splitlines()[-1])]
+
+
+def compared(name: str, write: Callable[[Path], str]) -> tuple[list[Moved], list[str]]:
+    """Headlines of a program that its variants move too far, and what went wrong."""
+    moved: list[Moved] = []
+    troubles: list[str] = []
+    printed: list[Headline] = []
+    for variant, (size, modes) in VARIANTS.items():
+        try:
+            headlines = run(write, size, modes)
+        except (RuntimeError, subprocess.TimeoutExpired) as error:
+            troubles.append(f"{name}, {variant}: {error}")
+            continue
+        if variant == "as printed":
+            printed = headlines
+        elif len(headlines) != len(printed):
+            troubles.append(f"{name}, {variant}: {len(headlines)} headlines for {len(printed)}")
+        else:
+            moved += differences(name, variant, printed, headlines)
+    return moved, troubles
+
+
+def differences(
+    name: str, variant: str, printed: list[Headline], finer: list[Headline]
+) -> list[Moved]:
+    """The headlines that differ by more than their bars allow."""
+    moved = []
+    for before, after in zip(printed, finer, strict=True):
+        known = before.bar is not None and math.isfinite(before.bar)
+        allowed = before.bar if known and before.bar else UNSAID
+        if abs(after.value - before.value) > allowed * abs(before.value):
+            moved.append(Moved(name, variant, before.name, before.value, after.value, allowed))
+    return moved
+
+
+def main(names: list[str], workers: int = 1) -> int:
+    """Compare the named programs, or all; print what moves; the number of lines printed."""
+    chosen = {name: write for name, write in programs().items() if not names or name in names}
+    lines = 0
+    with ThreadPoolExecutor(workers) as pool:
+        for moved, troubles in pool.map(compared, chosen, chosen.values()):
+            for row in moved:
+                change = row.finer / row.printed - 1 if row.printed else math.inf
+                print(
+                    f"{row.program}: {row.headline} {row.printed:.5g} -> {row.finer:.5g} with"
+                    f" {row.variant} ({change:+.1%}, allowed {row.allowed:.1%})",
+                    flush=True,
+                )
+            for trouble in troubles:
+                print(trouble, flush=True)
+            lines += len(moved) + len(troubles)
+    return lines
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", help="README, howto/map, demos/drop, scenes/step, …")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    parser.add_argument("--size", type=float, default=1.0, help=argparse.SUPPRESS)
+    parser.add_argument("--modes", type=int, default=1, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.child:
+        child(options.child, options.size, options.modes)
+    else:
+        sys.exit(bool(main(options.names, options.workers)))

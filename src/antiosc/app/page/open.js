@@ -1,0 +1,340 @@
+// The page of `antiosc open`: clicks and fields change a set-up, which the server strikes.
+
+// Fields of the set-up: name, label, unit, least and largest value of the slider; of the striker
+// also the kinds that have it.
+const FIELDS = {
+  striker: [["radius", "radius", "m", 1e-3, 0.2, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
+    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]]],
+  "site-fields": [["radius", "radius of the patch", "m", 1e-4, 0.1]],
+  part: [["thickness", "thickness", "m", 1e-4, 0.1], ["damping", "damping ratio", "", 0, 0.1]],
+};
+const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75" };
+const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
+const GRIP = 22; // pixels around the tail of the arrow that drag it
+
+class Bench {
+  constructor() {
+    this.token = location.pathname.split("/")[1];
+    this.tab = String(Math.random());
+    this.turn = 0;
+    this.pending = 0;
+    [this.past, this.future] = [[], []];
+    this.look();
+  }
+
+  // -- the server
+
+  async call(name, content = {}) {
+    this.busy(1);
+    try {
+      const answer = await fetch(`/${name}`, { method: "POST", body: JSON.stringify(content),
+        headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } });
+      if (!answer.ok) throw new Error(await answer.text());
+      const { answer: found, error } = unpacked(await answer.text());
+      if (error) throw new Error(error);
+      return found;
+    } finally {
+      this.busy(-1);
+    }
+  }
+
+  busy(change) {
+    this.pending += change;
+    if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
+    if (!this.pending) clearTimeout(this.asking);
+    find("busy").style.visibility = this.pending ? "visible" : "hidden";
+  }
+
+  async ask_progress() {
+    const answer = await fetch("/progress", { method: "POST", body: "{}",
+      headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } }).catch(() => null);
+    if (answer && answer.ok) find("doing").textContent = (await answer.json()).answer.doing || "computing";
+    if (this.pending) this.asking = setTimeout(() => this.ask_progress(), 300);
+  }
+
+  // A step of the answer to the present set-up; null once there is a later one.
+  async step(name, more = {}) {
+    const turn = this.turn, { setup, tab } = this;
+    try {
+      const found = await this.call(name, { tab, turn, setup, ...more });
+      if (turn !== this.turn || found.stale) return null;
+      this.wrong(found.warnings.join(" "), false);
+      return found;
+    } catch (error) {
+      if (turn === this.turn) this.wrong(error.message, true);
+      return null;
+    }
+  }
+
+  wrong(text, failed) {
+    Object.assign(find("wrong"), { textContent: text, hidden: !text });
+    if (failed) document.documentElement.dataset.failed = text;
+  }
+
+  // -- the part
+
+  async look() {
+    try {
+      const found = await this.call("look");
+      Object.assign(this, { facts: found, skin: found.skin, setup: found.setup, view: View.on(find("view")) });
+      this.engine = await Engine.load(found.engine);
+    } catch (error) {
+      this.wrong(error.message, true);
+      return;
+    }
+    this.divide();
+    find("live").hidden = find("setup").hidden = false;
+    if (this.view) {
+      this.view.put("part", this.rest, this.shade(), this.skin.faces);
+      this.view.face(this.setup.direction);
+      this.view.fit();
+      this.view.draw();
+      this.view.picked = (x, y, e) => this.click(x, y, e.shiftKey);
+      this.view.grabbed = (x, y) => this.grab(x, y);
+    }
+    this.make_fields();
+    this.strike();
+  }
+
+  // Each triangle of the skin gets points of its own, so that faces end sharply.
+  divide() {
+    const { points, faces, middle, half } = this.skin;
+    this.skin.points = Int16Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);
+    this.skin.faces = Uint32Array.from(faces.keys());
+    this.rest = Float32Array.from(this.skin.points, (x, i) => middle[i % 3] + x * half / 32767);
+  }
+
+  // Colours of the points of the skin: dark where a face is held.
+  shade() {
+    const { tags, faces } = this.skin, values = new Float32Array(this.rest.length / 3).fill(PLAIN);
+    tags.forEach((tag, f) => {
+      if (tag && this.setup.held.includes(this.facts.faces[tag - 1])) for (let k = 0; k < 3; k++) values[faces[3 * f + k]] = DARK;
+    });
+    return values;
+  }
+
+  // What is seen at a place of the canvas: point, outward normal, name of its face; or null.
+  seen(x, y) {
+    const [from, d] = this.view.sight(x, y), found = crossings(this.rest, this.skin.faces, from, d);
+    if (!found.length) return null;
+    const { at, face, normal } = found.reduce((a, b) => (b.at < a.at ? b : a)), tag = this.skin.tags[face];
+    return { point: from.map((c, i) => c + at * d[i]), normal: dot(normal, d) > 0 ? normal.map((c) => -c) : normal,
+      name: tag ? this.facts.faces[tag - 1] : "" };
+  }
+
+  click(x, y, hold) {
+    if (this.page && this.page.sites) return this.page.choose(this.page.sites.near(x, y));
+    const seen = this.seen(x, y);
+    if (!seen) return;
+    if (!hold && document.querySelector("input[name=click]:checked").value === "strike") {
+      this.change({ point: seen.point.map(rounded), direction: seen.normal.map((c) => rounded(-c)) });
+      this.face = seen.name;
+    } else if (seen.name) this.toggle(seen.name);
+    else this.wrong("This face is not flat and has no name in the file: it cannot be held by a click.", false);
+  }
+
+  toggle(name) {
+    const { held } = this.setup;
+    this.change({ held: held.includes(name) ? held.filter((one) => one !== name) : [...held, name] });
+  }
+
+  // Dragging the tail of the arrow turns it about the site.
+  grab(x, y) {
+    const { page, view } = this, place = page && !page.sites && !page.kind && page.data.place;
+    if (!place) return null;
+    const tail = page.part.tail(), [a, b] = view.seen(tail);
+    if (Math.hypot(a - x, b - y) > GRIP) return null;
+    const reach = Math.hypot(...less(tail, place.point));
+    return (to_x, to_y, done) => {
+      const [from, d] = view.sight(to_x, to_y), out = less(from, place.point), along = dot(out, d);
+      const near = out.map((c, i) => c - along * d[i]), across = Math.hypot(...near);
+      const up = Math.sqrt(Math.max(reach ** 2 - across ** 2, 0)), direction = unit(near.map((c, i) => up * d[i] - c)).map(rounded);
+      place.direction = direction;
+      page.picture();
+      if (done) this.change({ direction });
+    };
+  }
+
+  // -- fields
+
+  make_fields() {
+    const { facts } = this, of_file = facts.faces.length > 0;
+    for (const one of document.querySelectorAll(".of-file")) one.hidden = !of_file;
+    for (const name of facts.faces) made("option", find("hold"), name, { value: name });
+    find("hold").onchange = () => { if (find("hold").value) this.toggle(find("hold").value); find("hold").value = ""; };
+    this.shown = [];
+    this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.change({ material }));
+    this.choice(find("striker"), "kind", facts.strikers, () => this.setup.striker.kind, (kind) => this.striker({ kind }), KINDS_OF_STRIKER);
+    this.choice(find("striker"), "of", facts.striker_materials, () => this.setup.striker.material,
+      (material) => this.striker({ material }), {}, ["ball", "mass"]);
+    this.choice(find("striker"), "name", facts.hammers, () => this.setup.striker.name, (name) => this.striker({ name }), {}, ["hammer"]);
+    this.triple("point", "place", "m");
+    this.triple("direction", "direction", "");
+    for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
+    find("undo").onclick = () => this.undo(this.past, this.future);
+    find("redo").onclick = () => this.undo(this.future, this.past);
+    document.addEventListener("keydown", (e) => {
+      if (e.ctrlKey && e.key === "z" && e.target.type !== "number") { e.preventDefault(); this.undo(this.past, this.future); }
+    });
+    find("finer").hidden = !facts.geometry;
+    find("finer").onclick = () => this.change({ finer: !this.setup.finer });
+    find("save").hidden = !facts.saves;
+    find("save").onclick = () => this.save();
+    find("map").onclick = () => this.map();
+    find("python").onfocus = () => find("python").select();
+    this.show_fields();
+  }
+
+  choice(where, label, options, get, set, texts = {}, kinds = null) {
+    if (!options.length) return;
+    const row = made("label", where, label), select = made("select", row, "", { name: label });
+    for (const one of options) made("option", select, texts[one] || one, { value: one });
+    select.onchange = () => set(select.value);
+    this.shown.push(() => { select.value = get(); row.hidden = Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
+  }
+
+  // Three coordinates.
+  triple(name, label, unit) {
+    const row = made("label", find("site-fields"), unit ? `${label} (${unit})` : label), inputs = [0, 1, 2].map((i) =>
+      made("input", row, "", { type: "number", step: "any", name: `${name} ${"xyz"[i]}`, ariaLabel: `${label}, ${"xyz"[i]}${unit && ` in ${unit}`}` }));
+    inputs.forEach((input) => { input.onchange = () => this.change({ [name]: inputs.map((one) => Number(one.value)) }); });
+    this.shown.push(() => inputs.forEach((input, i) => { input.value = this.setup[name][i]; }));
+  }
+
+  slider(where, name, label, unit, least, most, kinds = null) {
+    const of = kinds ? this.setup.striker : this.setup;
+    if (of[name] === null && name !== "radius") return;
+    const row = made("label", find(where), label, { className: "slider" });
+    const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
+    const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
+    made("span", row, unit);
+    const set = (value, done) => (kinds ? this.striker({ [name]: value }, done) : this.change({ [name]: value }, done));
+    const value = () => Number((least ? least * (most / least) ** range.value : range.value * most).toPrecision(3));
+    range.oninput = () => set(value(), false);
+    range.onchange = () => set(value(), true);
+    number.onchange = () => set(Number(number.value), true);
+    this.shown.push(() => {
+      const now = kinds ? this.setup.striker[name] : this.setup[name] ?? (this.site && this.site.radius);
+      row.hidden = !now && now !== 0 || Boolean(kinds) && !kinds.includes(this.setup.striker.kind);
+      if (row.hidden) return;
+      range.value = least ? Math.log(now / least) / Math.log(most / least) : now / most;
+      number.value = now;
+      range.setAttribute("aria-valuetext", engineering(now, unit));
+    });
+  }
+
+  show_fields() {
+    for (const one of this.shown) one();
+    find("held-list").replaceChildren();
+    for (const name of this.setup.held) {
+      made("button", find("held-list"), `held: ${name} ×`, { type: "button", title: "free it", onclick: () => this.toggle(name) });
+    }
+    if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), "free: no face is held");
+    find("finer").setAttribute("aria-pressed", this.setup.finer);
+    [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];
+  }
+
+  // -- what changes
+
+  striker(values, done = true) { this.change({ striker: { ...this.setup.striker, ...values } }, done); }
+
+  // Another set-up; while a slider moves (`done` false) it is the same one for Undo.
+  change(values, done = true) {
+    if (!this.moving) {
+      this.past.push(this.setup);
+      this.past.splice(0, this.past.length - MOST_UNDO);
+      this.future = [];
+    }
+    this.moving = !done;
+    this.setup = { ...this.setup, ...values };
+    this.show_fields();
+    this.strike();
+  }
+
+  undo(from, to) {
+    if (!from.length) return;
+    to.push(this.setup);
+    this.setup = from.pop();
+    this.show_fields();
+    this.strike();
+  }
+
+  // -- the answer: at once, settled, and with motion and stress
+
+  async strike() {
+    const turn = ++this.turn;
+    clearTimeout(this.later);
+    delete document.documentElement.dataset.failed;
+    this.wrong("", false);
+    if (this.page && this.page.sites) this.page = null;
+    const found = await this.step("blow");
+    if (!found) return;
+    if (this.shown_blow !== turn) this.before = this.page && this.page.hit;
+    this.shown_blow = turn;
+    this.show(found, null);
+    this.later = setTimeout(() => this.settle(found), found.settled ? 0 : PAUSE);
+  }
+
+  async settle(found) {
+    const settled = found.settled ? found : await this.step("settle");
+    if (!settled) return;
+    if (settled !== found) this.show(settled, null);
+    document.documentElement.dataset.settled = this.turn;
+    const fields = await this.step("fields");
+    if (!fields) return;
+    this.show(settled, fields.part);
+    document.documentElement.dataset.drawn = this.turn;
+    const { verdict } = await this.step("verdict") || {};
+    if (verdict) this.tell(verdict);
+    document.documentElement.dataset.complete = this.turn;
+  }
+
+  show({ blow, place, about, verdict, settled, python, site }, part) {
+    this.site = site;
+    this.show_fields();
+    const kind = part && this.page ? this.page.kind : "";
+    if (this.page) this.page.stop();
+    const held = this.shade().map((value) => value === DARK);
+    const data = { blow, place, part: part || { ...this.skin, held }, fixed: true, before: this.before };
+    this.page = new Page(data, this.engine, this.view, true);
+    if (kind && part) find("kind").value = this.page.kind = kind;
+    if (this.view) this.page.picture();
+    if (!this.fitted && this.view) { this.view.fit(); this.view.draw(); this.fitted = true; }
+    find("about").textContent = about;
+    find("python").value = python;
+    find("case").textContent = settled ? "" : "bars follow …";
+    this.heads("before", "Map");
+    this.tell(verdict);
+    globalThis.page = this.page;
+  }
+
+  tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
+
+  async map() {
+    if (this.page && this.page.sites) return this.strike();
+    const found = await this.step("map", this.face ? { where: this.face } : {});
+    if (!found) return;
+    this.page.stop();
+    this.page = globalThis.page = new Page({ ...found.map, fixed: true }, this.engine, this.view, true);
+    this.tell(found.verdict);
+    this.heads("computed", "Back to the blow");
+  }
+
+  heads(compared, map) { [find("compared").textContent, find("map").textContent] = [compared, map]; }
+
+  async save() {
+    const { folder, names } = await this.call("save");
+    find("question").textContent = `Write ${names.join(" and ")} into ${folder}?`;
+    find("yes").onclick = async () => {
+      find("ask").close();
+      const found = await this.step("write", { agreed: names });
+      if (found) find("about").textContent = `Written: ${found.written.join(", ")}. Again: antiosc run ${found.written[0]}`;
+    };
+    find("no").onclick = () => find("ask").close();
+    find("ask").showModal();
+  }
+}
+
+const rounded = (x) => Number(x.toPrecision(5)) || 0;
+
+globalThis.bench = new Bench();

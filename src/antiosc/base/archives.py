@@ -1,0 +1,104 @@
+"""Archives of arrays (.npz) and FMUs: written completely or not at all, read up to a size."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, TypeAlias
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from antiosc.base import files
+from antiosc.base.errors import InputError
+
+#: Most members of an archive.
+_MEMBERS = 100
+
+Arrays: TypeAlias = dict[str, NDArray[Any]]
+
+
+class _Sink:
+    """A stream of bytes that keeps the error of its file for later.
+
+    An archive whose file refuses a byte can be neither written nor closed, and says so by itself.
+    """
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self.stream, self.place = stream, 0
+        self.error: OSError | None = None
+
+    def write(self, data: bytes) -> int:
+        self.place += len(data)
+        if self.error is None:
+            try:
+                self.stream.write(data)
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+    def seek(self, place: int, whence: int = 0) -> int:
+        self.place = place
+        if self.error is None:
+            self.stream.seek(place, whence)
+        return place
+
+    def tell(self) -> int:
+        return self.place
+
+    def flush(self) -> None:
+        """Nothing: what is written reaches the disk when the file is closed."""
+
+
+@contextmanager
+def atomic_archive(path: str | os.PathLike[str], what: str) -> Iterator[zipfile.ZipFile]:
+    """Context manager: an archive that is written completely or not at all, as `atomic_file`."""
+    with files.atomic_file(path, what) as part, part.open("wb") as stream:
+        sink = _Sink(stream)
+        with zipfile.ZipFile(sink, "w") as archive:  # type: ignore[call-overload]
+            yield archive
+        if sink.error is not None:
+            raise sink.error
+
+
+def write_arrays(path: str | os.PathLike[str], arrays: Arrays, what: str) -> None:
+    """Write arrays as `numpy.savez` does, completely or not at all."""
+    with atomic_archive(path, what) as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                npy.write_array(member, np.asanyarray(values), allow_pickle=False)
+
+
+def read_arrays(path: Path, largest: int, what: str, kinds: str = "fiuU") -> Arrays:
+    """The arrays of a file by name: of numbers or text, of the `kinds` of NumPy's dtypes.
+
+    InputError for any other file, and one whose arrays take more than `largest` bytes in all,
+    before they are read.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            size = sum(member.file_size for member in members)
+            if len(members) <= _MEMBERS and size <= largest:
+                return {m.filename.removesuffix(".npy"): _array(archive, m, kinds) for m in members}
+    except Exception:  # NumPy and zipfile raise what they like on foreign bytes
+        raise InputError(f"{path} is not {what}, or it is damaged.") from None
+    raise InputError(
+        f"{path} holds {len(members)} arrays of {size} bytes; {what} has at most {_MEMBERS}, and"
+        f" {largest} bytes."
+    )
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, kinds: str) -> NDArray[Any]:
+    """One array; ValueError where its header and size disagree."""
+    with archive.open(member) as stream:
+        content = io.BytesIO(stream.read(member.file_size))  # no more, whatever is compressed
+    array = np.asarray(npy.read_array(content, allow_pickle=False))
+    if array.dtype.kind not in kinds or content.read(1):
+        raise ValueError(f"{member.filename} holds {array.dtype} of shape {array.shape}, and more")
+    return array

@@ -1,0 +1,127 @@
+"""Materials by name: what `materials.toml` holds, each number with its source."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering
+
+#: Names that are proposed for one that does not exist.
+PROPOSED = 6
+
+
+@dataclass(frozen=True)
+class Record:
+    """A material as the table has it, SI units.
+
+    Attributes
+    ----------
+    E, nu, G : Young's modulus [Pa] and Poisson's ratio; of wood those of `orthotropic`, with G.
+    rho : density [kg/m^3].
+    yield_strength : [Pa]; None of a material that does not yield (`brittle`).
+    yield_range : lowest and highest yield strength of the sources [Pa], or None.
+    rate : D [1/s] and q of Cowper and Symonds, or None.
+    loss : loss factor; 0: not in the sources.
+    source, note : where the numbers are from, and what they cannot do.
+    """
+
+    name: str
+    E: Any
+    nu: Any
+    rho: float
+    yield_strength: float | None
+    yield_range: tuple[float, float] | None
+    brittle: bool
+    rate: tuple[float, float] | None
+    loss: float
+    source: str
+    note: str
+    G: Any = None
+
+    @property
+    def line(self) -> str:
+        """The material in one line."""
+        along = self.E if self.G is None else self.E[0]
+        strength = "no yield"
+        if self.yield_range is not None:
+            low, high = (engineering(one, "Pa") for one in self.yield_range)
+            strength = f"{engineering(self.yield_strength or 0.0, 'Pa')} ({low} to {high})"
+        return f"{engineering(along, 'Pa')}, {self.rho:g} kg/m³, {strength}"
+
+
+def record(name: object) -> Record:
+    """The material of a name, or of a part of a name that one alone has; else InputError."""
+    known, given = names(), checks.text("material", name)
+    words = _words(given)
+    alike = [one for one in known if all(_begins(word, _words(one)) for word in words)]
+    exact = [one for one in known if _words(one) == words]
+    for found in (exact, alike):
+        if len(found) == 1:
+            return _read(found[0], _table()["material"][found[0]])
+    near = alike or sorted(known, key=lambda one: -_likeness(given, one))
+    proposed = ", ".join(map(repr, near[:PROPOSED]))
+    what = "is the name of several materials" if alike else "is not in the table of materials"
+    raise InputError(
+        f"{given!r} {what}: did you mean {proposed}? `antiosc materials` lists all; others are "
+        "given by their constants, Solid(E, nu, rho, yield_strength=…)."
+    )
+
+
+def names() -> list[str]:
+    """The names of all materials."""
+    return list(_table()["material"])
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r"[\w.%]+", name.lower())
+
+
+def _begins(word: str, words: list[str]) -> bool:
+    return any(one.startswith(word) for one in words)
+
+
+def _likeness(given: str, name: str) -> float:
+    """How alike two names are; a part of a name counts as the whole."""
+    pieces = [name, *name.split()]
+    return max(difflib.SequenceMatcher(None, given.lower(), one.lower()).ratio() for one in pieces)
+
+
+@cache
+def _table() -> dict[str, Any]:
+    with Path(__file__).with_name("materials.toml").open("rb") as stream:
+        return tomllib.load(stream)
+
+
+def _read(name: str, row: Mapping[str, Any]) -> Record:
+    brittle = row["yield_strength"] == "none"
+    low_high, rate = row.get("range"), row.get("rate")
+    return Record(
+        name=name,
+        E=row["E"],
+        nu=row["nu"],
+        rho=float(row["rho"]),
+        yield_strength=None if brittle else row["yield_strength"],
+        yield_range=None if low_high is None else (low_high[0], low_high[1]),
+        brittle=brittle,
+        rate=None if rate is None else (float(rate[0]), float(rate[1])),
+        loss=row.get("loss", 0.0),
+        source="; ".join(map(_spelled_out, row["source"])),
+        note=row.get("note", ""),
+        G=row.get("G"),
+    )
+
+
+def _spelled_out(source: str) -> str:
+    """A source with its title in place of its key."""
+    key, _, place = source.partition(" ")
+    title = _table()["sources"].get(key)
+    return source if title is None else f"{title} {place}".rstrip()

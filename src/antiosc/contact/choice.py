@@ -1,0 +1,176 @@
+"""Which law a contact needs, from both surfaces: one function with one decision.
+
+| surfaces | law | source |
+|---|---|---|
+| a laminate | `YangSun` | S. H. Yang, C. T. Sun, ASTM STP 787 (1982) |
+| both flat, a of the smaller | `Linear`, 2 E* a | Johnson, (3.36) |
+| a straight line | `line_law` of its length | `antiosc.contact.line` |
+| curved, a known loss | `Gonthier`, Hertz's stiffness | Multibody Syst. Dyn. 11 (2004) |
+| curved, a yield strength | `ElasticPlastic`, Hertz up to yield | that law's docstring |
+| curved, none | `Hertz`, elliptic where curvatures differ | Johnson, 4.1-4.2 |
+
+K. L. Johnson, Contact Mechanics, Cambridge 1985. The law does not depend on the speed: it is valid
+below and above yield. Of two materials that yield the weaker one counts; an elliptic contact yields
+as a circular one of the same stiffness. An edge or a corner is as round as its surface says, whose
+radius then is an assumption that no bar covers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import acos, degrees, exp, pi, sqrt
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering
+from antiosc.contact.base import ContactLaw
+from antiosc.contact.curvature import PLANE, SHARP
+from antiosc.contact.geometry import (
+    effective_modulus,
+    hertz_stiffness,
+    relative_of_curvatures,
+)
+from antiosc.contact.laws import ElasticPlastic, Gonthier, Hertz, Linear, YangSun
+from antiosc.contact.line import line_law
+from antiosc.contact.surfaces import RIGID, Matter, Surface
+
+#: Loss factor from which a contact of a material that does not yield is damped: below it the
+#: restitution exp(-pi loss/2) is above 0.97.
+LOSSY = 0.02
+#: A relative curvature below this share of the other one is none: the contact is a line.
+NO_CURVATURE = 1e-9
+
+
+#: What is not known of contacts that are not at a point, and of laminates.
+FLAT = "the pressure of flat faces, which are never quite parallel"
+LINES = "when a contact along a line yields"
+LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A law, and why it was chosen.
+
+    Attributes
+    ----------
+    law : of the contact.
+    reason : a sentence without its dot.
+    soft : the material that yields first; None where neither does.
+    unknown : what its error depends on and is not known; "" if all is known.
+    """
+
+    law: ContactLaw
+    reason: str
+    soft: Matter | None = None
+    unknown: str = ""
+
+
+@lru_cache(maxsize=4096)
+def choose(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
+    """The law of the contact of two surfaces.
+
+    Parameters
+    ----------
+    one, other : Surface
+    restitution : float, optional
+        That of the contact itself, if it is known.
+
+    Raises
+    ------
+    InputError
+        Two rigid surfaces; surfaces that fit into each other; flat ones of unknown size.
+    """
+    matters = one.matter, other.matter
+    elastic = sorted((m for m in matters if not m.rigid), key=lambda m: m.E)
+    if not elastic:
+        raise InputError(
+            "two rigid surfaces have no law of contact: give one of them a material, or the law."
+        )
+    first, *rest = elastic
+    second = rest[0] if rest else RIGID
+    modulus = effective_modulus(first.E, first.nu, second.E, second.nu)
+    A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
+    doubt = _doubt(one, other)
+    straight = all(0.0 in surface.curvatures for surface in (one, other))
+    if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
+        if one.kind == other.kind == PLANE:
+            return _flat(one, other, modulus)
+        raise InputError(
+            f"the surfaces fit into each other (relative curvatures {2 * A:g} and {2 * B:g} 1/m), "
+            "which is no contact at a point: give the law of the contact."
+        )
+    if A <= NO_CURVATURE * B:
+        return _line(one, other, modulus, B)
+    stiffness = hertz_stiffness(modulus, A, B)
+    shape = "" if A == B else ", elliptic"
+    laminate = next((m for m in matters if m.critical is not None), None)
+    if laminate is not None and laminate.critical is not None:
+        return Choice(YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE)
+    if restitution is None and first.brittle and first.loss >= LOSSY:
+        restitution = exp(-pi * first.loss / 2)
+    if restitution is not None and restitution < 1:
+        reason = f"elastic{shape}, with the restitution {restitution:.3g}"
+        return Choice(Gonthier(stiffness, restitution), reason, None, doubt)
+    soft = min(
+        (m for m in matters if m.yield_strength is not None),
+        key=lambda m: m.yield_strength or 0.0,
+        default=None,
+    )
+    if soft is None or soft.yield_strength is None:
+        return Choice(Hertz(stiffness), f"elastic{shape}", None, doubt)
+    radius = (0.75 * stiffness / modulus) ** 2
+    law = ElasticPlastic(modulus, radius, soft.yield_strength, soft.nu)
+    reason = f"elastoplastic{shape}: {soft.name or 'the weaker side'} has a yield strength of"
+    return Choice(law, f"{reason} {engineering(soft.yield_strength, 'Pa')}", soft, doubt)
+
+
+def _angle(one: Surface, other: Surface) -> float:
+    """Between the first principal directions of both surfaces [degree]; 0 where one is not
+    known."""
+    if one.along is None or other.along is None:
+        return 0.0
+    cosine = abs(sum(a * b for a, b in zip(one.along, other.along, strict=True)))
+    return degrees(acos(min(cosine, 1.0)))
+
+
+def _doubt(one: Surface, other: Surface) -> str:
+    """What the error of a law depends on and is not known."""
+    for surface in (one, other):
+        if surface.kind in SHARP:
+            radius = engineering(1 / surface.curvatures[1], "m")
+            return f"the radius of the {surface.kind}, taken as {radius} (give radius=)"
+    if not (one.matter.known and other.matter.known):
+        return "the contact's law (give yield_strength, or material=)"
+    return ""
+
+
+def _flat(one: Surface, other: Surface, modulus: float) -> Choice:
+    """Two flat faces: a rigid punch on the half-space of both, of the smaller radius."""
+    sizes = [s.radius for s in (one, other) if s.radius is not None]
+    if not sizes:
+        raise InputError(
+            "two flat surfaces, and neither has a radius: give that of the site's patch, the "
+            "tip_radius of what strikes, or the law of the contact."
+        )
+    reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
+    return Choice(Linear(2 * modulus * min(sizes)), reason, None, FLAT)
+
+
+def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
+    """A contact along a line, whose gap is B y^2."""
+    length = min(one.length, other.length)
+    if checks.is_infinite(length):
+        raise InputError(
+            "the surfaces touch along a line whose length is not known: give the law of the "
+            "contact, as antiosc.contact.line.line_law(E*, R, length)."
+        )
+    reason = f"a line of {engineering(length, 'm')}"
+    return Choice(line_law(modulus, 1 / (2 * B), length), reason, None, LINES)
+
+
+def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
+    """Hertz's largest pressure [Pa] of an elastic contact that takes as much work as this law up to
+    an indentation [m]."""
+    elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
+    return 2 * law.modulus / pi * sqrt(elastic / law.radius)

@@ -1,0 +1,91 @@
+"""`Curvature`: how a surface is curved at a point, as a contact law needs it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.texts import ReprMixin
+
+#: Kinds of places on a surface.
+PLANE, LINE, CURVED, EDGE, CORNER = "plane", "line", "curved", "edge", "corner"
+#: Kinds without a curvature, whose radius must be given.
+SHARP = EDGE, CORNER
+#: Share of the larger curvature below which a sum of two is none.
+ROUNDED = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Curvature(ReprMixin):
+    """Principal curvatures of a surface at a point.
+
+    Attributes
+    ----------
+    kind : "plane"; "line", curved in one direction (a cylinder or a groove); "curved", in both;
+        "edge" or "corner", which have no curvature: their radius must be given.
+    values : (2,) principal curvatures [1/m], ascending; > 0 where the surface is convex, exactly 0
+        along planes and lines, NaN of edges and corners.
+    error : how far each value may be off [1/m]; 0 where the geometry of CAD gives it.
+    directions : (2, 3) unit vectors of the principal directions, in the order of `values`.
+    point, normal : (3,) the point on the surface [m], and the outward unit normal there.
+    length : of the straight line through the point along which a "line" extends [m]; inf of others.
+    middle : (3,) the middle of this line; the point itself of others.
+    source : "CAD", or "mesh" for a fit to nodes of the mesh.
+    """
+
+    kind: str
+    values: Array
+    error: float
+    directions: Array
+    point: Array
+    normal: Array
+    length: float = inf
+    middle: Array | None = None
+    source: str = "mesh"
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Principal radii [m] in the order of `values`: inf flat, < 0 hollow, NaN sharp."""
+        first, second = (1 / float(k) if k else inf for k in self.values)
+        return first, second
+
+    def beyond(self, distance: float) -> Curvature:
+        """Curvature of the surface that lies this distance [m] outside of this one, as a face of a
+        shell outside of its middle surface."""
+        stretch = 1 + self.values * distance
+        change = 1 / float(np.min(np.abs(stretch))) ** 2 if np.isfinite(stretch).all() else 1.0
+        values, point = self.values / stretch, self.point + distance * self.normal
+        return replace(self, values=values, error=self.error * change, point=point)
+
+    def against(self, other: Curvature) -> Curvature:
+        """The sum of the curvatures of two surfaces that touch: of the gap between them."""
+        both = [(c.directions.T * c.values) @ c.directions for c in (self, other)]
+        values, vectors = np.linalg.eigh(self.directions @ (both[0] + both[1]) @ self.directions.T)
+        values[np.abs(values) < ROUNDED * np.abs(values).max()] = 0.0
+        return replace(
+            self,
+            values=values,
+            error=self.error + other.error,
+            directions=vectors.T @ self.directions,
+            length=min(self.length, other.length),
+        )
+
+    @classmethod
+    def of_radii(cls, *radii: float) -> Curvature:
+        """A surface with two principal radii [m] at the origin."""
+        values = np.sort(1 / np.array(radii))
+        return cls(CURVED, values, 0.0, np.eye(3)[:2], np.zeros(3), np.eye(3)[2])
+
+    def placed(self, rotation: Array, moved: Array) -> Curvature:
+        """The same surface after a rotation (3, 3) and a translation (3,) [m]."""
+        middle = None if self.middle is None else rotation @ self.middle + moved
+        return replace(
+            self,
+            directions=self.directions @ rotation.T,
+            point=rotation @ self.point + moved,
+            normal=rotation @ self.normal,
+            middle=middle,
+        )

@@ -1,0 +1,101 @@
+"""The base of all solvers of symmetric positive definite matrices: checked solves."""
+
+from __future__ import annotations
+
+import logging
+import time
+from abc import ABC, abstractmethod
+from typing import Literal, get_args
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array, Matrix
+from antiosc.base.errors import AccuracyError
+from antiosc.base.process import one_thread
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.algebra import multiply, norms, roots
+
+#: Of a solver: "auto" is direct if the factor fits in memory.
+Choice = Literal["auto", "direct", "iterative"]
+
+#: Largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a direct solve may leave; sound ones leave about 1e-16.
+BACKWARD_ERROR = 1e-10
+#: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
+SOLUTION_GROWTH = 1e14
+#: Message for a matrix without a Cholesky factor.
+SINGULAR = (
+    "the stiffness matrix cannot be factored ({}): some part can move freely, for instance at a "
+    "hinge, a single common point or line (join it along a face, or support it), or a part is too "
+    "slender for double precision (use fewer elements)."
+)
+
+log = logging.getLogger(__name__)
+
+
+def checked_choice(choice: Choice) -> Choice:
+    """`choice`, or InputError."""
+    checks.choice("solver", choice, get_args(Choice))
+    return choice
+
+
+class Solver(ABC):
+    """A⁻¹ of a symmetric positive definite matrix, for many right-hand sides."""
+
+    #: largest ‖A‖‖x‖/‖Ax‖ of a checked solve
+    growth: float = SOLUTION_GROWTH
+
+    def __init__(self, A: Matrix) -> None:
+        started = time.perf_counter()
+        self.A = A
+        self.comm = algebra.communicator(A)
+        algebra.declare_definite(A)
+        with one_thread():  # but for factors that are worth more
+            self._set_up()
+        #: what the set-up took
+        self.seconds = time.perf_counter() - started
+        log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
+
+    @abstractmethod
+    def _set_up(self) -> None:
+        """Make ready for solves."""
+
+    @abstractmethod
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k), with the solver's own check only."""
+
+    def solve(self, r: Array) -> Array:
+        """A⁻¹r for one vector."""
+        return self.solve_block(r[:, None])[:, 0]
+
+    def solve_checked(self, r: Array) -> Array:
+        """A⁻¹r (a vector or a block) with a check of the residual, which detects a singular
+        matrix."""
+        R = r[:, None] if r.ndim == 1 else r
+        X = self.solve_block(R)
+        root = roots(self.A)[:, None]
+        load = norms(self.comm, R / root)
+        size = norms(self.comm, root * X) + load
+        rest = norms(self.comm, (multiply(self.A, X) - R) / root)
+        growth = (size / np.maximum(load, np.finfo(float).tiny)).max()
+        if not growth <= self.growth:
+            raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
+        if not (rest <= BACKWARD_ERROR * size).all():
+            error = (rest / size).max()
+            raise AccuracyError(
+                SINGULAR.format(f"backward error {error:.1e}, limit {BACKWARD_ERROR:.0e}")
+            )
+        return X[:, 0] if r.ndim == 1 else X
+
+    def force_sizes(self, R: Array) -> Array:
+        """Norms of forces, vectors as columns, in which residuals are compared."""
+        return norms(self.comm, R)
+
+
+class Factorization(Solver):
+    """A Cholesky factor, or its like."""
+
+    @property
+    @abstractmethod
+    def entries(self) -> float:
+        """Entries of the factor, of all ranks together."""

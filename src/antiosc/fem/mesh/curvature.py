@@ -1,0 +1,550 @@
+"""Curvature of the surface of a mesh at a point: from CAD, or from a fit to nodes of the surface.
+
+Nodes of a mesh lie on the surface that was meshed, its faces do not. The fit is a polynomial over
+the tangent plane through the nodes within a radius that depends on the surface and not on the
+cells: a third of the radius of curvature, and more only where that holds too few nodes. The spread
+is the difference to the fit within another radius, with the standard error of the fit.
+
+Faces are parts of one smooth surface across edges at which their normals turn by less than
+`SHARP_ANGLE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse
+from numpy.polynomial.polynomial import polyvander2d
+from scipy.linalg import eigh
+from scipy.sparse.csgraph import connected_components
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
+from antiosc.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, Curvature
+from antiosc.fem.mesh import Mesh, clamped, projected
+from antiosc.fem.mesh.surface import Faces
+from antiosc.io.neutral import CadSurface
+
+#: Angle between the normals of two faces from which their common edge is one of the part [degree].
+SHARP_ANGLE = 40.0
+#: Radius of the fit over the radius of curvature.
+SHARE = 1 / 3
+#: Largest radius of a fit over the size of the part, and over the size of the faces at the point.
+WIDEST, FACES_WIDE = 0.1, 5.0
+#: Radii of two fits over one another, whose difference is the spread.
+OTHER = 1.5
+#: Most times that the radius of a fit is chosen anew, and the change that ends this.
+CHOICES, SETTLED = 8, 0.1
+#: Degrees of the polynomials, and nodes over coefficients that each needs.
+DEGREES, NODES_EACH = (4, 3, 2), 1.5
+#: Singular values below this share of the largest one are none.
+RANK = 1e-6
+#: Normals of faces in a fit and that of the point have at least this cosine; the first fit ends
+#: where they have less than the second one.
+TURNED, STARTS = 0.35, 0.75
+#: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
+ON_PLANE = 1e-6
+#: Distance of a middle node from the chord over the length of the side, from which it is curved.
+BENT = 1e-6
+#: Of the two curvatures the smaller one is none below these shares of the error and of the larger
+#: one, and never above the third.
+NONE = (3.0, 1e-3, 0.2)
+#: Curvature of CAD over the inverse size of the part below which it is none.
+CAD_NONE = 1e-6
+#: A surface that turns within a smaller radius this much of what it turns within a larger one has
+#: an edge at the point.
+SAME_TURN = 0.8
+#: Relative error of a curvature k by a fit of a circle within a radius r, of degrees below 4 and of
+#: degree 4: these times (k r)^2 and (k r)^4. Measured on spheres and cylinders: 0.25 and 0.07.
+CUT_OFF = 0.35, 0.15
+#: A curvature k is not known at all from a fit within a radius r with k r above this.
+UNRESOLVED = 0.8
+#: Curvatures by CAD are taken of nodes within this many lengths of the sides of the faces at the
+#: point; those near to it count more, by exp(-NEARER r^2) with the largest distance as unit.
+NODES_WIDE, NEARER = 2.0, 2.0
+#: Looks along a line, halvings at its ends, and the height over its radius by which it may miss.
+LOOKS, HALVINGS, MISSED = 200, 20, 0.1
+#: Steps along a line that is not straight, the height below which it has ended, and looks across
+#: it, over its radius.
+STEP, FALLEN, ACROSS = 0.25, 0.25, np.linspace(-0.3, 0.3, 5)
+#: Longest such line over the size of the part.
+LONGEST = 4.0
+#: A sheet is struck on its rim if the direction has less than this cosine to the normal.
+RIM = 0.5
+#: Faces touch the point within this share of their size.
+TOUCH = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """Faces near a point, n of them, equal on all ranks.
+
+    Attributes
+    ----------
+    numbers : (n, v) of their vertices in the file, around each face.
+    corners, middles : (n, v, 3) vertices, and middles of the sides [m].
+    normals : (n, v, 3) unit normals at these middles.
+    weights : (n, v) of the vertices at the point of the face next to the given one.
+    gap : (n,) distance of that point [m].
+    """
+
+    numbers: IntArray
+    corners: Array
+    middles: Array
+    normals: Array
+    weights: Array
+    gap: Array
+
+    def only(self, which: BoolArray | IntArray) -> Patch:
+        """Some of the faces."""
+        return Patch(*(getattr(self, one.name)[which] for one in fields(self)))
+
+    @cached_property
+    def sides(self) -> Array:
+        """Lengths of the sides (n, v) [m]."""
+        way = np.roll(self.corners, -1, axis=1) - self.corners
+        return np.asarray(np.linalg.norm(way, axis=2))
+
+    @cached_property
+    def touching(self) -> BoolArray:
+        """Faces (n,) on which the point lies."""
+        return np.asarray(self.gap <= self.gap.min() + TOUCH * self.sides.max(axis=1))
+
+    @cached_property
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """Numbers of two sides, among all n v, that are the same side of two faces."""
+        ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
+        ends = np.sort(ends.reshape(-1, 2), axis=1)
+        _, side = np.unique(ends, axis=0, return_inverse=True)
+        order = np.argsort(side.ravel(), kind="stable")
+        alike = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
+        return order[alike], order[alike + 1]
+
+    def surfaces(self, sheet: bool) -> IntArray:
+        """Number (n,) of the smooth surface to which each face belongs."""
+        one, two = self.pairs
+        count, around = self.numbers.shape
+        normals = self.normals.reshape(-1, 3)
+        cosine = np.einsum("nd,nd->n", normals[one], normals[two])
+        cosine = np.abs(cosine) if sheet else cosine
+        smooth = cosine > np.cos(np.radians(SHARP_ANGLE))
+        one, two = one[smooth] // around, two[smooth] // around
+        graph = scipy.sparse.coo_matrix((np.ones(len(one)), (one, two)), (count, count))
+        return np.asarray(connected_components(graph, directed=False)[1])
+
+    def nodes(self) -> Array:
+        """Nodes on the surface (k, 3) [m]: vertices, and middles of sides that are curved."""
+        chord = (self.corners + np.roll(self.corners, -1, axis=1)) / 2
+        bent = np.linalg.norm(self.middles - chord, axis=2) > BENT * self.sides
+        points = self.corners.reshape(-1, 3)
+        if bent.any():
+            points = np.concatenate([points, self.middles.reshape(-1, 3)])
+        rounded = np.round(points / (TOUCH * self.sides.min()))
+        return np.asarray(points[np.unique(rounded, axis=0, return_index=True)[1]])
+
+
+def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None) -> Curvature:
+    """Curvature of the surface of a mesh at its point next to `point` (3,).
+
+    Parameters
+    ----------
+    faces : of the mesh; those of a solid are its outer ones.
+    direction : (3,) of an impact, to which the normal of a sheet is opposite; optional.
+
+    Raises
+    ------
+    InputError
+        A mesh of lines, or one in a plane.
+    """
+    if faces.dim != 2 or mesh.gdim != 3:
+        raise InputError(
+            "curvature is that of a surface in space, which beams and plane parts do not have: "
+            "give the law of the contact."
+        )
+    size = mesh.extent()
+    patch = _patch(faces, point, WIDEST * size)
+    at = patch.only(patch.touching)
+    cad = _on_cad(mesh, at)
+    if cad is not None:
+        at = replace(at, normals=cad.along_sides())
+    normal = _normal(at, direction, faces.sheet)
+    x = np.einsum("nv,nvd->d", at.weights, at.corners) / len(at.gap)
+    surfaces = len(np.unique(at.surfaces(faces.sheet)))
+    if surfaces > 1:
+        return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
+    way = normal if direction is None or not faces.sheet else direction
+    if abs(float(way @ normal)) < RIM * float(np.linalg.norm(way)):
+        return _sharp(EDGE, x, normal)
+    if cad is not None:
+        found = _from_cad(cad, at, x, normal, size)
+    else:
+        label = patch.surfaces(faces.sheet)
+        smooth = patch.only(np.isin(label, label[patch.touching]))
+        found = _from_nodes(smooth, x, normal)
+    return _with_length(faces, found, size) if found.kind == LINE else found
+
+
+def _patch(faces: Faces, point: Array, reach: float) -> Patch:
+    """Faces whose middles lie within `reach` [m], or some faces' sizes if these are larger."""
+    comm = faces.mesh.comm
+    away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
+    nearest = comm.allgather(float(away.min(initial=np.inf)))
+    there = np.flatnonzero(away <= min(nearest) + faces.radii)
+    largest = max(comm.allgather(float(faces.radii[there].max(initial=0.0))))
+    chosen = np.flatnonzero(away <= min(nearest) + max(reach, FACES_WIDE * largest))
+    tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    around = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
+    xi = projected(
+        lambda k, xi: faces.at(chosen[k], xi),
+        np.tile(point, (len(chosen), 1)),
+        faces.middle[chosen],
+        affine=faces.affine,
+    )
+    xi = clamped(xi, faces.simplex)
+    gap = np.linalg.norm(faces.at(chosen, xi)[0] - point, axis=1)
+    s, t = xi.T
+    if faces.simplex:
+        weights = np.column_stack([1 - s - t, s, t])
+    else:
+        weights = np.column_stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t])
+    corner = tensor[around]
+    sides = (corner + np.roll(corner, -1, axis=0)) / 2
+    looks = [faces.across(chosen, np.tile(side, (len(chosen), 1))) for side in sides]
+    middles, normals = (np.stack(each, axis=1) for each in zip(*looks, strict=True))
+    numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
+    numbers = numbers[faces.vertices[chosen][:, around]]
+    own = numbers, faces.corners[chosen][:, around], middles, normals, weights, gap
+    every = (np.concatenate(each) for each in zip(*comm.allgather(own), strict=True))
+    found = Patch(*every)
+    once = np.unique(np.sort(found.numbers, axis=1), axis=0, return_index=True)[1]
+    return found.only(once)
+
+
+def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
+    """Mean unit normal (3,) of the faces at the point: outward, or against the direction."""
+    normals = at.normals.mean(axis=1)
+    if sheet:
+        along = normals[0] if direction is None else -direction
+        normals = normals * np.where(normals @ along < 0, -1.0, 1.0)[:, None]
+    mean = normals.sum(axis=0)
+    size = float(np.linalg.norm(mean))
+    return np.asarray(mean / size) if size > 0 else np.asarray(normals[0])
+
+
+# -- from CAD
+
+
+@dataclass(frozen=True, eq=False)
+class OnCad:
+    """Faces as parts of CAD surfaces, n of them.
+
+    Attributes
+    ----------
+    nodes : all nodes of the mesh on CAD surfaces.
+    rows : (n, v) of the vertices among these.
+    signs : (n,) of the normals of CAD towards those of the faces.
+    """
+
+    nodes: CadSurface
+    rows: IntArray
+    signs: Array
+
+    def along_sides(self) -> Array:
+        """Unit normals (n, v, 3) at the middles of sides from those at the vertices."""
+        normals = self.signs[:, None, None] * self.nodes.normals[self.rows]
+        mean = normals + np.roll(normals, -1, axis=1)
+        return np.asarray(mean / np.linalg.norm(mean, axis=2, keepdims=True))
+
+
+def _on_cad(mesh: Mesh, at: Patch) -> OnCad | None:
+    """Faces on CAD surfaces; None if one of them is on none."""
+    if mesh.cad is None:
+        return None
+    cad, tree = mesh.cad, mesh.cad_tree
+    rows, signs = [], []
+    for corners, normals, sides in zip(at.corners, at.normals, at.sides, strict=True):
+        each = tree.query_ball_point(corners, TOUCH * float(sides.min()))
+        surfaces = [set(cad.surfaces[some].tolist()) for some in each]
+        facing, found = normals.mean(axis=0), []
+        for surface in set.intersection(*surfaces):
+            on = [next(i for i in some if cad.surfaces[i] == surface) for some in each]
+            found.append((float(cad.normals[on].mean(axis=0) @ facing), on))
+        if not found:
+            return None
+        # of several the surface that faces as the face does
+        cosine, on = max(found, key=lambda one: abs(one[0]))
+        rows.append(on)
+        signs.append(np.sign(cosine))
+    return OnCad(cad, np.array(rows), np.array(signs))
+
+
+def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Curvature:
+    """Curvature between the vertices of the faces at a point, from that at nodes around it.
+
+    Tensors are turned into the tangent plane at the point. At a node that of the node counts;
+    elsewhere a quadratic function of the place, whose difference to the linear one is the error.
+    """
+    radius = NODES_WIDE * float(at.sides.max())
+    away = np.linalg.norm(cad.nodes.points - x, axis=1)
+    sign = np.zeros(len(away))
+    for rows in cad.rows:  # towards the normal at the point, on each surface
+        facing = float(cad.nodes.normals[rows].mean(axis=0) @ normal)
+        sign[cad.nodes.surfaces == cad.nodes.surfaces[rows[0]]] = np.sign(facing)
+    shares = np.zeros(len(away))
+    np.add.at(shares, cad.rows, at.weights / len(at.gap))
+    turned = sign * (cad.nodes.normals @ normal) > TURNED
+    used = np.flatnonzero((shares > 0) | (away < radius) & turned)
+    near, sign, shares = cad.nodes.at(used), sign[used], shares[used]
+    normals, tensors = sign[:, None] * near.normals, sign[:, None, None] * near.tensors
+    mean = shares @ normals
+    mean /= np.linalg.norm(mean)
+    basis = np.linalg.svd(mean[None])[2][1:]
+    turns = basis @ np.array([_turn(each, mean) for each in normals])
+    tensors = turns @ tensors @ np.swapaxes(turns, 1, 2)
+    here = np.flatnonzero(np.linalg.norm(near.points - x, axis=1) < TOUCH * radius)
+    if len(here):
+        tensor = tensors[here].mean(axis=0)
+        error = float(np.abs(tensors[here] - tensor).max())
+    else:
+        between = np.einsum("n,nij->ij", shares, tensors)
+        tensor, error = _between(near.points - x, basis, tensors, between)
+    values, vectors = np.linalg.eigh(tensor)
+    error = error if error * size > CAD_NONE else 0.0
+    values = np.where(np.abs(values) * size < CAD_NONE, 0.0, values)
+    values, kind = _kind(values, error)
+    return Curvature(kind, values, error, vectors.T @ basis, x, mean, source="CAD")
+
+
+def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
+    """A quadratic function of the place through tensors (n, 2, 2), and its error [1/m]."""
+    u, v = basis @ way.T / np.abs(way).max()
+    rows = polyvander2d(u, v, [2, 2])[:, [0, 1, 2, 3, 4, 6]]
+    values = tensors.reshape(-1, 4)
+    if len(way) < rows.shape[1]:
+        return linear, float(np.abs(tensors - linear).max())
+    weight = np.exp(-NEARER * (u * u + v * v))[:, None]
+    c = np.linalg.lstsq(weight * rows, weight * values, rcond=RANK)[0]
+    tensor = c[0].reshape(2, 2)
+    rest = np.abs(weight * (rows @ c - values)).max()
+    return tensor, max(2 * float(np.abs(tensor - linear).max()), float(rest))
+
+
+def _kind(values: Array, error: float) -> tuple[Array, str]:
+    """Principal curvatures, those that are none set to zero, and the kind of the place."""
+    bend = float(np.abs(values).max())
+    if bend == 0.0:
+        return values, PLANE
+    none = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * bend), NONE[2] * bend)
+    return np.where(none, 0.0, values), LINE if none.any() else CURVED
+
+
+def _turn(start: Array, end: Array) -> Array:
+    """The smallest rotation (3, 3) of one unit vector into another one that is not opposite."""
+    axis = np.cross(start, end)
+    cross = np.cross(np.eye(3), axis)
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + start @ end))
+
+
+# -- from the nodes
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A polynomial w(u, v) over the tangent plane through nodes of the surface.
+
+    Attributes
+    ----------
+    values, directions : (2,) principal curvatures [1/m], ascending, and (2, 3) their directions.
+    normal : (3,) of the polynomial at the point.
+    deviation : standard error of the curvatures [1/m].
+    flat : whether all nodes lie on a plane.
+    degree : of the polynomial.
+    """
+
+    values: Array
+    directions: Array
+    normal: Array
+    deviation: float
+    flat: bool
+    degree: int
+
+
+def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
+    """The fit to nodes of a smooth surface; see the head of this file."""
+    cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
+    away = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
+    nodes = smooth.only(cosine > TURNED).nodes() - x
+    widest = float(np.linalg.norm(nodes, axis=1).max()) * (1 + TOUCH)
+    start = _fit_within(
+        nodes, normal, min(widest, float(away[cosine < STARTS].min(initial=widest)))
+    )
+    if start is None:
+        raise InputError(
+            f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
+            "curvature: refine it there, or give the radius."
+        )
+    fit, radius = start
+    for _ in range(CHOICES):
+        if fit.flat:
+            break
+        normal = fit.normal
+        wanted = SHARE / float(np.abs(fit.values).max())
+        closer = _fit_within(nodes, normal, min(wanted, radius))
+        if closer is None or closer[1] > radius:
+            break
+        settled = closer[1] > (1 - SETTLED) * radius
+        fit, radius = closer
+        if settled:
+            break
+    basis = np.linalg.svd(normal[None])[2][1:]
+    if fit.flat:
+        return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
+    bend = float(np.abs(fit.values).max())
+    turn, before = bend * radius, float(np.abs(start[0].values).max()) * start[1]
+    if turn > max(SHARE, SAME_TURN * before) and radius < start[1] / OTHER**2:
+        return _sharp(EDGE, x, normal)
+    smaller, larger = (_fit(nodes, normal, radius * share) for share in (1 / OTHER, OTHER))
+    error = max(_spread(fit, smaller, larger), 2 * fit.deviation, _cut_off(fit, bend * radius))
+    if bend * radius > UNRESOLVED:
+        error = max(error, bend)
+    values, kind = _kind(fit.values, error)
+    return Curvature(kind, values, error, fit.directions, x, fit.normal)
+
+
+def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
+    return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
+
+
+def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
+    """What the cut-off of the polynomial changes [1/m], from fits within two other radii."""
+    shrinks = OTHER ** (4 if fit.degree == 4 else 2)
+    found = 0.0
+    if larger is not None:
+        found = float(np.abs(fit.values - larger.values).max())
+    if smaller is not None:
+        change = float(np.abs(fit.values - smaller.values).max())
+        found = max(found, change * shrinks / (shrinks - 1))
+    return found
+
+
+def _cut_off(fit: Fit, share: float) -> float:
+    """Error [1/m] of the fit of a circle of the same curvature, `share` radii wide."""
+    relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
+    return relative * float(np.abs(fit.values).max())
+
+
+def _fit_within(nodes: Array, normal: Array, radius: float) -> tuple[Fit, float] | None:
+    """The fit within a radius [m], or within the smallest larger one that holds enough nodes."""
+    distance = np.sort(np.linalg.norm(nodes, axis=1))
+    while True:
+        fit = _fit(nodes, normal, radius)
+        if fit is not None:
+            return fit, radius
+        if radius >= distance[-1]:
+            return None
+        radius = min(max(1.1 * radius, float(distance[0])), float(distance[-1]) * 1.001)
+
+
+def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
+    """The fit of the highest degree for which there are nodes (n, 3) enough; None: for none."""
+    near = nodes[np.linalg.norm(nodes, axis=1) < radius]
+    basis = np.linalg.svd(normal[None])[2][1:]
+    u, v = basis @ near.T / radius
+    w = near @ normal / radius
+    for degree in DEGREES:
+        powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)])
+        if len(near) < NODES_EACH * len(powers):
+            continue
+        rows = polyvander2d(u, v, [degree, degree]).reshape(len(near), degree + 1, -1)
+        rows = rows[:, powers[:, 0], powers[:, 1]]
+        weight = np.sqrt(np.clip(1 - u * u - v * v, 0.0, 1.0))
+        U, s, V = np.linalg.svd(weight[:, None] * rows, full_matrices=False)
+        if s[-1] < RANK * s[0]:
+            continue
+        c = V.T @ ((U.T @ (weight * w)) / s)
+        rest = weight * (w - rows @ c)
+        variance = float(rest @ rest) / max(len(near) - len(c), 1)
+        number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
+        second = [number[each] for each in ((2, 0), (1, 1), (0, 2))]
+        spread = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second] * [2, 1, 2]
+        a, b, cuu, cuv, cvv = (c[number[each]] for each in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+        first = np.array([[1 + a * a, a * b], [a * b, 1 + b * b]])
+        slope = np.sqrt(1 + a * a + b * b)
+        bend = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
+        values, vectors = eigh(bend, first)
+        tangents = basis + np.outer([a, b], normal)
+        up = (normal - a * basis[0] - b * basis[1]) / slope
+        plane = rows[:, [number[each] for each in ((0, 0), (1, 0), (0, 1))]]
+        level = plane @ np.linalg.lstsq(plane, w, rcond=None)[0]
+        flat = bool(np.abs(w - level).max() <= ON_PLANE)
+        return Fit(values, vectors.T @ tangents, up, float(spread.max()) / radius, flat, degree)
+    return None
+
+
+# -- lines
+
+
+def _with_length(faces: Faces, found: Curvature, size: float) -> Curvature:
+    """A line with its length and its middle: where the surface goes on along it."""
+    along = found.directions[int(np.argmin(np.abs(found.values)))]
+    radius = 1 / float(np.abs(found.values).max())
+
+    def depth(points: Array, rise: float) -> Array:
+        """Distances (n,) of the surface from points along the normal [m]; inf: none there."""
+        normals = np.tile(found.normal, (len(points), 1))
+        distance = faces.along(points, normals, rise)[2]
+        return np.asarray(np.min(np.array(faces.mesh.comm.allgather(distance)), axis=0))
+
+    def there(t: Array) -> BoolArray:
+        return np.isfinite(depth(found.point + t[:, None] * along, MISSED * radius))
+
+    ends = _end(there, size), -_end(lambda t: there(-t), size)
+    beyond = found.point + (1 + TOUCH) * np.array(ends)[:, None] * along
+    if np.isfinite(depth(beyond, 2 * MISSED * radius)).any():
+        return _around(found, lambda points: depth(points, radius), along, radius, size)
+    middle = found.point + (ends[0] + ends[1]) / 2 * along
+    return replace(found, length=ends[0] - ends[1], middle=middle)
+
+
+def _end(there: Callable[[Array], BoolArray], size: float) -> float:
+    """Where the surface ends along a line [m]."""
+    t = np.linspace(0.0, size, LOOKS)
+    last = int(np.argmin(there(t[1:]).astype(int)))
+    inside, outside = float(t[last]), float(t[last + 1])
+    for _ in range(HALVINGS):
+        middle = (inside + outside) / 2
+        if there(np.array([middle]))[0]:
+            inside = middle
+        else:
+            outside = middle
+    return inside
+
+
+def _around(
+    found: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
+) -> Curvature:
+    """A line that is not straight, as the top of a torus: the crest followed step by step."""
+    length, step = 0.0, STEP * radius
+    for start in (along, -along):
+        x, way = found.point, start
+        for number in range(int(LONGEST * size / step)):
+            across: Array = np.cross(found.normal, way).astype(float)
+            looks = x + step * way + radius * ACROSS[:, None] * across
+            low = depth(looks)
+            on = np.flatnonzero(np.isfinite(low))
+            if len(on) < 3 or len(ACROSS) // 2 not in on:
+                break
+            bend, slope, level = np.polyfit(ACROSS[on], low[on] / radius, 2)
+            aside = np.clip(-slope / (2 * bend), ACROSS[0], ACROSS[-1]) if bend > 0 else 0.0
+            if level - bend * aside**2 > FALLEN:
+                break
+            crest = x + step * way + radius * aside * across
+            moved = float(np.linalg.norm(crest - x))
+            length, way, x = length + moved, (crest - x) / moved, crest
+            rest = float(np.linalg.norm(x - found.point))
+            if number > 3 and rest < step:
+                return replace(found, length=length + rest, middle=found.point)
+    return replace(found, length=length, middle=found.point)

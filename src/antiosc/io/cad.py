@@ -1,0 +1,294 @@
+"""CAD files: ways to mesh them, and the names of their solids, faces and holes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import MeshError
+from antiosc.io.request import Request
+
+#: Files that state the unit of their coordinates.
+STATES_UNIT = (".step", ".stp", ".iges", ".igs")
+#: (dimension, tag) -> names
+Names = dict[tuple[int, int], list[str]]
+
+
+# --- Ways to mesh ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A way to mesh a geometry: a share of the element size, and options of gmsh."""
+
+    about: str
+    share: float = 1.0
+    options: Mapping[str, float] = field(default_factory=dict)
+    #: of the geometry, set before the file is opened
+    healing: Mapping[str, float] = field(default_factory=dict)
+    #: whether faces are flat between the corners of the cells
+    flat: bool = False
+    #: whether elements are smaller at the points of `refine`
+    refined: bool = True
+
+    @property
+    def curved(self) -> bool:
+        """Whether it is for surfaces with a curvature."""
+        return bool(AROUND.keys() & self.options.keys())
+
+    def prepare(self, gmsh: ModuleType) -> None:
+        """Set the options of gmsh."""
+        for name, value in (*self.healing.items(), *self.options.items()):
+            gmsh.option.setNumber(name, value)
+
+
+#: Repairs of OpenCASCADE.
+HEALING = {
+    f"Geometry.OCC{name}": 1.0
+    for name in ("FixDegenerated", "FixSmallEdges", "FixSmallFaces", "SewFaces", "MakeSolids")
+}
+#: Elements around a full turn: without them thin curved walls pierce each other.
+AROUND = {"Mesh.MeshSizeFromCurvature": 12.0}
+HXT = {"Mesh.Algorithm3D": 10.0, "Mesh.OptimizeNetgen": 1.0}
+#: In this order; the first is gmsh's usual one. Of 90 CAD files by others 9 need another, most
+#: often elements that follow the curvature.
+ATTEMPTS = (
+    Attempt("as it is"),
+    Attempt("with elements that follow the curvature", options=AROUND),
+    Attempt("at half the element size", share=0.5),
+    Attempt("by HXT, with Netgen's optimiser", options=HXT),
+    Attempt("without smaller elements at points (refine)", refined=False),
+    Attempt("by other triangles (MeshAdapt)", options={"Mesh.Algorithm": 1, **AROUND}),
+    Attempt("after repairs by OpenCASCADE", options=AROUND, healing=HEALING),
+    Attempt("at a quarter of the element size", share=0.25, options=AROUND),
+    Attempt("with flat facets", share=0.5, healing=HEALING, flat=True, refined=False),
+)
+
+
+# --- Opening --------------------------------------------------------------------------------------
+
+
+def opened(gmsh: ModuleType, path: str) -> float:
+    """Open a file; metres per unit of its coordinates then.
+
+    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
+    millimetres there without one.
+    """
+    iges = path.endswith((".iges", ".igs"))
+    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
+    gmsh.open(path)
+    return 1e-3 if iges else 1.0
+
+
+# --- Names ----------------------------------------------------------------------------------------
+
+#: Name of a numbered face.
+FACE = re.compile(r"face \d+")
+#: Labels that programs write by themselves.
+NO_NAME = re.compile(r"Shapes|SOLID|SHELL|COMPOUND|FACE|NONE|=>\[.*\]|Open CASCADE .*|Unnamed.*|")
+#: Points along each parameter at which a face is looked at.
+GRID = 7
+#: Sectors of a full turn that faces of a hole must cover.
+SECTORS = 12
+#: Curvatures, and axes over the radius, that differ by less are equal.
+ALIKE = 1e-3
+
+
+def label_of(text: str) -> str:
+    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for what programs write."""
+    parts = [part.strip() for part in text.split("/")]
+    return next((part for part in reversed(parts) if not NO_NAME.fullmatch(part)), "")
+
+
+def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
+    """Names of the solids of a CAD file, of its faces and holes.
+
+    The solids are cut at each other (`fragments`), or all but one are removed (`piece`). `scale`:
+    metres per unit of the model.
+    """
+    names = _labelled(gmsh, 3)
+    if ask.fragments:
+        names = _cut(gmsh, names, ask.name)
+    elif ask.piece is not None:
+        names = _alone(gmsh, names, ask.piece, ask.name)
+    return {**names, **face_names(gmsh, scale)}
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Names with numbers in them by these, those of numbered faces at the end."""
+
+    def key(name: str) -> list[tuple[float, str]]:
+        words = re.split(r"(\d+(?:\.\d+)?)", name)
+        return [(float(word), "") if k % 2 else (0.0, word) for k, word in enumerate(words)]
+
+    return sorted(names, key=lambda name: (bool(FACE.fullmatch(name)), key(name)))
+
+
+def _labelled(gmsh: ModuleType, dim: int) -> Names:
+    """Entities with a label; a label that several have gets numbers."""
+    names: Names = {}
+    seen: dict[str, int] = {}
+    for entity in gmsh.model.getEntities(dim):
+        label = label_of(gmsh.model.getEntityName(*entity))
+        if label:
+            seen[label] = seen.get(label, 0) + 1
+            names[entity] = [label if seen[label] == 1 else f"{label} ({seen[label]})"]
+    return names
+
+
+def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
+    """Cut the solids at each other; the names of the pieces."""
+    solids = gmsh.model.getEntities(3)
+    if len(solids) < 2:
+        raise MeshError(f"fragments=True joins solids; {name} has {len(solids)} of them.")
+    _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
+    gmsh.model.occ.synchronize()
+    cut: Names = {}
+    for entity, own in zip(solids, pieces, strict=False):
+        for dim, tag in own:
+            if dim == 3:
+                cut.setdefault((3, int(tag)), []).extend(names.get(entity, []))
+    return cut
+
+
+def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
+    """Remove all solids but one, 1 being that of the largest volume."""
+    solids = gmsh.model.getEntities(3)
+    if not solids:  # of sheets: their pieces are those of the mesh
+        return names
+    if piece > len(solids):
+        raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
+    solids.sort(key=lambda solid: -gmsh.model.occ.getMass(*solid))
+    kept = solids.pop(piece - 1)
+    gmsh.model.occ.remove(solids, recursive=True)
+    gmsh.model.occ.synchronize()
+    return {entity: own for entity, own in names.items() if entity == kept}
+
+
+def face_names(gmsh: ModuleType, scale: float) -> Names:
+    """Names of the outer faces: their numbers, labels, colours where there are several, holes."""
+    every = gmsh.model.getEntities(2)
+    if gmsh.model.getEntities(3):
+        every = [face for face in every if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
+    names: Names = {face: [f"face {face[1]}"] for face in every}
+    for face, (label,) in _labelled(gmsh, 2).items():
+        if face in names and label not in (each for own in names.values() for each in own):
+            names[face].append(label)
+    colours = {face: _colour(gmsh, face) for face in every}
+    if len(set(colours.values())) > 1:
+        for face, colour in colours.items():
+            names[face] += [colour] if colour else []
+    for hole, faces in _holes(gmsh, every, scale):
+        for face in faces:
+            names[face].append(hole)
+    return names
+
+
+def _colour(gmsh: ModuleType, face: tuple[int, int]) -> str:
+    """ "colour #rrggbb"; "" of a face for which the file says none."""
+    red, green, blue, shown = gmsh.model.getColor(*face)
+    return f"colour #{red:02x}{green:02x}{blue:02x}" if shown else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder:
+    """A cylindrical face."""
+
+    face: tuple[int, int]
+    radius: float
+    #: a point on the axis, next to the origin, and the axis' direction (3,)
+    foot: Array
+    axis: Array
+    #: sectors of a full turn in which it has points
+    sectors: frozenset[int]
+    #: middle of the axis within the face (3,)
+    middle: Array
+    edges: frozenset[int]
+
+
+def _holes(
+    gmsh: ModuleType, faces: Sequence[tuple[int, int]], scale: float
+) -> Iterator[tuple[str, list[tuple[int, int]]]]:
+    """("hole 6 mm (1)", its faces): cylindrical faces all around empty space, along one axis."""
+    solid = gmsh.model.getDimension() == 3
+    hollow = [one for face in faces if solid and (one := _hollow(gmsh, face)) is not None]
+    joined: list[list[Cylinder]] = []
+    for one in hollow:
+        beside = [own for own in joined if any(_beside(one, other) for other in own)]
+        joined = [own for own in joined if own not in beside]
+        joined.append([one, *(other for own in beside for other in own)])
+    found: dict[str, list[list[Cylinder]]] = {}
+    for own in joined:
+        if len(frozenset[int]().union(*(one.sectors for one in own))) == SECTORS:
+            name = f"hole {2e3 * scale * own[0].radius:.4g} mm"
+            found.setdefault(name, []).append(own)
+    for name, groups in sorted(found.items()):
+        groups.sort(key=lambda own: tuple(np.round(own[0].middle, 6)))
+        for number, own in enumerate(groups, 1):
+            yield f"{name} ({number})", [one.face for one in own]
+
+
+def _beside(one: Cylinder, other: Cylinder) -> bool:
+    """Whether two cylinders have an edge, the axis and the radius in common."""
+    near = ALIKE * one.radius
+    apart = float(np.linalg.norm(one.foot - other.foot))
+    parallel = abs(float(one.axis @ other.axis)) > 1 - ALIKE
+    if not one.edges & other.edges:
+        return False
+    return parallel and abs(one.radius - other.radius) < near and apart < 10 * near
+
+
+def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
+    """The cylinder that a face is if it goes around empty space; None for any other face."""
+    tag = face[1]
+    low, high = gmsh.model.getParametrizationBounds(*face)
+    steps = np.linspace(0.01, 0.99, GRID)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    at = np.array(low) + grid * (np.array(high) - np.array(low))
+    most, least, across, along = gmsh.model.getPrincipalCurvatures(tag, at.ravel())
+    largest = np.abs(most) > np.abs(least)
+    bent, straight = np.where(largest, most, least), np.where(largest, least, most)
+    axes = np.where(largest[:, None], np.reshape(along, (-1, 3)), np.reshape(across, (-1, 3)))
+    curvature = float(np.abs(bent).max())
+    flat = not np.isfinite(bent).all() or curvature <= 0
+    if flat or np.ptp(bent) > ALIKE * curvature or np.abs(straight).max() > ALIKE * curvature:
+        return None
+    axis = axes[0] / np.linalg.norm(axes[0])
+    if (np.abs(axes @ axis) < 1 - ALIKE).any():
+        return None
+    x = np.reshape(gmsh.model.getValue(2, tag, at.ravel()), (-1, 3))
+    normals = np.reshape(gmsh.model.getNormal(tag, at.ravel()), (-1, 3))
+    radius = 1 / curvature
+    side = min((1, -1), key=lambda sign: _spread(x - sign * radius * normals, axis))
+    centres = x - side * radius * normals
+    if side > 0:  # gmsh's normals point out of the solid
+        return None
+    foot = centres[0] - axis * (centres[0] @ axis)
+    curves = gmsh.model.getBoundary([face], oriented=False)
+    edges = frozenset(curve for _, curve in curves)
+    middle = centres.mean(axis=0)
+    return Cylinder(face, radius, foot, axis, _sectors(centres - x, axis), middle, edges)
+
+
+def _spread(points: Array, axis: Array) -> float:
+    """How far points (n, 3) lie from one line along the axis."""
+    off = points - np.outer(points @ axis, axis)
+    return float(np.ptp(off, axis=0).max())
+
+
+def _sectors(across: Array, axis: Array) -> frozenset[int]:
+    """The sectors of a turn about the axis between the first and the last of directions (n, 3)."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(np.round(axis, 6)))])
+    second = np.cross(axis, first)
+    turns = np.arctan2(across @ second, across @ first).reshape(GRID, GRID)
+    fine: list[Array] = []
+    for rows in (turns, turns.T):  # one of the parameters goes around
+        unwrapped = np.unwrap(rows, axis=1)
+        fine += [np.linspace(row[0], row[-1], 8 * SECTORS) for row in unwrapped]
+    every = np.concatenate(fine) / (2 * np.pi) * SECTORS
+    return frozenset(int(k) for k in np.floor(every) % SECTORS)

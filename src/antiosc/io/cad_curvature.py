@@ -1,0 +1,57 @@
+"""Curvature of the surfaces of CAD, which gmsh knows, at the nodes of their mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import ModuleType
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray
+from antiosc.io.neutral import CadSurface
+
+#: At a pole of its parameters a surface has the curvature of a point this share of them beside it.
+BESIDE = 1e-4
+
+
+def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
+    """Curvatures of surfaces of OpenCASCADE at the nodes of their mesh; None if there are none."""
+    found = []
+    for tag in surfaces:
+        tags, x, at = gmsh.model.mesh.getNodes(2, tag, True, True)
+        if not len(tags) or len(at) != 2 * len(tags):
+            continue
+        low, high = np.array(gmsh.model.getParametrizationBounds(2, tag))
+        beside = at + BESIDE * (np.tile((low + high) / 2, len(tags)) - at)
+        normals, tensors, known = _bent(gmsh, tag, at)
+        others = _bent(gmsh, tag, beside)
+        moved = [np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (at, beside)]
+        # a reversed surface has the curvature of the other normal
+        turns = np.einsum("nij,nj->ni", tensors, moved[1] - moved[0])[known]
+        if np.sum((others[0] - normals)[known] * turns) < 0:
+            tensors, others = -tensors, (others[0], -others[1], others[2])
+        poles = ~known & others[2]
+        normals[poles], tensors[poles], known[poles] = others[0][poles], others[1][poles], True
+        # seams have their nodes twice
+        kept = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]
+        number = np.full(len(kept), tag, dtype=np.int64)
+        found.append([np.reshape(x, (-1, 3))[kept], number, normals[kept], tensors[kept]])
+    if not found:
+        return None
+    return CadSurface(*(np.concatenate(each) for each in zip(*found, strict=True)))
+
+
+def _bent(gmsh: ModuleType, tag: int, at: Array) -> tuple[Array, Array, BoolArray]:
+    """Normals (n, 3) and curvature tensors (n, 3, 3) of a surface at parameters (2 n,).
+
+    Also whether they are known (n,).
+    """
+    normals = np.reshape(gmsh.model.getNormal(tag, at), (-1, 3))
+    high, low, *axes = gmsh.model.getPrincipalCurvatures(tag, at)
+    first, second = (np.reshape(axis, (-1, 3)) for axis in axes)
+    tensors = -np.einsum("n,ni,nj->nij", high, first, first)
+    tensors -= np.einsum("n,ni,nj->nij", low, second, second)
+    known = np.isfinite(tensors).all(axis=(1, 2))
+    for unit in (normals, first, second):
+        known &= np.abs(np.linalg.norm(unit, axis=1) - 1) < 1e-6
+    return normals, tensors, known

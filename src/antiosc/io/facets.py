@@ -1,0 +1,353 @@
+"""Surfaces of triangles (`.stl`, `.obj`, `.ply`, `.off`): cleaned, oriented, and filled as solids.
+
+Such files come from scanners, printers and CAD programs: they have triangles without area and
+twice, corners that almost coincide, small holes, and normals to either side.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
+from antiosc.base.errors import MeshError
+from antiosc.io.cad import Names
+from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.request import Request
+
+#: Endings of such files.
+SURFACES = (".stl", ".obj", ".ply", ".off")
+#: Angle between facets from which their common edge is an edge of the part, degrees.
+SHARP_ANGLE = 40.0
+#: Corners that lie closer, over the size of the surface, are one: coordinates have 24 bits.
+COINCIDENT = 1e-6
+#: Height of a triangle over its longest side below which it has no area.
+FLAT = 1e-6
+#: Largest hole that is closed, over the size of the surface.
+SMALL_HOLE = 0.05
+#: Mean thickness 2 V/A over the size from which a closed surface is that of a solid.
+THICK = 1e-3
+#: More closed surfaces than this are not sorted into bodies and cavities.
+MOST_BODIES = 200
+#: Corners of the sides of a triangle.
+SIDES = ((0, 1), (1, 2), (2, 0))
+
+
+@dataclass
+class Skin:
+    """A surface of triangles.
+
+    Attributes
+    ----------
+    points : (n, 3)
+    triangles : (t, 3) corners; neighbours go around alike, closed pieces outward.
+    piece : (t,) number of the piece of each triangle.
+    open_edges : number of edges that do not belong to two triangles.
+    told : what was mended, one sentence each.
+    """
+
+    points: Array
+    triangles: IntArray
+    piece: IntArray
+    open_edges: int = 0
+    told: list[str] = field(default_factory=list)
+
+    @property
+    def closed(self) -> bool:
+        """Whether each edge belongs to two triangles."""
+        return self.open_edges == 0 and len(self.triangles) > 0
+
+    @property
+    def thick(self) -> bool:
+        """Whether it is closed around a body that is more than a sheet."""
+        size = float(np.ptp(self.points, axis=0).max())
+        volume = abs(volumes(self.points, self.triangles).sum())
+        area = areas(self.points, self.triangles).sum()
+        return self.closed and 2 * volume > THICK * size * area
+
+
+def areas(points: Array, triangles: IntArray) -> Array:
+    """Areas (t,) of triangles."""
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def volumes(points: Array, triangles: IntArray) -> Array:
+    """Signed volumes (t,) between the origin and triangles; their sum is that of a closed skin."""
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    return np.asarray(np.einsum("ni,ni->n", a, np.cross(b, c)) / 6)
+
+
+def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
+    """(triangles turned so that neighbours go around alike, number of the piece of each).
+
+    Pieces that enclose a volume are turned outward. Where a piece has but one side, or more than
+    two triangles meet at an edge, neighbours may differ.
+    """
+    count = len(triangles)
+    alike, a, b = _neighbours(triangles)
+    # each triangle twice: as it is, and turned
+    rows = np.concatenate([a, a + count])
+    columns = np.concatenate([np.where(alike, b, b + count), np.where(alike, b + count, b)])
+    side = _components(rows, columns, 2 * count)
+    piece = _components(a, b, count)
+    _, start = np.unique(piece, return_index=True)
+    turned = np.array(triangles, dtype=np.int64)
+    back = side[:count] != side[start][piece]
+    turned[back] = turned[back][:, ::-1]
+    inward = np.bincount(piece, volumes(points - points.mean(axis=0), turned)) < 0
+    turned[inward[piece]] = turned[inward[piece]][:, ::-1]
+    return turned, piece
+
+
+def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
+    """Number of the component of each of `count` nodes, which pairs (a, b) connect."""
+    from scipy.sparse import coo_matrix  # the reading process loads it for surfaces alone
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
+    """(whether both go around alike, one triangle, the other) of edges of two triangles."""
+    ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    owner = np.tile(np.arange(len(triangles)), 3)
+    _, edge, uses = np.unique(
+        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    order = np.argsort(edge.ravel(), kind="stable")
+    first = order[(np.cumsum(uses) - uses)[uses == 2]]
+    second = order[(np.cumsum(uses) - uses)[uses == 2] + 1]
+    # a common edge is passed once in each direction
+    return ends[first, 0] != ends[second, 0], owner[first], owner[second]
+
+
+def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
+    """The surface without triangles of no area or twice, with small holes closed, oriented.
+
+    Raises
+    ------
+    MeshError
+        No triangle is left.
+    """
+    told = []
+    size = float(np.ptp(points[triangles].reshape(-1, 3), axis=0).max()) if len(triangles) else 0.0
+    points, triangles = _merged(points, triangles, COINCIDENT * size)
+    sound = ~_flat(points, triangles)
+    once = np.zeros(len(triangles), dtype=bool)
+    once[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
+    for left, what in ((~sound, "without area"), (sound & ~once, "that repeat another")):
+        if left.any():
+            told.append(f"{name}: {left.sum()} of {len(left)} triangles {what} are left out.")
+    triangles = triangles[sound & once]
+    if not len(triangles):
+        raise MeshError(f"{name} holds no triangles with an area.")
+    triangles, piece = oriented(points, triangles)
+    points, more, holes = _caps(points, triangles, SMALL_HOLE * size)
+    if holes:
+        told.append(f"{name}: {holes} small holes of the surface are closed.")
+        triangles, piece = oriented(points, np.vstack([triangles, more]))
+    return Skin(points, triangles, piece, int((_edge_uses(triangles) != 2).sum()), told)
+
+
+def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
+    """The points that triangles use, those within a distance as one."""
+    used, triangles = np.unique(triangles, return_inverse=True)
+    points, triangles = points[used], triangles.reshape(-1, 3)
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    label = _components(pairs[:, 0], pairs[:, 1], len(points))
+    _, first = np.unique(label, return_index=True)
+    return points[first], label[triangles].astype(np.int64)
+
+
+def _flat(points: Array, triangles: IntArray) -> BoolArray:
+    """Which triangles have no area: two corners are one, or all lie on a line."""
+    corners = points[triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    return np.asarray(2 * areas(points, triangles) <= FLAT * longest**2)
+
+
+def _edge_uses(triangles: IntArray) -> IntArray:
+    """How many triangles each edge belongs to."""
+    ends = np.sort(np.concatenate([triangles[:, list(side)] for side in SIDES]), axis=1)
+    return np.asarray(np.unique(ends, axis=0, return_counts=True)[1])
+
+
+def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntArray, int]:
+    """(points with the middles of holes, triangles over the holes, number of these).
+
+    A hole is a closed chain of edges of one triangle each, no longer across than `most`.
+    """
+    ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    _, row, uses = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
+    rim = ends[row[uses == 1]]
+    label = _components(rim[:, 0], rim[:, 1], len(points))
+    middles: list[Array] = []
+    caps = [np.zeros((0, 3), dtype=np.int64)]
+    for k in np.unique(label[rim[:, 0]]) if len(rim) else ():
+        chain = rim[label[rim[:, 0]] == k]
+        x = points[chain[:, 0]]
+        simple = (np.bincount(chain.ravel())[np.unique(chain)] == 2).all()
+        if not simple or np.ptp(x, axis=0).max() > most:
+            continue
+        if len(chain) == 3:
+            caps.append(np.unique(chain)[None])
+            continue
+        centre = np.full(len(chain), len(points) + len(middles))
+        middles.append(x.mean(axis=0))
+        caps.append(np.column_stack([chain[:, ::-1], centre]))
+    return np.vstack([points, *middles]), np.vstack(caps), len(caps) - 1
+
+
+# --- Reading --------------------------------------------------------------------------------------
+
+
+def skin_of(ask: Request) -> Skin:
+    """The surface in a file, cleaned."""
+    from antiosc.io.mesh_files import content  # which reads by meshio
+
+    mesh = content(Path(ask.path), ask.name)
+    points = np.zeros((len(mesh.points), 3))
+    points[:, : mesh.points.shape[1]] = mesh.points
+    found = [np.zeros((0, 3), dtype=np.int64)]
+    for block in mesh.cells:
+        data = np.asarray(block.data, dtype=np.int64)
+        if block.type in ("triangle", "quad", "polygon"):
+            corners = range(1, data.shape[1] - 1)
+            found += [data[:, [0, k, k + 1]] for k in corners]
+    triangles = np.vstack(found)
+    if not len(triangles):
+        raise MeshError(f"{ask.name} holds no triangles.")
+    if not np.isfinite(points[triangles]).all():
+        raise MeshError(f"{ask.name} has corners whose coordinates are not finite.")
+    return cleaned(points, triangles, ask.name)
+
+
+def read(ask: Request) -> FileMesh:
+    """The surface of a file as a sheet."""
+    skin = skin_of(ask)
+    groups = {}
+    if skin.closed and skin.thick:
+        groups = {CLOSED: {"triangle": np.arange(len(skin.triangles))}}
+    found = FileMesh(skin.points, {"triangle": skin.triangles}, "vtk", groups)
+    found.told = skin.told
+    return found
+
+
+#: Group of all triangles of a sheet that is the closed surface of a solid.
+CLOSED = "closed surface"
+
+
+# --- Filling --------------------------------------------------------------------------------------
+
+
+def fill(gmsh: ModuleType, ask: Request, flat: bool) -> tuple[list[str], Names]:
+    """Make solids of the closed surface of a file in gmsh's model: (what was mended, its faces).
+
+    `flat`: its triangles stay the boundary of the cells.
+
+    Raises
+    ------
+    MeshError
+        A surface that is not closed.
+    """
+    skin = skin_of(ask)
+    if not skin.closed:
+        raise MeshError(
+            f"{ask.name} is not closed: {skin.open_edges} of its edges do not belong to two "
+            "triangles; repair the surface (holes, facets twice), or read it as a sheet without "
+            "solid=True."
+        )
+    bodies = _bodies(skin, ask.name)
+    surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
+    if not flat:
+        gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
+        gmsh.model.mesh.createGeometry()
+        surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
+    first = _first_triangles(gmsh, skin, surfaces)
+    piece = skin.piece[first]
+    for body in bodies:
+        loops = []
+        for one in body:
+            own = [tag for tag, its in zip(surfaces, piece, strict=True) if its == one]
+            loops.append(gmsh.model.geo.addSurfaceLoop(own))
+        gmsh.model.geo.addVolume(loops)
+    gmsh.model.geo.synchronize()
+    number = sides(skin)[first] + 1
+    return skin.told, {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
+
+
+def sides(skin: Skin) -> IntArray:
+    """Number of the side of the part of each triangle; sharp edges divide sides."""
+    a, b = _neighbours(skin.triangles)[1:]
+    x = skin.points[skin.triangles]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    smooth = np.einsum("ni,ni->n", normal[a], normal[b]) > math.cos(math.radians(SHARP_ANGLE))
+    return _components(a[smooth], b[smooth], len(x))
+
+
+def _put(gmsh: ModuleType, skin: Skin, piece: int) -> int:
+    """The triangles of a piece as a discrete surface of gmsh; its tag."""
+    own = skin.triangles[skin.piece == piece]
+    nodes = np.unique(own)
+    tag = int(gmsh.model.addDiscreteEntity(2))
+    gmsh.model.mesh.addNodes(2, tag, nodes + 1, skin.points[nodes].ravel())
+    gmsh.model.mesh.addElementsByType(tag, 2, [], (own + 1).ravel())
+    return tag
+
+
+def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntArray:
+    """A triangle of the skin on each surface of gmsh's model, of which it is made."""
+    from scipy.spatial import cKDTree
+
+    middles = []
+    for tag in surfaces:
+        nodes, x, _ = gmsh.model.mesh.getNodes(2, tag, includeBoundary=True)
+        _, corners = gmsh.model.mesh.getElementsByType(2, tag)
+        place = dict(zip(nodes.tolist(), np.reshape(x, (-1, 3)), strict=True))
+        middles.append(np.mean([place[node] for node in corners[:3].tolist()], axis=0))
+    tree = cKDTree(skin.points[skin.triangles].mean(axis=1))
+    return np.asarray(tree.query(np.array(middles))[1])
+
+
+def _bodies(skin: Skin, name: str) -> list[list[int]]:
+    """The pieces around each body: the outer one, then its cavities."""
+    count = int(skin.piece.max()) + 1
+    if count > MOST_BODIES:
+        raise MeshError(
+            f"{name} has {count} closed surfaces, more than {MOST_BODIES}: give one body a file."
+        )
+    row = np.unique(skin.piece, return_index=True)[1]
+    first = skin.points[skin.triangles[row]].mean(axis=1)
+    inside = np.zeros((count, count), dtype=bool)  # [k, m]: k lies in m
+    for m in range(count) if count > 1 else ():
+        inside[:, m] = np.abs(winding(skin, m, first)) > 0.5
+        inside[m, m] = False
+    depth = inside.sum(axis=1)
+    bodies = {k: [k] for k in range(count) if depth[k] % 2 == 0}
+    for k in np.flatnonzero(depth % 2):
+        around = np.flatnonzero(inside[k])
+        bodies[int(around[np.argmax(depth[around])])].append(int(k))
+    return list(bodies.values())
+
+
+def winding(skin: Skin, piece: int, points: Array) -> Array:
+    """How often a piece goes around points (p, 3): its solid angle over 4π (Van Oosterom 1983)."""
+    corners = skin.points[skin.triangles[skin.piece == piece]]
+    found = np.zeros(len(points))
+    for row, point in enumerate(points):
+        a, b, c = (corners - point).transpose(1, 0, 2)
+        la, lb, lc = (np.linalg.norm(one, axis=1) for one in (a, b, c))
+        dots = [np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a))]
+        below = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
+        above = np.einsum("ni,ni->n", a, np.cross(b, c))
+        found[row] = np.arctan2(above, below).sum() / (2 * np.pi)
+    return found

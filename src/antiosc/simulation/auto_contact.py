@@ -1,0 +1,54 @@
+"""`contact="auto"`: the law of a contact from what both bodies carry of their surfaces."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
+from antiosc.contact.choice import Choice, choose
+from antiosc.contact.surfaces import Surface
+from antiosc.models.body import Body, checked_body
+
+#: What chooses the law.
+AUTO: Literal["auto"] = "auto"
+#: A law, or "auto".
+AnyLaw: TypeAlias = ContactLaw | Literal["auto"]
+LAW = 'a ContactLaw such as Hertz(stiffness), or "auto"'
+
+
+def chosen(one: object, other: object, sites: tuple[str, str] = ("", "")) -> Choice:
+    """The law of the contact of two bodies at their sites, and why.
+
+    InputError, in one sentence, for a body that does not know its material and its shape.
+    """
+    return choose(_surface(one, sites[0]), _surface(other, sites[1]))
+
+
+def _surface(body: object, site: str) -> Surface:
+    known = body if isinstance(body, Body) else checked_body("a body in contact", body)
+    found = known.surface(site)
+    if found is None:
+        raise InputError(
+            f'contact="auto" needs the material and the curvature of both surfaces, and those of '
+            f"the {type(body).__name__} are not known: extract it from a mesh, give the striker "
+            "material= and tip_radius=, or give the law, as Hertz(stiffness)."
+        )
+    return found
+
+
+def law_of(contact: object, one: object, other: object) -> ContactLaw:
+    """The law that is given, or the one that two bodies of one contact point need."""
+    if contact == AUTO:
+        return chosen(one, other).law
+    return checks.instance("contact", contact, ContactLaw, LAW)
+
+
+def choice_of(law: ContactLaw, one: object, other: object) -> Choice | None:
+    """The choice that gives this law; None for a law of the user's own."""
+    try:
+        found = chosen(one, other)
+    except InputError:
+        return None
+    return found if found.law == law else None

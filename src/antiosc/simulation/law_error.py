@@ -1,0 +1,114 @@
+"""What the law of a contact may be off by: its share of the bars of an impact.
+
+Each cause is a repetition of the impact by a law that is changed by it: the measured error of the
+law, the range of the yield strength, its growth with the strain rate, hardening, and the curvature
+of the mesh. The largest change of each is taken, and all are added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from math import sqrt
+
+from antiosc.contact import ContactLaw
+from antiosc.contact.choice import Choice, choose
+from antiosc.contact.laws import ElasticPlastic
+from antiosc.contact.surfaces import Matter, Surface
+from antiosc.models.body import Body
+from antiosc.simulation.auto_contact import choice_of
+from antiosc.simulation.histories import History
+from antiosc.simulation.histories.parts import NO_ERROR, differences, with_floor
+
+#: The law is the caller's.
+GIVEN = "The contact's law was given: its error is not in these bars."
+#: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
+TABOR = 0.2
+#: Errors of the law at equal indentation, up to 100 times that at first yield: between a sphere
+#: that is rigid and one that is as elastic as the other side; of hardening by E/50; and of finite
+#: strain at E*/Y = 50, 0.01 at 244 (finite elements, benchmarks/elastoplastic; CalculiX).
+FITTED, HARDENED, STRAINED = 0.022, 0.02, 0.11
+#: Repeats the impact by another law, to a tolerance.
+ByLaw = Callable[[ContactLaw, float], History]
+
+
+def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float] | None, str]:
+    """Shares of the law in the three quantities, and why it is left out of the bars; runs to `tol`.
+
+    The shares are None where they are not known, and 0 for a law of the caller's own.
+    """
+    if not raw.contacts:
+        return NO_ERROR, ""
+    choice = choice_of(raw.law, raw.model, raw.impactor)
+    if choice is None:
+        return NO_ERROR, GIVEN
+    if choice.unknown:
+        return None, f"The total is not known: {choice.unknown}."
+    total = dict(NO_ERROR)
+    for cause in causes(raw, choice):
+        changed = [differences(raw, by_law(law, tol)) for law in cause]
+        for name in total:
+            total[name] += max((one[name] for one in changed), default=0.0)
+    return with_floor(total), ""
+
+
+def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
+    """The laws that each cause of error changes the law into."""
+    yield list(_by_curvature(raw, choice.law))
+    law, soft = choice.law, choice.soft
+    if not isinstance(law, ElasticPlastic) or soft is None:
+        return
+    yield list(_by_error(law, raw.peak_force))
+    yield list(_by_strength(law, soft, raw))
+
+
+def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
+    """The laws of surfaces that are as much more or less curved as they may be."""
+    pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]
+    surfaces = [one for one in pair if one is not None]
+    if len(surfaces) < 2 or not any(one.error for one in surfaces):
+        return
+    for sign in (-1.0, 1.0):
+        first, second = (_bent(one, sign * one.error) for one in surfaces)
+        other = choose(first, second).law
+        if type(other) is type(law):
+            yield other
+
+
+def _bent(surface: Surface, change: float) -> Surface:
+    """A surface whose curvatures differ [1/m]; what is flat stays flat."""
+    low, high = (k + change if k else k for k in surface.curvatures)
+    return replace(surface, curvatures=(low, high), error=0.0)
+
+
+def _by_error(law: ElasticPlastic, force: float) -> Iterator[ContactLaw]:
+    """The law with forces that are off by its measured error: E and Y scale them."""
+    share = measured_error(law, force)
+    for factor in (1 - share, 1 + share) if share else ():
+        yield replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
+
+
+def measured_error(law: ElasticPlastic, force: float) -> float:
+    """What the force of the law was measured to be off by at its indentation; 0 below yield."""
+    if force <= law.yield_force:
+        return 0.0
+    return FITTED + HARDENED + STRAINED * (50 * law.yield_strength / law.modulus) ** 1.5
+
+
+def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[ContactLaw]:
+    """The law with the lowest yield strength, and the highest: of the range, or by the rate."""
+    low, high = soft.yield_range or (law.yield_strength, law.yield_strength)
+    high = max(high, law.yield_strength * rate_factor(law, soft, raw))
+    for strength in (low, high):
+        if strength != law.yield_strength:
+            yield replace(law, yield_strength=strength)
+
+
+def rate_factor(law: ElasticPlastic, soft: Matter, raw: History) -> float:
+    """Growth of the yield strength with the strain rate, after Cowper and Symonds."""
+    if soft.rate is None or raw.peak_force <= law.yield_force:
+        return 1.0
+    start, end = raw.contacts[0]
+    strain = TABOR * sqrt(raw.deepest / law.radius)
+    D, q = soft.rate
+    return float(1 + (strain / (0.5 * (end - start)) / D) ** (1 / q))

@@ -1,0 +1,208 @@
+"""The law that a contact needs: Hertz's below yield, bit for bit, and told with its error."""
+
+from dataclasses import replace
+from math import inf, pi, sqrt
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.base import materials
+from antiosc.contact.choice import choose
+from antiosc.contact.geometry import effective_modulus
+from antiosc.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
+
+YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
+STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]
+ALLOY, STEEL = matter_of("6061"), matter_of("100Cr6")
+
+
+def model(surface: Surface | None, **more: object) -> ao.AntiOscillators:
+    known = {} if surface is None else {"surfaces": {"": surface.as_dict()}}
+    return ao.AntiOscillators(m0=0.02, k0=2e6, m=[0.3, 0.1], omega=[3e3, 2e4], info=known, **more)
+
+
+def scenes():
+    """200 blows, drawn: the struck model, the ball."""
+    drawn = np.random.default_rng(44)
+    for _ in range(200):
+        struck, striker = drawn.choice(YIELDING), drawn.choice(STIFF)
+        bent = 0.0 if drawn.random() < 0.3 else 10 ** drawn.uniform(0, 3)
+        flat = 0.0 if drawn.random() < 0.5 else bent * drawn.random()
+        surface = Surface(matter_of(str(struck)), (flat, bent), kind="curved")
+        speed, radius = 10 ** drawn.uniform(-3.5, 0.7), 10 ** drawn.uniform(-3, -1.5)
+        yield surface, ao.Sphere(radius, material=str(striker), velocity=speed)
+
+
+def test_of_200_scenes_those_below_yield_are_hertz():
+    elastic = 0
+    for surface, striker in scenes():
+        hit = ao.simulate(model(surface), striker, duration=2e-3)
+        law = hit.law
+        strength = min(
+            m.yield_strength for m in (surface.matter, striker.material) if m.yield_strength
+        )
+        assert isinstance(law, ao.ElasticPlastic)
+        assert law.yield_strength == strength
+        modulus = effective_modulus(surface.matter.E, surface.matter.nu, striker.E, striker.nu)
+        assert law.modulus == modulus
+        pressure = 2 * modulus / pi * sqrt(hit.deepest / law.radius)
+        if pressure > 1.6 * strength:
+            beyond = hit.deepest > law.yield_indentation
+            assert (hit.peak_force < law.stiffness * hit.deepest**1.5) == beyond
+            continue
+        elastic += 1
+        usual = ao.simulate(model(surface), striker, ao.Hertz(law.stiffness), duration=2e-3)
+        np.testing.assert_array_equal(hit.force, usual.force)
+        np.testing.assert_array_equal(hit.time, usual.time)
+        assert hit.dent is None
+        assert "stays elastic" in hit.summary()
+    assert 40 < elastic < 160
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "law"),
+    [
+        (Surface(ALLOY), ball(STEEL, 0.01), ao.ElasticPlastic),
+        (Surface(matter_of("glass, soda-lime")), ball(matter_of("alumina"), 0.01), ao.Hertz),
+        (Surface(Matter(70e9)), ball(Matter(210e9), 0.01), ao.Hertz),
+        (Surface(Matter(3e6, 0.49, brittle=True, loss=0.2)), ball(STEEL, 0.01), ao.Gonthier),
+        (Surface(Matter(9e9, 0.0, critical=8e-5)), ball(STEEL, 0.01), ao.YangSun),
+        (Surface(ALLOY, radius=0.01), Surface(RIGID), ao.Linear),
+        (Surface(ALLOY, (100.0, 100.0), kind="edge"), Surface(RIGID), ao.ElasticPlastic),
+    ],
+)
+def test_the_table_of_laws(one, other, law):
+    found = choose(one, other)
+    assert isinstance(found.law, law)
+    assert choose(other, one).law == found.law
+
+
+def test_the_stiffness_is_that_of_hertz():
+    cylinder = Surface(ALLOY, (0.0, 1 / 0.018), kind="line")
+    known = ao.Hertz.from_radii(0.01, STEEL.E, STEEL.nu, (inf, 0.018), ALLOY.E, ALLOY.nu)
+    assert choose(cylinder, ball(STEEL, 0.01)).law.stiffness == pytest.approx(known.stiffness)
+    crossed = Surface(STEEL, (0.0, 100.0), kind="line", along=(0.0, 1.0, 0.0))
+    own = replace(cylinder, along=(1.0, 0.0, 0.0))
+    known = ao.Hertz.from_radii(
+        (inf, 0.018), ALLOY.E, ALLOY.nu, (inf, 0.01), STEEL.E, STEEL.nu, 90.0
+    )
+    assert choose(own, crossed).law.stiffness == pytest.approx(known.stiffness)
+
+
+def test_a_known_restitution_is_that_of_the_contact():
+    law = choose(Surface(RIGID), ball(STEEL, 0.01), 0.6).law
+    assert (type(law), law.restitution) == (ao.Gonthier, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "word"),
+    [
+        (Surface(RIGID), Surface(RIGID), "rigid"),
+        (Surface(ALLOY, (-120.0, -120.0), kind="curved"), ball(STEEL, 0.01), "fit into"),
+        (Surface(ALLOY), Surface(RIGID), "flat"),
+    ],
+)
+def test_surfaces_without_a_law(one, other, word):
+    with pytest.raises(ao.InputError, match=word):
+        choose(one, other)
+
+
+def test_a_model_without_a_surface_asks_for_a_law():
+    striker = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    for body in (model(None), ao.RigidMass(1.0)):
+        with pytest.raises(ao.InputError, match="give the law") as caught:
+            ao.simulate(body, striker, duration=1e-3)
+        assert str(caught.value).count(".") <= 2
+    with pytest.raises(ao.InputError, match="tip_radius"):
+        ao.simulate(model(Surface(ALLOY)), ao.RigidMass(0.1, 1.0), duration=1e-3)
+    with pytest.raises(ao.InputError, match="duration"):
+        ao.simulate(model(Surface(ALLOY)), striker)
+
+
+def test_everything_that_strikes_takes_the_same_law(tmp_path):
+    body = model(Surface(ALLOY, (0.0, 20.0), kind="line"))
+    striker = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    hit = ao.simulate(body, striker, duration=2e-3)
+    many = ao.simulate_many(body, [striker, striker], duration=2e-3)
+    assert many.peak_force == pytest.approx([hit.peak_force] * 2, rel=1e-12)
+    scene = ao.Scene({"a": body, "b": striker}, [ao.Contact("a", "b")])
+    assert scene.contacts[0].law == hit.law
+    path = tmp_path / "model.npz"
+    body.save(path)
+    again = ao.simulate(ao.AntiOscillators.load(path), striker, duration=2e-3)
+    assert again.law == hit.law
+    assert ao.impact_band(striker, "auto", body) > 0
+    drawn = ao.monte_carlo(
+        lambda v: (body, replace(striker, velocity=v), "auto", 2e-3), {"v": [1.0]}, n=1
+    )
+    assert drawn.values["peak_force"][0] == pytest.approx(hit.peak_force, rel=1e-3)
+
+
+def budgets():
+    """The budgets of a blow: all known, no strength, a law of the caller's, and no yield."""
+    errors = np.diag([1e3, 1e3, 1e3])
+    alloy = model(Surface(ALLOY), strain_error=errors)
+    unknown = model(Surface(Matter(69e9, 0.33)), strain_error=errors)
+    fast = ao.Sphere(0.01, material="100Cr6", velocity=2.0)
+    slow = replace(fast, velocity=1e-3)
+    plain = ao.Sphere(0.01, 210e9, 0.3, 7850.0, 2.0)
+    return {
+        "known": ao.simulate(alloy, fast, duration=2e-3),
+        "slow": ao.simulate(alloy, slow, duration=2e-2),
+        "unknown": ao.simulate(unknown, fast, duration=2e-3),
+        "half known": ao.simulate(alloy, plain, duration=2e-3),
+        "given": ao.simulate(unknown, fast, ao.Hertz(7e9), duration=2e-3),
+    }
+
+
+def test_nothing_prints_a_bar_without_the_law_or_the_word():
+    for name, hit in budgets().items():
+        budget = hit.error_budget
+        complete = name in ("known", "slow")
+        assert (budget.law == "") == complete
+        for line in [*str(budget).splitlines(), *hit.summary().splitlines()]:
+            if "±" in line:
+                assert ("numerical" in line) != complete
+        assert ("law" in budget.causes) == complete
+    assert "give yield_strength, or material=" in str(budgets()["unknown"].error_budget)
+
+
+def test_the_row_of_the_law_is_what_other_strengths_change():
+    hits = budgets()
+    bar = hits["known"].error_budget["peak_force"]
+    assert 0.01 < bar.law < 0.3
+    assert bar.total == pytest.approx(bar.without_law + bar.law)
+    assert hits["slow"].error_budget["peak_force"].law < 1e-9
+    assert hits["unknown"].error_budget["peak_force"].total is None
+    exact = replace(ALLOY, yield_range=None)
+    sure = ao.simulate(
+        model(Surface(exact), strain_error=np.diag([1e3, 1e3, 1e3])),
+        hits["known"].impactor,
+        duration=2e-3,
+    )
+    assert sure.error_budget["peak_force"].law < bar.law
+
+
+def test_what_yields_is_said_first():
+    hits = budgets()
+    first = hits["known"].summary().splitlines()[0]
+    assert "The contact yields: a dent of" in first
+    assert hits["known"].dent.depth > 0
+    assert "half-space" not in hits["known"].message
+    assert "not known" in hits["unknown"].summary().splitlines()[0]
+    given = ao.simulate(hits["known"].model, hits["known"].impactor, ao.Hertz(7e9), duration=2e-3)
+    assert "where Hertz's law ends" in given.summary()
+    assert given.verdict.count("yields") == 1
+    assert hits["known"].numbers()["verdict"] == hits["known"].verdict
+
+
+def test_choosing_is_quick():
+    """A choice is kept: the same pair of bodies costs no second search."""
+    body, striker = model(Surface(ALLOY)), ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    first = ao.simulate(body, striker, duration=1e-4).law
+    choose.cache_clear()
+    laws = {id(ao.simulate(body, striker, duration=1e-4).law) for _ in range(3)}
+    assert len(laws) == 1
+    assert choose.cache_info().misses == 1
+    assert first is not None

@@ -1,0 +1,124 @@
+"""A sphere that yields: against finite elements, and against Hertz's law below yield."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "elastoplastic"))
+
+import compare
+import half_space
+import table
+
+CURVES = table.curves()
+LAW = compare.LAW
+PLACES = [(name, x) for name, of in CURVES.items() for x in sorted(of.unloading) if x <= 300]
+
+
+@pytest.mark.parametrize(("name", "x"), PLACES)
+def test_force_and_restitution_against_finite_elements(name: str, x: float) -> None:
+    """Within what is stated there; without hardening within 5 %, from x = 100 on 10 %, and 0.03."""
+    force, restitution, dent = abs(compare.differences(LAW, CURVES[name], x))
+    most = LAW.error_at(x * LAW.yield_indentation)
+    assert force <= most[0]
+    assert restitution <= most[1]
+    assert dent <= 0.03
+    if "hardening" not in name:
+        assert force <= (0.05 if x <= 100 else 0.1)
+        assert restitution <= 0.03
+
+
+def test_the_finite_elements_are_hertz_s_below_yield() -> None:
+    """Their force, mean over positions of the contact's edge, is within 1 % of the closed form."""
+    assert all(abs(of.bias - 1) < 0.01 for of in CURVES.values())
+
+
+def test_first_yield_is_where_mises_stress_on_the_axis_reaches_the_strength() -> None:
+    for nu in (0.0, 0.2, 0.3, 0.49):
+        law = ao.ElasticPlastic(1e11, 0.01, 3e8, nu)
+        pressure = 1.5 * law.yield_force / (np.pi * 0.01 * law.yield_indentation)
+        assert pressure / 3e8 == pytest.approx(half_space.yield_factor(nu), rel=1e-6)
+    assert half_space.yield_factor(0.3) == pytest.approx(1.61, abs=0.01)  # Johnson 1985, table 6.1
+
+
+@pytest.mark.parametrize("patch", [0.0, 1e-9])
+def test_below_yield_a_run_is_that_of_hertz_to_the_last_bit(patch: float) -> None:
+    hard = ao.ElasticPlastic(1e11, 0.01, 2e11).without(patch)
+    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[0.1], omega=[3e3])
+    striker = ao.RigidMass(0.05, 2.0)
+    a = ao.simulate(model, striker, hard, 3e-4)
+    b = ao.simulate(model, striker, ao.Hertz(hard.stiffness).without(patch), 3e-4)
+    assert a.peak_force == b.peak_force
+    np.testing.assert_array_equal(a.force, b.force)
+
+
+@pytest.mark.parametrize("strength", [3e7, 3e8, 3e9])
+def test_the_law_has_no_jump_and_gives_no_energy_back_twice(strength: float) -> None:
+    """Force rises with a slope without jumps, from 0.1 to 1e5 times the yield indentation."""
+    law = ao.ElasticPlastic(1e11, 0.01, strength)
+    x = np.geomspace(0.1, 1e5, 4000)
+    force = np.array([law.force(d, 0.0, law.touch(1.0)) for d in x * law.yield_indentation])
+    slope = np.diff(np.log(force)) / np.diff(np.log(x))
+    assert slope.min() > 1.0
+    assert slope.max() < 1.5 + 1e-9
+    assert abs(np.diff(slope)).max() < 5e-3
+    left = np.array([law.permanent(d) for d in x * law.yield_indentation])
+    assert (np.diff(left) >= 0).all()
+    assert (left < x * law.yield_indentation).all()
+    for d in (x * law.yield_indentation)[::100]:
+        state = law.advance(d, 0.0, law.touch(1.0))
+        assert law.energy(d, state) <= law.loading_work(d) * (1 + 1e-12)
+
+
+def test_the_speed_at_first_yield() -> None:
+    """A free ball on a heavy body: rho v^2/Y = 26 (Y/E*)^4, K. L. Johnson 1985, section 11.5."""
+    law, rho = ao.ElasticPlastic(1e11, 0.01, 3e8), 7850.0
+    speed = law.yield_speed(4 / 3 * np.pi * 0.01**3 * rho)
+    assert rho * speed**2 / 3e8 == pytest.approx(26 * (3e8 / 1e11) ** 4, rel=0.03)
+
+
+LAWS = [
+    ao.Hertz(1e9), ao.Power(1e9, 1.5), ao.HuntCrossley(1e9, 0.8), ao.Linear(5e6),
+    ao.Thornton(1e9, 2e-6), ao.Stronge(1e9, 1e-6), ao.YangSun(1e9, 1e-5), ao.TanSun(1e9, 1e-5),
+    ao.ElasticPlastic(1e10, 5.6e-3, 1e8),
+]  # fmt: skip
+
+
+class Own(ao.ContactLaw):
+    """A law of the caller's."""
+
+    def force(self, delta: float, rate: float, state: tuple[float, ...]) -> float:
+        return 1e9 * max(delta, 0.0) ** 1.5
+
+    def tangent(self, delta: float, rate: float, state: tuple[float, ...]) -> tuple[float, float]:
+        return 1.5e9 * max(delta, 0.0) ** 0.5, 0.0
+
+    def energy(self, delta: float, state: tuple[float, ...]) -> float:
+        return 0.4e9 * max(delta, 0.0) ** 2.5
+
+
+@pytest.mark.parametrize("law", [*LAWS, Own()], ids=lambda law: type(law).__name__)
+def test_the_compliance_of_a_patch_counts_once(law: ao.ContactLaw) -> None:
+    """In the structure and subtracted from the law is the same as in neither."""
+    c, stiff, striker = 1e-9, 1e7, ao.RigidMass(0.005, 0.2)
+    soft = 1 / (1 / stiff + c)
+    given = {"m0": 0, "m": [], "omega": []}
+    patched = ao.AntiOscillators(**given, k0=soft, local_compliance=c, radius=1e-3)
+    a = ao.simulate(patched, striker, law, 2e-3, tol=1e-6)
+    b = ao.simulate(ao.AntiOscillators(**given, k0=stiff), striker, law, 2e-3, tol=1e-6)
+    close = 1e-3 if law.rate_dependent else 1e-4  # the rate is that without the patch
+    assert a.peak_force == pytest.approx(b.peak_force, rel=close)
+    assert a.contact_time == pytest.approx(b.contact_time, rel=close)
+
+
+@pytest.mark.parametrize("law", [LAWS[1], *LAWS[4:], Own()], ids=lambda law: type(law).__name__)
+def test_the_range_of_a_law_without_the_patch_is_told(law: ao.ContactLaw) -> None:
+    given = {"m0": 0, "m": [], "omega": [], "k0": 1e7, "local_compliance": 3e-8, "radius": 1e-3}
+    with pytest.raises(ao.AccuracyError, match=r"own compliance holds .* radius of at least"):
+        ao.simulate(ao.AntiOscillators(**given), ao.RigidMass(1.0, 4.0), law, 2e-3)

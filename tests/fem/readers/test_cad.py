@@ -1,0 +1,138 @@
+"""CAD files: names of faces and holes, pieces, and further attempts where meshing fails."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+pytest.importorskip("dolfinx")
+
+from antiosc.base.errors import UnmeshableError
+from antiosc.fem.mesh.surface import Faces, face_tags
+from antiosc.io.cad import ATTEMPTS, in_order, label_of
+from antiosc.io.facets import volumes
+from antiosc.io.neutral import RawMesh, kind_of
+from antiosc.io.reading import _meshed
+from parts import gmsh_session
+
+pytestmark = pytest.mark.fem
+STEEL = ao.Solid(210e9, 0.3, 7850.0)
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory) -> Path:
+    """A plate of 60 x 40 x 10 mm: a hole of 8 mm, one of 6 mm in two halves, a boss, a fillet."""
+    path = tmp_path_factory.mktemp("cad") / "plate.step"
+    with gmsh_session() as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        occ = gmsh.model.occ
+        plate = occ.addBox(0, 0, 0, 60, 40, 10)
+        holes = [(3, occ.addCylinder(15, 12, 0, 0, 0, 10, 4))]
+        for start in (0.0, np.pi):
+            half = occ.addCylinder(45, 12, 0, 0, 0, 10, 3, angle=np.pi)
+            occ.rotate([(3, half)], 45, 12, 0, 0, 0, 1, start)
+            holes.append((3, half))
+        cut, _ = occ.cut([(3, plate)], holes)
+        boss = (3, occ.addCylinder(30, 28, 10, 0, 0, 8, 5))
+        occ.fuse(cut, [boss])
+        occ.synchronize()
+        gmsh.write(str(path))
+    return path
+
+
+@pytest.fixture(scope="module")
+def mesh(plate):
+    return ao.read_mesh(plate, size=6e-3, refine=[((0.03, 0.028, 0.018), 2e-3)])
+
+
+def test_holes_are_named_by_diameter_and_bosses_are_none(mesh):
+    holes = [name for name in mesh.groups if name.startswith("hole")]
+    assert holes == ["hole 6 mm (1)", "hole 8 mm (1)"]
+    tagged = mesh.groups["hole 8 mm (1)"][2]
+    x = Faces(mesh, sheet=False)
+    middles = x.centres[np.isin(x.facets, tagged)]
+    assert np.hypot(middles[:, 0] - 15e-3, middles[:, 1] - 12e-3) == pytest.approx(4e-3, rel=0.1)
+
+
+def test_the_named_faces_divide_the_skin(mesh):
+    faces = Faces(mesh, sheet=False)
+    names, tags = face_tags(faces)
+    assert tags.min() == 0
+    assert set(tags) == set(range(len(names)))
+    assert sum(len(mesh.groups[name][2]) for name in names) == len(faces)
+
+
+def test_a_face_holds_and_is_struck_by_its_name(mesh):
+    part = ao.Structure(mesh, STEEL, [ao.Support("hole 8 mm (1)")])
+    faces = Faces(mesh, sheet=False)
+    names, tags = face_tags(faces)
+    top = max(names, key=lambda name: faces.centres[tags == names.index(name), 2].mean())
+    model = ao.extract(part, ao.Site(face=top, radius=2e-3), n=3)
+    there = ao.Site((30e-3, 28e-3, 18e-3), (0, 0, -1), radius=2e-3, snap=True)
+    assert model.direction == pytest.approx([0, 0, -1], abs=1e-9)
+    assert model.k0 == pytest.approx(ao.extract(part, there, n=3).k0, rel=0.2)
+    for wrong in ({"face": top, "point": (0, 0, 0)}, {"face": 3}):
+        with pytest.raises(ao.InputError, match="face"):
+            ao.Site(**wrong)
+    with pytest.raises(ao.InputError, match="no group"):
+        ao.extract(part, ao.Site(face="face 99"))
+
+
+@pytest.fixture(scope="module")
+def boxes(tmp_path_factory) -> Path:
+    """Two boxes apart, of 10 and 20 mm, in a STEP file of 0.5 mm fragments' distance."""
+    path = tmp_path_factory.mktemp("cad") / "boxes.step"
+    with gmsh_session() as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
+        gmsh.model.occ.addBox(30, 0, 0, 20, 20, 20)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    return path
+
+
+def test_one_of_several_pieces_is_read(boxes):
+    with pytest.raises(ao.MeshError, match=r"2 pieces.*20 × 20 × 20 mm.*10 × 10 × 10 mm"):
+        ao.read_mesh(boxes, size=5e-3)
+    for piece, side in ((1, 20e-3), (2, 10e-3)):
+        mesh = ao.read_mesh(boxes, size=5e-3, piece=piece)
+        assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * side**3, rel=1e-9)
+        assert len([name for name in mesh.groups if name.startswith("face")]) == 6
+    with pytest.raises(ao.MeshError, match="no piece 3"):
+        ao.read_mesh(boxes, size=5e-3, piece=3)
+
+
+def test_labels_that_programs_write_are_no_names():
+    assert label_of("Shapes/as1/rod-assembly_1/nut_1/nut") == "nut"
+    assert label_of("Shapes/part/=>[0:1:1:2]/SOLID") == "part"
+    assert label_of("Shapes/Open CASCADE STEP translator 7.5 1") == ""
+    names = ["face 10", "face 2", "hole 10 mm (1)", "hole 6 mm (2)", "nut"]
+    assert in_order(names) == ["hole 6 mm (2)", "hole 10 mm (1)", "nut", "face 2", "face 10"]
+
+
+def test_other_ways_to_mesh_are_tried_and_told():
+    raw = RawMesh(np.eye(3), np.array([[0, 1, 2]]), kind_of("triangle"), "gmsh")
+
+    def once(attempt: int) -> RawMesh:
+        if attempt < 2:
+            raise UnmeshableError(f"PLC error {attempt}.")
+        return raw
+
+    (sentence,) = _meshed(once, "part.step").told
+    assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[2].about}."
+
+    def never(attempt: int) -> RawMesh:
+        raise UnmeshableError("PLC error.")
+
+    with pytest.raises(ao.MeshError, match=r"PLC error; nor .* repair part.step"):
+        _meshed(never, "part.step")
+
+
+def test_the_volume_of_a_closed_surface():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    assert volumes(points, faces).sum() == pytest.approx(1 / 6)

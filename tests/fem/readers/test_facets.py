@@ -1,0 +1,141 @@
+"""Surfaces of triangles: cleaned, oriented, closed, filled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("jinja2")
+
+from antiosc.app.live_meshes import surface
+from antiosc.fem.fields import mesh_fields
+from antiosc.io.facets import SIDES, areas, cleaned, oriented, volumes
+
+pytestmark = pytest.mark.fem
+STEEL = ao.Solid(210e9, 0.3, 7850.0)
+
+
+def block(n: int = 4, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles of the surface of a cube, n squares along each edge, outward."""
+    grid = np.linspace(0, size, n + 1)
+    u, v = np.meshgrid(grid, grid, indexing="ij")
+    points, triangles = [], []
+    for axis in range(3):
+        for end in (0.0, size):
+            x = np.empty(((n + 1) ** 2, 3))
+            x[:, axis], x[:, axis - 2], x[:, axis - 1] = end, u.ravel(), v.ravel()
+            start = len(points) * (n + 1) ** 2
+            points.append(x)
+            for i in range(n):
+                for j in range(n):
+                    a = start + i * (n + 1) + j
+                    one = [[a, a + n + 1, a + n + 2], [a, a + n + 2, a + 1]]
+                    triangles += one if end else [row[::-1] for row in one]
+    return np.vstack(points), np.array(triangles)
+
+
+def damaged(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same with every third triangle turned, three of no area and two twice."""
+    turned = triangles.copy()
+    turned[::3] = turned[::3, ::-1]
+    a, b = triangles[0, :2]
+    middle = len(points)
+    points = np.vstack([points, points[[a, b]].mean(axis=0)])
+    flat = [[a, a, b], [a, middle, b], [b, b, b]]
+    return points, np.vstack([turned, flat, triangles[:2]])
+
+
+def write(path: Path, points: np.ndarray, triangles: np.ndarray) -> Path:
+    with np.errstate(invalid="ignore"):  # of normals of triangles without area
+        meshio.Mesh(points, [("triangle", triangles)]).write(path)
+    return path
+
+
+def consistent(triangles: np.ndarray) -> bool:
+    """Whether each edge is passed once in each direction at most."""
+    ends = np.vstack([triangles[:, list(side)] for side in SIDES])
+    return len(np.unique(ends, axis=0)) == len(ends)
+
+
+def test_a_damaged_surface_is_cleaned_told_and_turned_outward():
+    skin = cleaned(*damaged(*block()), "part.stl")
+    assert consistent(skin.triangles)
+    assert volumes(skin.points, skin.triangles).sum() == pytest.approx(1.0)
+    assert areas(skin.points, skin.triangles).sum() == pytest.approx(6.0)
+    assert (skin.closed, skin.thick) == (True, True)
+    assert [s.split(":")[1].split(" of ")[0].strip() for s in skin.told] == ["3", "2"]
+
+
+def test_a_small_hole_is_closed_and_a_large_one_is_not():
+    points, triangles = block(30)
+    middles = points[triangles].mean(axis=1)
+    at = np.abs(middles - [0.5 + 0.5 / 30, 0.5 + 0.5 / 30, 1.0])
+    small = (at < [0.5 / 30, 0.5 / 30, 1e-9]).all(axis=1)
+    assert small.sum() == 2
+    skin = cleaned(points, triangles[~small], "part.stl")
+    assert skin.closed
+    assert "1 small holes" in skin.told[0]
+    assert volumes(skin.points, skin.triangles).sum() == pytest.approx(1.0)
+    large = (at < [0.2, 0.2, 1e-9]).all(axis=1)
+    skin = cleaned(points, triangles[~large], "part.stl")
+    assert (skin.closed, skin.told) == (False, [])
+
+
+def test_pieces_are_turned_each_by_itself_and_a_thin_one_is_no_solid():
+    points, triangles = block(2)
+    both = np.vstack([triangles[:, ::-1], triangles + len(points)])
+    turned, piece = oriented(*_merged(np.vstack([points, points + 3.0]), both))
+    assert sorted(np.bincount(piece)) == [48, 48]
+    assert consistent(turned)
+    every = np.unique(np.vstack([points, points + 3.0]), axis=0)
+    np.testing.assert_allclose(np.bincount(piece, volumes(every, turned)), 1.0)
+    assert not cleaned(points * [1, 1, 1e-4], triangles, "sheet.stl").thick
+
+
+def _merged(points, triangles):
+    points, row = np.unique(points, axis=0, return_inverse=True)
+    return points, row.ravel()[triangles]
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off"])
+def test_every_format_is_filled(tmp_path, ending):
+    path = write(tmp_path / f"cube.{ending}", *damaged(*block(2, 10.0)))
+    with pytest.warns(ao.AntioscWarning, match="left out"):
+        mesh = ao.read_mesh(path, size=4e-3, unit="mm", solid=True)
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6, rel=1e-6)
+    assert len([name for name in mesh.groups if name.startswith("face ")]) == 6
+
+
+def test_a_cavity_and_two_bodies(tmp_path):
+    points, triangles = block(2, 10.0)
+    inner = points * 0.4 + 3.0
+    beside = points * 0.5 + [20, 0, 0]
+    every = np.vstack([triangles, triangles + len(points), triangles + 2 * len(points)])
+    path = write(tmp_path / "hollow.stl", np.vstack([points, inner, beside]), every)
+    for piece, volume in ((1, 1000 - 64), (2, 125)):
+        with pytest.warns(ao.AntioscWarning, match="of 2 is read"):
+            mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True, piece=piece)
+        assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-9 * volume, rel=1e-6)
+
+
+def test_the_skin_on_a_page_is_seen_from_outside():
+    mesh = ao.box_mesh((0.3, 0.2, 0.1), size=0.1)
+    part = ao.Structure(mesh, STEEL)
+    points, cells, _ = mesh_fields.at_nodes(part, np.zeros((part.rows, 0)))
+    skin = surface(points, cells)
+    assert consistent(skin.faces)
+    assert volumes(skin.points, skin.faces).sum() == pytest.approx(6e-3, rel=1e-9)
+
+
+def test_an_open_surface_is_no_solid(tmp_path):
+    points, triangles = block(2)
+    path = write(tmp_path / "open.stl", points, triangles[:-8])
+    with pytest.raises(ao.MeshError, match="is not closed"):
+        ao.read_mesh(path, size=0.5, solid=True)
+    assert ao.read_mesh(path).cell == "triangle"

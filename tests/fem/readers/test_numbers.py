@@ -1,0 +1,228 @@
+"""Nodes by their numbers in the file, for sites, supports and probes."""
+
+from __future__ import annotations
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+from scipy.io import netcdf_file
+
+import antiosc as ao
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore:the compliance under a point load"),
+]
+STEEL = ao.Solid(210e9, 0.3, 7850.0)
+#: Number of the node (i, j, k) of a grid of a bar.
+FIRST, SHAPE = 1000, (5, 3, 3)
+
+
+def number(i: int, j: int, k: int) -> int:
+    return FIRST + 7 * int(np.ravel_multi_index((i, j, k), SHAPE))
+
+
+def bar() -> tuple[np.ndarray, np.ndarray]:
+    """Points of a bar of 0.4 x 0.1 x 0.1 m and its hexahedra, by rows."""
+    grids = [np.linspace(0, side, n) for side, n in zip((0.4, 0.1, 0.1), SHAPE, strict=True)]
+    points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3)
+    at = np.arange(len(points)).reshape(SHAPE)
+    low = at[:-1, :-1, :-1].ravel()
+    a, b, c = SHAPE[1] * SHAPE[2], SHAPE[2], 1
+    around = (0, a, a + b, b, c, a + c, a + b + c, b + c)
+    return points, np.stack([low + step for step in around], axis=1)
+
+
+def abaqus(path):
+    points, cells = bar()
+    lines = ["*NODE"]
+    for row, x in enumerate(points):
+        lines.append(f"{FIRST + 7 * row}, {x[0]:.9g}, {x[1]:.9g}, {x[2]:.9g}")
+    lines.append("*ELEMENT, TYPE=C3D8, ELSET=BAR")
+    lines += [f"{k + 1}, " + ", ".join(str(FIRST + 7 * n) for n in c) for k, c in enumerate(cells)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def nastran(path):
+    points, cells = bar()
+    lines = ["BEGIN BULK"]
+    for row, x in enumerate(points):
+        lines.append(f"GRID,{FIRST + 7 * row},,{x[0]:.5f},{x[1]:.5f},{x[2]:.5f}")
+    for k, c in enumerate(cells):
+        n = [str(FIRST + 7 * one) for one in c]
+        lines.append(f"CHEXA,{k + 1},1," + ",".join(n[:6]) + ",+\n+," + ",".join(n[6:]))
+    path.write_text("\n".join([*lines, "ENDDATA"]) + "\n")
+
+
+def universal(path):
+    points, cells = bar()
+    lines = ["    -1", "  2411"]
+    for row, x in enumerate(points):
+        lines += [f"{FIRST + 7 * row:10d}{1:10d}{1:10d}{1:10d}", " ".join(f"{c:.9g}" for c in x)]
+    lines += ["    -1", "    -1", "  2412"]
+    for k, c in enumerate(cells):
+        lines += [f"{k + 1:10d}{115:10d}{1:10d}{1:10d}{1:10d}{8:10d}"]
+        lines += [" ".join(str(FIRST + 7 * n) for n in c)]
+    path.write_text("\n".join([*lines, "    -1"]) + "\n")
+
+
+def gmsh4(path):
+    points, cells = bar()
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", str(len(points))]
+    for row, x in enumerate(points):
+        lines.append(f"{FIRST + 7 * row} " + " ".join(f"{c:.9g}" for c in x))
+    lines += ["$EndNodes", "$Elements", str(len(cells))]
+    for k, c in enumerate(cells):
+        lines.append(f"{k + 1} 5 2 0 1 " + " ".join(str(FIRST + 7 * n) for n in c))
+    path.write_text("\n".join([*lines, "$EndElements"]) + "\n")
+
+
+def exodus_variables() -> dict[str, np.ndarray]:
+    points, cells = bar()
+    face = [k + 1 for k, c in enumerate(cells) if np.allclose(points[c[[0, 3]], 0], 0.0)]
+    return {
+        **{f"coord{c}": points[:, axis] for axis, c in enumerate("xyz")},
+        "connect1": (cells + 1).astype(np.int32),
+        "eb_prop1": np.array([10], dtype=np.int32),
+        "ss_prop1": np.array([1], dtype=np.int32),
+        "elem_ss1": np.array(face, dtype=np.int32),
+        "side_ss1": np.full(len(face), 4, dtype=np.int32),
+        "node_num_map": FIRST + 7 * np.arange(len(points), dtype=np.int32),
+    }
+
+
+def exodus(path):
+    with netcdf_file(str(path), "w") as file:
+        for key, value in exodus_variables().items():
+            names = [f"{key}_{k}" for k in range(value.ndim)]
+            for name, size in zip(names, value.shape, strict=True):
+                file.createDimension(name, size)
+            variable = file.createVariable(key, value.dtype, names)
+            variable[:] = value
+            if key == "connect1":
+                variable.elem_type = "HEX8"
+
+
+def exodus4(path):
+    with h5py.File(path, "w") as file:
+        for key, value in exodus_variables().items():
+            file[key] = value
+        file["connect1"].attrs["elem_type"] = np.bytes_("HEX8")
+
+
+WRITERS = {
+    "a.inp": abaqus,
+    "a.bdf": nastran,
+    "a.unv": universal,
+    "a.msh": gmsh4,
+    "a.exo": exodus,
+    "b.exo": exodus4,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_nodes_have_the_numbers_of_their_file(tmp_path, name):
+    WRITERS[name](tmp_path / name)
+    mesh = ao.read_mesh(tmp_path / name)
+    for i, j, k in ((0, 0, 0), (4, 2, 2), (2, 1, 0)):
+        expected = [0.1 * i, 0.05 * j, 0.05 * k]
+        assert mesh.node(number(i, j, k)) == pytest.approx(expected, abs=1e-9)
+    assert mesh.node(3) is None
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory):
+    path = tmp_path_factory.mktemp("numbers") / "bar.exo"
+    exodus(path)
+    return ao.read_mesh(path)
+
+
+def test_a_support_on_numbered_nodes_is_that_on_their_face(mesh):
+    nodes = [number(0, j, k) for j in range(3) for k in range(3)]
+    tip = {"direction": (0, 0, -1)}
+    supports = [
+        ao.Support(nodes=nodes),
+        ao.Support(plane=((0, 0, 0), (1, 0, 0))),
+        ao.Support("side set 1"),
+    ]
+    found = []
+    for support in supports:
+        part = ao.Structure(mesh, STEEL, [support])
+        for site in (ao.Site((0.4, 0.1, 0.1), **tip), ao.Site(node=number(4, 2, 2), **tip)):
+            found.append(ao.extract(part, site, n=4).k0)
+    np.testing.assert_allclose(found, found[0], rtol=1e-9)
+
+
+def test_a_probe_at_a_numbered_node_is_that_at_its_point(mesh):
+    part = ao.Structure(mesh, STEEL, [ao.Support("side set 1")])
+    model = ao.extract(part, ao.Site(node=number(4, 1, 2), direction=(0, 0, -1)), n=4)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e6), 1e-3)
+    at = ao.probe(part, hit, node=number(2, 1, 2))
+    np.testing.assert_array_equal(at, ao.probe(part, hit, (0.2, 0.05, 0.1)))
+    for options in ({}, {"point": (0, 0, 0), "node": 1000}, {"node": 3}):
+        with pytest.raises(ao.InputError, match="node"):
+            ao.probe(part, hit, **options)
+
+
+def test_numbers_that_a_mesh_does_not_have(mesh):
+    part = ao.Structure(mesh, STEEL, [ao.Support("side set 1")])
+    with pytest.raises(ao.InputError, match="no node 3"):
+        ao.extract(part, ao.Site(node=3, direction=(0, 0, -1)))
+    with pytest.raises(ao.InputError, match="fixes nothing"):
+        ao.Structure(mesh, STEEL, [ao.Support(nodes=[3])])
+    for wrong in ([], "1", [1.5], 3):
+        with pytest.raises(ao.InputError, match="number"):
+            ao.Support(nodes=wrong)
+    made = ao.box_mesh((0.1, 0.1, 0.1), 0.1)
+    with pytest.raises(ao.InputError, match="have no numbers"):
+        ao.Structure(made, STEEL, [ao.Support(nodes=[3])])
+
+
+def test_middle_nodes_of_an_exodus_file_are_on_their_edges(tmp_path):
+    """They are at the bottom, then upright, then at the top."""
+    low = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    corners = np.array([(*p, z) for z in (0, 1) for p in low], dtype=float)
+    ring = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    ends = [*ring, *((k, k + 4) for k in range(4)), *((a + 4, b + 4) for a, b in ring)]
+    points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in ends]])
+    path = tmp_path / "a.exo"
+    with h5py.File(path, "w") as file:
+        for axis, name in enumerate("xyz"):
+            file[f"coord{name}"] = points[:, axis]
+        file["connect1"] = np.arange(1, 21, dtype=np.int32)[None]
+        file["connect1"].attrs["elem_type"] = np.bytes_("HEX20")
+        file["eb_prop1"] = np.array([1], dtype=np.int32)
+    mesh = ao.read_mesh(path)
+    assert mesh.order == 2
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850.0, rel=1e-9)
+
+
+def test_blocks_of_an_exodus_file_that_is_none(tmp_path):
+    path = tmp_path / "a.e"
+    path.write_bytes(b"CDF\x05" + bytes(100))
+    with pytest.raises(ao.MeshError, match="netCDF"):
+        ao.read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "orientation"), [(11, 2, "0 0 0"), (11, 2, ""), (22, 3, "0 1 1")]
+)
+def test_rods_and_beams_of_salome(tmp_path, kind, count, orientation):
+    lines = ["    -1", "  2411"]
+    for label, x in ((1, 0.0), (2, 1.0), (3, 0.5), (4, 1.5), (5, 2.0)):
+        lines += [f"{label} 1 1 11", f"{x} 0.0 0.0"]
+    lines += ["    -1", "    -1", "  2412"]
+    rows = ("1 2", "2 5") if count == 2 else ("1 3 2", "2 4 5")
+    for k, row in enumerate(rows, 1):
+        lines += [f"{k} {kind} 2 1 7 {count}", *([orientation] if orientation else []), row]
+    path = tmp_path / "a.unv"
+    path.write_text("\n".join([*lines, "    -1"]) + "\n")
+    mesh = ao.read_mesh(path)
+    assert (mesh.n_cells, mesh.extent()) == (2, pytest.approx(2.0))
+
+
+def test_unused(tmp_path):
+    points, cells = bar()
+    meshio.write(tmp_path / "a.vtu", meshio.Mesh(points, [("hexahedron", cells)]))
+    assert not len(ao.read_mesh(tmp_path / "a.vtu").labels)

@@ -1,0 +1,181 @@
+"""Forces of springs, dampers and footings on the ground: the whole model integrated, and impulses.
+
+What all supports and grounds give in a run is the change of momentum less the impulse of the
+contact: a balance that knows nothing of their laws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.integrate import trapezoid
+
+import antiosc as ao
+import parts
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site import functional
+from assemblies import dense, free_dofs
+
+LENGTH, Z = 0.5, (0, 0, 1)
+SECTION = ao.Section.rectangle(0.02, 0.01)
+BEAM = ao.Beam(E=70e9, nu=0.3, rho=2700.0, section=SECTION, orientation=Z)
+TIP, MIDDLE, QUARTER = (0.5, 0.0, 0.0), (0.25, 0.0, 0.0), (0.15, 0.0, 0.0)
+BALL, LAW, DURATION = ao.RigidMass(0.1, velocity=1.0), ao.Linear(1e6), 8e-3
+K_SPRING, C_TIP, C_SLOW, TAU = 3e4, 30.0, 60.0, 1e-3
+FOOTING = ao.Footing(MIDDLE, radius=0.02, G=2e6, nu=0.3, rho=1800.0, along=("z",))
+
+
+def bar(attached, supports=("left",), n=10):
+    mesh = parts.line(LENGTH, n, (1.0, 0.0, 0.0))
+    return ao.Structure(mesh, BEAM, [ao.Support(one) for one in supports], attached=attached)
+
+
+def struck(part, site, n=20):
+    hit = ao.simulate(ao.extract(part, site, n=n), BALL, LAW, DURATION)
+    return hit, ao.reactions(part, hit, site, np.linspace(0, DURATION, 1601))
+
+
+def whole(part, site, times, force):
+    """Forces of the spring, the damper and the Maxwell damper, and of the clamp, of all dofs."""
+    free = free_dofs(part)
+    K, M = dense(part)
+    b, at = (functional(part, ao.Site(x, Z)).b[free] for x in (site.point, MIDDLE))
+    slow = functional(part, ao.Site(QUARTER, Z)).b[free]
+    n, k, inverse = len(K), C_SLOW / TAU, np.linalg.inv(M)
+    A = np.zeros((2 * n + 3, 2 * n + 3))
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n, :n] = -inverse @ (K + k * np.outer(slow, slow))
+    A[n : 2 * n, n : 2 * n] = -inverse @ (C_TIP * np.outer(b, b))
+    A[n : 2 * n, 2 * n], A[n : 2 * n, -2] = k * inverse @ slow, inverse @ b
+    A[2 * n, :n], A[2 * n, 2 * n], A[-2, -1] = slow / TAU, -1 / TAU, 1.0
+    h = times[1] - times[0]
+    step, state, states = scipy.linalg.expm(A * h), np.zeros(len(A)), []
+    for now, after in zip(force, np.append(force[1:], force[-1]), strict=True):
+        state[-2:] = now, (after - now) / h
+        states.append(state.copy())
+        state = step @ state
+    states = np.array(states)
+    u, v, a = states[:, :n], states[:, n : 2 * n], (states @ A.T)[:, n : 2 * n]
+    spring, damper = -K_SPRING * u @ at, -C_TIP * v @ b
+    maxwell = -k * (u @ slow - states[:, 2 * n])
+    loose = bar([], ())
+    rigid = parts.nodal(loose, lambda x: np.outer(Z, np.ones(x.shape[1])))
+    inertia = (csr(loose.M) @ rigid)[free] @ a.T
+    return spring, damper, maxwell, inertia - force - spring - damper - maxwell
+
+
+@pytest.mark.filterwarnings("ignore:the supports leave")
+def test_springs_and_dampers_have_the_forces_of_the_whole_model():
+    attached = [
+        ao.Spring(MIDDLE, {"z": K_SPRING}),
+        ao.Damper(TIP, {"z": C_TIP}),
+        ao.Damper(QUARTER, {"z": C_SLOW}, tau=TAU, name="slow"),
+    ]
+    part, site = bar(attached), ao.Site(TIP, Z)
+    hit, found = struck(part, site)
+    assert list(found.force) == ["left", "spring 1", "damper 1", "slow"]
+    exact = whole(part, site, found.time, hit.force_at(found.time))
+    for name, values in zip(("spring 1", "damper 1", "slow", "left"), exact, strict=True):
+        size = np.abs(values).max()
+        assert size > 0.05 * hit.peak_force
+        np.testing.assert_allclose(found.force[name][:, 2], values, atol=0.02 * size)
+    assert np.abs(found.moment["damper 1"]).max() < 1e-9
+    np.testing.assert_allclose(found.centre["slow"], QUARTER, atol=1e-12)
+
+
+@pytest.mark.parametrize("c", [50.0, 500.0])
+def test_impulses_of_clamp_and_damper_are_the_change_of_momentum(c):
+    part, site = bar([ao.Damper(TIP, {"z": c})]), ao.Site(TIP, Z)
+    _, found = struck(part, site)
+    grounds = trapezoid(found.total[:, 2], found.time)
+    momentum = trapezoid(found.inertia[:, 2], found.time)
+    contact = trapezoid(found.applied[:, 2], found.time)
+    assert abs(grounds + contact - momentum) < 1e-9 * contact
+    assert abs(trapezoid(found.force["damper 1"][:, 2], found.time)) > 0.1 * contact
+
+
+def test_a_part_on_springs_alone_has_their_forces():
+    """At rest under a force the springs hold it by the lever rule."""
+    springs = [
+        ao.Spring((0.0, 0.0, 0.0), {"x": 1e6, "y": 1e6, "z": 1e5, "rx": 1e3, "rz": 1e3}),
+        ao.Spring(TIP, {"z": 2e5}),
+        ao.Damper(TIP, {"z": 200.0}),
+    ]
+    part, site = bar(springs, ()), ao.Site((0.2, 0.0, 0.0), Z)
+    scene = ao.Scene(
+        {"part": ao.extract(part, {"site": site}, 10), "far": ao.Obstacle()},
+        [ao.Contact("part:site", "far", ao.Linear(1.0), gap=1.0)],
+        loads=[ao.Load("part:site", [0.0, 0.5, 2.0], [0.0, 5.0, 5.0])],
+    )
+    hit = scene.run(2.0)
+    found = ao.reactions(part, hit, {"site": site}, [2.0], body="part")
+    np.testing.assert_allclose(found.force["spring 1"][0], [0, 0, -3.0], atol=1e-3)
+    np.testing.assert_allclose(found.force["spring 2"][0], [0, 0, -2.0], atol=1e-3)
+    np.testing.assert_allclose(found.total + found.applied, found.inertia, atol=1e-9)
+
+
+def test_a_footing_is_one_row_in_a_part_and_in_an_assembly():
+    site = ao.Site(TIP, Z)
+    part = bar([FOOTING])
+    hit, alone = struck(part, site)
+    assert list(alone.force) == ["left", "footing 1"]
+    soil = {
+        one: getattr(ao.soil_cone(0.02, 2e6, 0.3, 1800.0), one) for one in ("stiffness", "damping")
+    }
+    moved = [ao.probe(part, hit, MIDDLE, q, alone.time)[:, 2] for q in ("displacement", "velocity")]
+    law = -soil["stiffness"] * moved[0] - soil["damping"] * moved[1]
+    np.testing.assert_allclose(alone.force["footing 1"][:, 2], law, atol=0.02 * np.abs(law).max())
+    in_part = ao.assemble({"bar": part})
+    own = ao.reactions(in_part, struck_in(in_part, site), replaced(site), alone.time)
+    assert list(own.force) == ["bar:left", "bar:footing 1"]
+    on_whole = ao.assemble({"bar": bar([])}, attached=[FOOTING])
+    other = ao.reactions(on_whole, struck_in(on_whole, site), replaced(site), alone.time)
+    assert list(other.force) == ["bar:left", "footing 1"]
+    size = np.abs(alone.force["footing 1"]).max()
+    for found, name in ((own, "bar:footing 1"), (other, "footing 1")):
+        np.testing.assert_allclose(found.force[name], alone.force["footing 1"], atol=1e-4 * size)
+        np.testing.assert_allclose(found.total + found.applied, found.inertia, atol=1e-8 * size)
+
+
+def replaced(site):
+    return ao.Site(site.point, site.direction, part="bar")
+
+
+def struck_in(part, site):
+    return ao.simulate(ao.extract(part, replaced(site), n=20), BALL, LAW, DURATION)
+
+
+def test_a_layer_that_relaxes_acts_on_the_supports():
+    """Two halves of different materials: the clamp carries F and the inertia of the bar."""
+    steel = ao.Beam(E=70e9, nu=0.3, rho=2700.0, section=SECTION, orientation=Z)
+    soft = ao.Beam(E=70e9, nu=0.3, rho=2700.0, section=SECTION, orientation=Z, prony=[(1.0, 5e-3)])
+    groups = {
+        "left": (0, lambda x: np.isclose(x[0], 0)),
+        "root": (1, lambda x: x[0] < LENGTH / 2 + 1e-9),
+        "rest": (1, lambda x: x[0] > LENGTH / 2 - 1e-9),
+    }
+    mesh = parts.frame([(0, 0, 0), TIP], [(0, 1)], 10, groups=groups)
+    part = ao.Structure(mesh, {"root": soft, "rest": steel}, [ao.Support("left")])
+    site = ao.Site(TIP, Z)
+    hit = ao.simulate(ao.extract(part, site, n=20), ao.RigidMass(5.0, 0.2), ao.Hertz(1e6), 0.05)
+    found = ao.reactions(part, hit, site)
+    np.testing.assert_allclose(
+        found.total + found.applied, found.inertia, atol=1e-8 * np.abs(found.applied).max()
+    )
+    # about the clamp: M = F L - ∫ x dm u''
+    points = np.linspace(0, LENGTH, 41)
+    a = np.array([ao.probe(part, hit, (x, 0, 0), "acceleration", found.time)[:, 2] for x in points])
+    moment = trapezoid(points[:, None] * a, points, axis=0) * BEAM.rho * SECTION.A
+    exact = LENGTH * found.applied[:, 2] - moment
+    np.testing.assert_allclose(found.moment["left"][:, 1], exact, atol=0.02 * np.abs(exact).max())
+
+
+def test_a_model_without_the_dampers_of_its_structure_is_refused():
+    part, site = bar([ao.Damper(TIP, {"z": 50.0})]), ao.Site(TIP, Z)
+    model = replace(ao.extract(part, site, n=5), damping=None)
+    hit = ao.simulate(model, BALL, LAW, DURATION)
+    with pytest.raises(ao.InputError, match="damping of the model is not that of the structure"):
+        ao.reactions(part, hit, site)

@@ -1,0 +1,174 @@
+"""Curvature of a surface at a site against closed forms: with CAD and by a fit to nodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import antiosc as ao
+from antiosc.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, Curvature
+from antiosc.contact.line import line_indentation, line_law
+from antiosc.fem.mesh.curvature import curvature
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.site.curvature import curvature_at
+from parts import STEEL
+from sheets import sheet
+
+pytestmark = pytest.mark.fem
+
+#: shape for gmsh, site [m], principal curvatures [1/m], kind
+SHAPES = {
+    "ball": ("Sphere(1) = {0, 0, 0, 0.02};", (0, 0, -0.02), (50, 50), CURVED),
+    "cylinder": ("Cylinder(1) = {0, 0, 0, 0, 0, 0.05, 0.01};", (0.01, 0, 0.022), (0, 100), LINE),
+    "its end": ("Cylinder(1) = {0, 0, 0, 0, 0, 0.05, 0.01};", (0.003, 0, 0.05), (0, 0), PLANE),
+    "outside of a torus": ("Torus(1) = {0, 0, 0, 0.03, 0.01};", (0.04, 0, 0), (25, 100), CURVED),
+    "top of a torus": ("Torus(1) = {0, 0, 0, 0.03, 0.01};", (0.03, 0, 0.01), (0, 100), LINE),
+    "tip of an ellipsoid": (
+        "Sphere(1) = {0, 0, 0, 1}; Dilate{{0, 0, 0}, {0.03, 0.02, 0.01}}{Volume{1};}",
+        (0, 0, 0.01), (0.01 / 0.03**2, 0.01 / 0.02**2), CURVED,
+    ),
+    "fillet of 4 mm": (
+        "Box(1) = {0, 0, 0, 0.06, 0.06, 0.02}; v() = Fillet{1}{1}{0.004};",
+        (0.004 - 0.004 / 2**0.5, 0.004 - 0.004 / 2**0.5, 0.01), (0, 250), LINE,
+    ),
+    "hole": (
+        "Box(1) = {-0.03, -0.03, 0, 0.06, 0.06, 0.02}; Cylinder(2) = {0, 0, 0, 0, 0, 0.02, 0.01};"
+        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};",
+        (0.01, 0, 0.01), (-100, 0), LINE,
+    ),
+}  # fmt: skip
+LENGTHS = {
+    "cylinder": 0.05,
+    "fillet of 4 mm": 0.02,
+    "hole": 0.02,
+    "top of a torus": 2 * np.pi * 0.03,
+}
+
+
+def meshed(folder: Path, shape: str, size: float, order: int) -> ao.Mesh:
+    (folder / "part.geo").write_text(f'SetFactory("OpenCASCADE"); {shape}')
+    return ao.read_mesh(folder / "part.geo", size=size, order=order)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", SHAPES)
+def test_cad_knows_the_curvature_whatever_the_mesh(tmp_path: Path, name: str, order: int) -> None:
+    shape, site, known, kind = SHAPES[name]
+    for size in (0.006, 0.003):
+        mesh = meshed(tmp_path, shape, size, order)
+        found = curvature(mesh, Faces(mesh, sheet=False), np.array(site, dtype=float))
+        assert (found.kind, found.source) == (kind, "CAD")
+        off = np.abs(found.values - known).max()
+        assert off <= 1e-6 * max(np.abs(known)) + found.error
+        assert found.error <= 0.04 * max(np.abs(known))
+        if kind == LINE:
+            assert found.length == pytest.approx(LENGTHS[name], rel=1e-6 if off < 1e-9 else 0.1)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_fit_to_nodes_is_within_its_spread(tmp_path: Path, name: str, order: int) -> None:
+    shape, site, known, kind = SHAPES[name]
+    for size in (0.0025, 0.0015) if name == "fillet of 4 mm" else (0.006, 0.003):
+        mesh = replace(meshed(tmp_path, shape, size, order), cad=None)
+        found = curvature(mesh, Faces(mesh, sheet=False), np.array(site, dtype=float))
+        assert (found.kind, found.source) == (kind, "mesh")
+        assert np.abs(found.values - known).max() <= found.error
+    assert found.error <= (0.15 if name == "fillet of 4 mm" else 0.08) * max(np.abs(known))
+    if kind == LINE:
+        assert found.length == pytest.approx(LENGTHS[name], rel=2e-2)
+
+
+@pytest.mark.parametrize("cad", [True, False])
+@pytest.mark.parametrize("order", [1, 2])
+def test_edges_and_corners_have_no_curvature(tmp_path: Path, order: int, cad: bool) -> None:
+    mesh = meshed(tmp_path, "Box(1) = {0, 0, 0, 0.06, 0.06, 0.02};", 0.008, order)
+    mesh = mesh if cad else replace(mesh, cad=None)
+    faces = Faces(mesh, sheet=False)
+    for site, kind in (((0, 0, 0.011), EDGE), ((0, 0, 0), CORNER), ((0, 0.03, 0.01), PLANE)):
+        found = curvature(mesh, faces, np.array(site, dtype=float))
+        assert found.kind == kind
+        assert np.isnan(found.values).all() == (kind != PLANE)
+
+
+def test_a_blunt_edge_is_an_edge() -> None:
+    """Two planes at 20 degrees: fits of all sizes bend, the more the smaller they are."""
+
+    def roof(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
+        x = 0.1 * (s - 0.5)
+        return x, 0.1 * t, -np.tan(np.radians(10)) * np.abs(x)
+
+    mesh = sheet(40, roof)
+    found = curvature(mesh, Faces(mesh, sheet=True), np.array([0, 0.0515, 0.0]))
+    assert found.kind == EDGE
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_shell_is_struck_half_a_thickness_off_its_middle(cell: str, order: int) -> None:
+    R, h = 0.05, 0.002
+
+    def arch(s: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, ...]:
+        angle = 2 * (s - 0.5)
+        return R * np.sin(angle), 0.1 * t, R * np.cos(angle)
+
+    part = ao.Structure(sheet(16, arch, cell, order), ao.Shell(70e9, 0.3, 2700.0, h))
+    for way, radius in ((-1, R + h / 2), (1, -(R - h / 2))):
+        found = curvature_at(part, (0, 0.05, R), (0, 0, way))
+        bent = found.values[np.argmax(np.abs(found.values))]
+        assert found.kind == LINE
+        assert bent == pytest.approx(1 / radius, abs=found.error)
+        assert found.error < 0.05 * abs(bent)
+        assert found.point[2] == pytest.approx(R - way * h / 2)
+    assert curvature_at(part, (0, 0, R), (0, 1, 0)).kind == EDGE
+
+
+def test_a_part_of_an_assembly_is_curved_where_it_lies(tmp_path: Path) -> None:
+    shape = SHAPES["tip of an ellipsoid"][0]
+    part = ao.Structure(meshed(tmp_path, shape, 0.005, 1), ao.Solid(**STEEL))
+    at = ao.Placement(shift=(0.1, 0.2, 0.3), axis=(0, 1, 0), angle=np.pi / 2)
+    pair = ao.assemble({"a": part}, at={"a": at})
+    found = curvature_at(pair, at.placed(np.array([[0, 0, 0.01]]))[0])
+    np.testing.assert_allclose(found.values, (0.01 / 0.03**2, 0.01 / 0.02**2), rtol=1e-6)
+    np.testing.assert_allclose(found.normal, (1, 0, 0), atol=1e-4)
+    np.testing.assert_allclose(np.abs(found.directions), [[0, 0, 1], [0, 1, 0]], atol=1e-4)
+
+
+def test_two_cylinders_touch_as_their_axes_lie() -> None:
+    """Crossed at right angles they are a ball on a plane; along one another a line."""
+
+    def cylinder(turn: float, length: float) -> Curvature:
+        axes = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0]])
+        up = np.array([0.0, 0.0, 1.0])
+        return Curvature(LINE, np.array([0.0, 100.0]), 0.0, axes, np.zeros(3), up, length)
+
+    crossed = cylinder(0.0, 0.05).against(cylinder(np.pi / 2, 0.03))
+    np.testing.assert_allclose(crossed.values, (100, 100))
+    along = cylinder(0.3, 0.05).against(cylinder(0.3, 0.03))
+    np.testing.assert_allclose(along.values, (0, 200))
+    assert along.values[0] == 0
+    assert along.length == 0.03
+
+
+def test_the_law_of_a_line_is_the_field_of_its_pressure() -> None:
+    """Boussinesq's 1/(π E* r), integrated over Hertz's pressure on the line, in its middle."""
+    E, R, L, F = 1.1e11, 0.01, 0.05, 5e3
+    b = np.sqrt(4 * F * R / (np.pi * E * L))
+
+    def along(y: float) -> float:  # of the pressure of a line of 1 N/m at the distance y
+        return 2 * np.arcsinh(L / (2 * y)) / (np.pi * E)
+
+    def across(y: float) -> float:
+        return 2 * F / (np.pi * b * L) * np.sqrt(1 - (y / b) ** 2)
+
+    known = 2 * quad(lambda y: across(y) * along(y), 0, b)[0]
+    assert line_indentation(np.array([F]), E, R, L)[0] == pytest.approx(known, rel=1e-5)
+    law = line_law(E, R, L)
+    force = np.geomspace(1e-6, 0.9, 7) * law.valid_force
+    depth = line_indentation(force, E, R, L)
+    found = [law.force(float(d), 0.0, law.touch(1.0)) for d in depth]
+    np.testing.assert_allclose(found, force, rtol=1e-3)

@@ -1,0 +1,303 @@
+"""`antiosc open`: a set-up is a scene, which reruns to its numbers when saved; a page drives it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+import antiosc as ao
+from antiosc.app import set_up
+from antiosc.base.errors import InputError
+from paths import ROOT
+from webdriver import MISSING, Browser
+
+pytestmark = pytest.mark.fem
+CLICK = """
+const view = document.getElementById("view"), box = view.getBoundingClientRect();
+const [x, y] = bench.view.seen(arguments[0]);
+const at = {clientX: box.x + x, clientY: box.y + y, pointerId: 1, bubbles: true,
+  shiftKey: arguments[1]};
+view.setPointerCapture = () => {};
+view.dispatchEvent(new PointerEvent("pointerdown", at));
+view.dispatchEvent(new PointerEvent("pointerup", at));
+"""
+DRAG = """
+const view = document.getElementById("view"), box = view.getBoundingClientRect();
+const [x, y] = bench.view.seen(page.part.tail());
+const at = (dx) => ({clientX: box.x + x + dx, clientY: box.y + y, pointerId: 1, bubbles: true});
+view.setPointerCapture = () => {};
+view.dispatchEvent(new PointerEvent("pointerdown", at(0)));
+view.dispatchEvent(new PointerEvent("pointermove", at(30)));
+view.dispatchEvent(new PointerEvent("pointerup", at(30)));
+"""
+READ = """
+return {data: {...document.documentElement.dataset}, setup: bench.setup,
+  peak: page.hit && page.hit.peak_force, bar: page.bar, settled: page.data.part !== undefined,
+  width: document.documentElement.scrollWidth, about: document.getElementById("about").textContent,
+  verdict: document.getElementById("verdict").textContent};
+"""
+
+
+@pytest.fixture(scope="module")
+def step(tmp_path_factory):
+    """An angle of 60 mm with a hole, as STEP in millimetres."""
+    gmsh = pytest.importorskip("gmsh")
+    path = tmp_path_factory.mktemp("open") / "angle.step"
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        base, wall = occ.addBox(0, 0, 0, 60, 40, 15), occ.addBox(0, 0, 15, 12, 40, 25)
+        both = occ.fuse([(3, base)], [(3, wall)])[0]
+        occ.cut(both, [(3, occ.addCylinder(40, 20, -1, 0, 0, 30, 5))])
+        occ.synchronize()
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path
+
+
+@pytest.fixture(scope="module")
+def opened(step):
+    from antiosc.app.opened import Opened
+
+    one = Opened(step)
+    yield one
+    one.close()
+
+
+def asked(opened, **changed):
+    first = opened.calls["look"]({})
+    return {**json.loads(json.dumps(first["setup"])), **changed}
+
+
+def call(opened, name, setup, turn=1, **more):
+    return opened.calls[name]({"tab": "one", "turn": turn, "setup": setup, **more})
+
+
+def test_a_part_shows_its_faces_and_what_holds_it(opened):
+    first = opened.calls["look"]({})
+    assert "hole 10 mm (1)" in first["faces"]
+    tags, count = first["skin"]["tags"], len(first["faces"])
+    assert tags.min() == 1
+    assert tags.max() == count
+    held = [first["faces"].index(name) + 1 for name in first["setup"]["held"]]
+    points = first["skin"]["points"].reshape(-1, 3)
+    low = points[first["skin"]["faces"].reshape(-1, 3)[tags == held[0]]]
+    assert (low[:, :, 2] == points[:, 2].min()).all()  # the face below
+
+
+@pytest.mark.slow
+def test_a_saved_scene_reruns_to_the_numbers_of_the_page(opened, step):
+    setup = asked(opened, material="aluminium 6061-T6", damping=0.01)
+    setup["striker"] |= {"kind": "mass", "mass": 0.2, "radius": 0.02, "speed": 2.0}
+    setup["point"], setup["direction"] = [0.0, 0.021, 0.035], [1.0, 0.0, -0.1]
+    blow = call(opened, "settle", setup)
+    names = opened.calls["save"]({})["names"]
+    assert not any(step.with_name(name).exists() for name in names)  # the user is asked first
+    with pytest.raises(InputError, match="agreed"):
+        call(opened, "write", setup, agreed=["../angle.toml", "angle.html"])
+    assert call(opened, "write", setup, agreed=names)["written"] == names
+    scene, page = (step.with_name(name) for name in names)
+    assert "<script" in page.read_text(encoding="utf-8")
+    out = subprocess.run(
+        [sys.executable, "-m", "antiosc", "run", scene.name, "--out", "out"],
+        cwd=step.parent, capture_output=True, text=True, timeout=300, check=True,
+    )  # fmt: skip
+    assert "peak force" in out.stdout
+    again = list((step.parent / "out").glob("*.json"))
+    numbers = json.loads(again[0].read_text(encoding="utf-8")) if again else {}
+    for name in ("peak_force", "impulse", "contact_time"):
+        computed = blow["blow"]["computed"][name]
+        assert found_in(numbers, name) == pytest.approx(computed, rel=1e-6), name
+    assert opened.calls["save"]({})["names"] == ["angle_2.toml", "angle_2.html"]
+    for path in (scene, page):
+        path.unlink()
+
+
+def found_in(table, name):
+    """The first number of a name in nested tables."""
+    for key, value in table.items():
+        if key == name:
+            return value
+        if isinstance(value, dict) and (inner := found_in(value, name)) is not None:
+            return inner
+    return None
+
+
+@pytest.mark.slow
+def test_free_modes_answer_a_click_as_the_extracted_model_does(opened):
+    setup = asked(opened, point=[0.05, 0.03, 0.015], direction=[0, 0, -1])
+    settled = call(opened, "settle", setup)
+    call(opened, "verdict", setup)
+    for _ in range(300):
+        if opened.warm:
+            break
+        time.sleep(0.2)
+    opened._models.clear()
+    quick = call(opened, "blow", setup)
+    assert (quick["settled"], settled["settled"]) == (False, True)
+    one, other = (each["blow"]["computed"]["peak_force"] for each in (quick, settled))
+    assert one == pytest.approx(other, rel=0.01)
+    assert quick["blow"]["bars"]["shares"] == {}
+    assert settled["blow"]["bars"]["shares"]["peak_force"]["mesh"] > 0
+
+
+def test_a_call_that_is_overtaken_is_not_computed(opened):
+    setup = asked(opened)
+    opened._turns["two"] = 7
+    late = opened.calls["settle"]({"tab": "two", "turn": 6, "setup": setup})
+    assert late["stale"]
+    assert "blow" not in late
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of parts whose sections are guessed
+@pytest.mark.parametrize("name", ["meshes/beam.msh", "meshes/plate.msh", "demos/scenes/bar.inp"])
+def test_beams_sheets_and_decks_are_struck(name):
+    from antiosc.app.opened import Opened
+
+    one = Opened(ROOT / name)
+    try:
+        first = one.calls["look"]({})
+        setup = json.loads(json.dumps(first["setup"]))
+        assert len(first["skin"]["tags"]) == len(first["skin"]["faces"])
+        assert (setup["material"] == "") == name.endswith(".inp")
+        found = call(one, "settle", setup)
+        assert found["blow"]["computed"]["peak_force"] > 0
+        assert call(one, "fields", setup)["part"] is not None
+    finally:
+        one.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("striker", [*set_up.STRIKERS])
+def test_every_striker_strikes(opened, striker):
+    setup = asked(opened)
+    setup["striker"] |= {"kind": striker}
+    assert call(opened, "blow", setup)["blow"]["computed"]["peak_force"] > 0
+
+
+WRONG = [
+    {"extra": 1}, {"point": [0, 0]}, {"point": "here"}, {"point": [0, 0, "a"]}, {"held": "face 1"},
+    {"held": ["../../etc"]}, {"held": [1]}, {"direction": [0, 0, 0]}, {"radius": -1.0},
+    {"radius": "big"}, {"material": "unobtainium"}, {"material": "/etc/passwd"}, {"material": 3},
+    {"damping": 2.0}, {"finer": "yes"}, {"thickness": 0}, {"striker": {"kind": "bomb"}},
+    {"striker": {"mass": 0.0}}, {"striker": {"path": "x"}}, {"striker": []}, {"point": [9, 9, 9]},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=str)
+def test_a_wrong_set_up_is_refused_in_one_sentence(opened, wrong):
+    with pytest.raises(InputError) as error:
+        call(opened, "settle", asked(opened, **wrong))
+    assert ".toml" not in str(error.value)
+
+
+def test_what_is_written_is_toml():
+    table = {
+        "title": 'a "b" \\ ü \x7f', "x": {"flag": True, "n": 3, "list": [1.5e-9, [2, 3]]},
+        "many": [{"where": "face 1"}, {"plane": [[0.0, 0.0, 0.0], [0, 0, 1]]}],
+        "sites": {"struck": {"inner": {"kind": "a", "d": 1e20}}},
+    }  # fmt: skip
+    import tomllib
+
+    assert tomllib.loads(set_up.toml(table)) == table
+
+
+@pytest.mark.slow
+def test_view_shows_a_structure_in_a_frame(step):
+    mesh = ao.read_mesh(step, size=8e-3)
+    part = ao.Structure(mesh, ao.Solid(E=70e9, nu=0.33, rho=2700.0), [ao.Support("face 1")])
+    shown = ao.view(part)
+    try:
+        assert shown.site is None
+        assert f'<iframe src="{shown.address}"' in shown._repr_html_()
+        assert "frame-ancestors 'self'" in shown._server.policy
+        setup = shown._opened.calls["look"]({})["setup"]
+        setup = json.loads(json.dumps(setup))
+        shown._opened.calls["settle"]({"tab": "a", "turn": 1, "setup": setup})
+        assert isinstance(shown.site, ao.Site)
+        assert shown.site.point == tuple(setup["point"])
+        with pytest.raises(InputError, match="agreed"):
+            shown._opened.calls["write"]({"tab": "a", "turn": 1, "setup": setup})
+    finally:
+        shown.close()
+
+
+@pytest.mark.parametrize("part", [3, None, "missing.step"])
+def test_what_is_no_part_is_not_shown(part):
+    with pytest.raises(InputError):
+        ao.view(part)
+
+
+@pytest.fixture
+def command(step):
+    """The address of `antiosc open`."""
+    arguments = [sys.executable, "-m", "antiosc", "open", step.name, "--no-browser"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    process = subprocess.Popen(
+        arguments, cwd=step.parent, stdout=subprocess.PIPE, text=True, env=environment
+    )
+    assert process.stdout is not None
+    try:
+        yield re.search(r"http://127\S+", process.stdout.readline())[0]
+    finally:
+        process.terminate()
+        process.communicate(timeout=60)
+
+
+def reached(browser, name, turn):
+    """The state of the page once the answer to a set-up has come so far."""
+    for _ in range(1200):
+        data = browser.run("return {...document.documentElement.dataset}")
+        assert "failed" not in data, data
+        if int(data.get(name, 0)) >= turn:
+            return browser.run(READ)
+        time.sleep(0.1)
+    raise AssertionError((data, browser.said()))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+@pytest.mark.parametrize("width", [1300, 390])
+def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
+    with Browser() as browser:
+        browser.address(command, width)
+        first = reached(browser, "complete", 1)
+        assert first["bar"] > 0
+        assert first["width"] <= width
+        browser.run(CLICK, [0.05, 0.03, 0.015], False)  # on the base
+        clicked = reached(browser, "settled", 2)
+        assert clicked["setup"]["point"] == pytest.approx([0.05, 0.03, 0.015], abs=5e-4)
+        assert clicked["setup"]["direction"] == pytest.approx([0, 0, -1], abs=1e-6)
+        browser.run(CLICK, [0.006, 0.02, 0.04], True)  # holds the top of the wall
+        held = reached(browser, "drawn", 3)
+        assert len(held["setup"]["held"]) == len(first["setup"]["held"]) + 1
+        assert held["peak"] != clicked["peak"]
+        browser.run(DRAG)
+        turned = reached(browser, "settled", 4)
+        assert turned["setup"]["direction"] != held["setup"]["direction"]
+        browser.run("document.getElementById('undo').click()")
+        undone = reached(browser, "complete", 5)
+        assert undone["setup"] == held["setup"]
+        assert undone["peak"] == pytest.approx(held["peak"], rel=1e-9)
+        assert "ield" in undone["verdict"]
+        browser.run("document.getElementById('save').click()")
+        time.sleep(1)
+        browser.run("document.getElementById('yes').click()")
+        for _ in range(600):
+            if "Written" in browser.run(READ)["about"]:
+                break
+            time.sleep(0.1)
+        assert browser.said() == []
+    scene = step.with_suffix(".toml")
+    assert scene.exists()
+    for path in (scene, step.with_suffix(".html")):
+        path.unlink()

@@ -1,0 +1,133 @@
+"""`antiosc new` on parts by others: units, densities, pieces, closed surfaces."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("jinja2")
+
+from antiosc.app import new
+from antiosc.app.new import inspect_part
+from parts import gmsh_session
+from scene_files import antiosc
+
+pytestmark = pytest.mark.fem
+#: Steel by the unit of a deck: metres of its length, E, density.
+UNITS = {
+    "mm": (1e-3, 210e3, 7.85e-9),
+    "m": (1.0, 210e9, 7850.0),
+    "in": (0.0254, 30.46e6, 7.345e-4),
+}
+SIDES = (0.3, 0.1, 0.05)
+CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+def deck(path: Path, unit: str, *, rho: bool = True, model: bool = True, pieces: int = 1) -> Path:
+    """Bars of two hexahedra each, of 0.3 x 0.1 x 0.05 m, held at one end, in the given unit."""
+    length, E, density = UNITS[unit]
+    nodes, cells, held = ["*NODE"], ["*ELEMENT, TYPE=C3D8, ELSET=ALL"], ["*BOUNDARY"]
+    for piece in range(pieces):
+        start = 12 * piece
+        for k in range(3):
+            for m, corner in enumerate(CORNERS):
+                x = np.array([k / 2 * SIDES[0], corner[0] * SIDES[1], corner[1] * SIDES[2]])
+                x[1] += piece * 0.5
+                values = ", ".join(f"{c:.9g}" for c in x / length)
+                nodes.append(f"{start + 4 * k + m + 1}, {values}")
+        for k in range(2):
+            around = ", ".join(str(start + 4 * k + m) for m in range(1, 9))
+            cells.append(f"{2 * piece + k + 1}, {around}")
+    held += [f"{n}, 1, 3" for n in range(1, 5)]
+    lines = [*nodes, *cells]
+    if model:
+        lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{E}, 0.3"]
+        lines += ["*DENSITY", f"{density}"] * rho
+        lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL", *held]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
+    found = inspect_part(deck(tmp_path / "a.inp", unit))
+    assert (found.read, found.of_deck) == ({"unit": unit}, True)
+    np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
+
+
+def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm", rho=False)
+    found = inspect_part(path)
+    scene = tomllib.loads(new.text("a.toml", "a.inp", found))
+    assert scene["deck"] == {"path": "a.inp", "unit": "mm", "density": 7850.0}
+    assert any("density" in what and "[deck]" in key for what, _, key in found.taken(False))
+
+
+def test_the_largest_piece_of_a_deck_that_falls_apart_is_taken(tmp_path):
+    found = inspect_part(deck(tmp_path / "a.inp", "m", pieces=2))
+    assert found.read == {"unit": "m", "piece": 1}
+    np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
+
+
+def test_a_deck_of_a_mesh_alone_is_a_mesh_with_a_material_to_give(tmp_path):
+    found = inspect_part(deck(tmp_path / "a.inp", "mm", model=False))
+    assert (found.of_deck, found.read["unit"]) == (False, "mm")
+    scene = tomllib.loads(new.text("a.toml", "a.inp", found))
+    assert scene["geometry"]["source"] == "a.inp"
+    assert scene["material"]["name"] == "steel S235"
+
+
+def test_a_site_that_the_supports_of_a_deck_hold_is_passed_over(tmp_path):
+    found = inspect_part(deck(tmp_path / "a.inp", "m"))
+    assert found.point[0] > 0.01
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_closed_surface_is_filled_and_struck_from_outside(tmp_path, turned):
+    points = np.array([[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 20)], dtype=float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    path = tmp_path / "box.stl"
+    meshio.write(path, meshio.Mesh(points, [("triangle", faces[:, ::-1] if turned else faces)]))
+    found = inspect_part(path)
+    assert (found.family, found.read["solid"], found.read["unit"]) == ("Solid", True, "mm")
+    inside = np.array(found.point) + 1e-3 * np.array(found.direction)
+    assert (inside > 0).all()
+    assert (inside < [0.06, 0.04, 0.02]).all()
+    assert found.ball <= 10 * found.radius
+
+
+@pytest.mark.parametrize(("gap", "read"), [(0, {"fragments": True}), (5, {"piece": 1})])
+def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, gap, read):
+    path = tmp_path / "two.step"
+    with gmsh_session() as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.model.occ.addBox(0, 0, 0, 40, 20, 20)
+        gmsh.model.occ.addBox(40 + gap, 0, 0, 10, 10, 10)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    found = inspect_part(path)
+    assert {k: v for k, v in found.read.items() if k != "size"} in (
+        read,
+        {**read, "fragments": True},
+    )
+    assert found.length == pytest.approx(50e-3 if "fragments" in read else 40e-3, rel=1e-3)
+    assert "2 solids" in found.notes[0]
+
+
+def test_what_was_guessed_is_a_table_and_what_cannot_be_read_writes_nothing(tmp_path, capsys):
+    deck(tmp_path / "a.inp", "mm")
+    assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.inp") == 0
+    said = capsys.readouterr().out
+    for key in ("[deck] unit", "[[supports]]", "[sites.tip] point", "[impactor]"):
+        assert key in said
+    assert said.splitlines()[-1].startswith("wrote")
+    (tmp_path / "b.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    assert antiosc("new", tmp_path / "b.toml", tmp_path / "b.inp") == 1
+    assert "next:" not in capsys.readouterr().out
+    assert not (tmp_path / "b.toml").exists()

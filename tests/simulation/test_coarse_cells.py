@@ -1,0 +1,67 @@
+"""Cells at a site that are large against the waves of the contact are told, without error=."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+import parts
+
+ALUMINIUM = {"E": 70e9, "nu": 0.3, "rho": 2700.0}
+LAW = ao.Linear(1e7)  # with 10 g a contact of 0.1 ms
+
+
+def struck(family, size):
+    if family == "shell":
+        mesh, material = ao.box_mesh((0.3, 0.3), size=size), ao.Shell(**ALUMINIUM, thickness=1e-3)
+        site = ao.Site((0.15, 0.15, 0.0), (0, 0, -1), radius=2e-3)
+    elif family == "beam":
+        mesh = ao.box_mesh((1.0,), size=size)
+        material = ao.Beam(**ALUMINIUM, section=ao.Section.rectangle(0.01, 0.01))
+        site = ao.Site((0.4, 0.0, 0.0), (0, 0, -1))
+    else:
+        n = round(0.2 / size)
+        mesh, material = parts.box((n, n, 1), (0.2, 0.2, 0.01)), ao.Solid(**ALUMINIUM)
+        site = ao.Site((0.1, 0.1, 0.01), (0, 0, -1), radius=0.02)
+    ends = ("left", "right") if family == "solid" else ("-x", "+x")
+    part = ao.Structure(mesh, material, [ao.Support(end) for end in ends])
+    return ao.extract(part, site, n=20), part, site
+
+
+def sentences(run):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run()
+    return [str(one.message) for one in caught if "measures" in str(one.message)]
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("family", "coarse", "fine", "thickness"),
+    [("shell", 0.06, 0.012, 1e-3), ("beam", 0.2, 0.03, 0.01), ("solid", 0.1, 0.03, 0.01)],
+)
+def test_a_cell_larger_than_half_a_wave_is_told(family, coarse, fine, thickness):
+    ball = ao.RigidMass(0.01, velocity=1.0)
+    model = struck(family, coarse)[0]
+    (said,) = sentences(lambda: ao.simulate(model, ball, LAW, 3e-4))
+    time, wave = re.search(r"contact of ([\d.]+) µs sends out ([\d.]+) mm", said).groups()
+    bending = thickness * np.sqrt(ALUMINIUM["E"] / ALUMINIUM["rho"] / 12)
+    exact = 2e3 * np.pi * np.sqrt(bending * float(time) * 1e-6 / np.pi)
+    assert float(wave) == pytest.approx(exact, rel=0.01)
+    assert not sentences(lambda: ao.simulate(struck(family, fine)[0], ball, LAW, 3e-4))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scene_and_a_message_tell_it_too():
+    ball = ao.RigidMass(0.01, velocity=1.0)
+    model, part, site = struck("shell", 0.06)
+    assert "measures" in ao.simulate(model, ball, LAW, 3e-4).message
+    several = ao.extract(part, {"tip": site}, n=20)
+    scene = ao.Scene({"part": several, "ball": ball}, [ao.Contact("part:tip", "ball", LAW)])
+    (said,) = sentences(lambda: scene.run(3e-4))
+    assert "'tip'" in said
+    assert not sentences(lambda: ao.simulate(model, ao.RigidMass(5.0, 1.0), ao.Linear(1e5), 0.05))

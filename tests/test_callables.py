@@ -1,0 +1,85 @@
+"""Functions and objects of the caller that do not fit: one sentence each."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from typing import Any
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation.truncation import truncation_error
+
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1], omega=[1e3])
+INPUTS = {"k": ao.normal(1.0, 0.1)}
+
+
+class Rubbish(Executor):
+    """Whose futures hold a number, whatever was to be called."""
+
+    def submit(self, *given: Any, **keywords: Any) -> Any:
+        found: Future[float] = Future()
+        found.set_result(3.0)
+        return found
+
+
+class Drawn:
+    """A distribution whose `ppf` returns what it was made with, or raises it."""
+
+    def __init__(self, found: Any) -> None:
+        self.found = found
+
+    def ppf(self, shares: np.ndarray) -> Any:
+        if isinstance(self.found, Exception):
+            raise self.found
+        return self.found
+
+
+def blow(x: Any) -> tuple[Any, ...]:
+    return MODEL, ao.RigidMass(0.2, 1.0), ao.Hertz(1e8 * x[0]), 5e-3
+
+
+def least(constraint: Any) -> Any:
+    return ao.minimize(blow, "peak_force", [1.0], constraints={"type": "ineq", "fun": constraint})
+
+
+def drawn(found: Any) -> Any:
+    return ao.monte_carlo(lambda k: k, {"k": Drawn(found)}, n=4)
+
+
+@pytest.mark.parametrize(
+    ("call", "word"),
+    [
+        (lambda: ao.minimize(lambda: 1, "peak_force", [1.0]), "function of x"),
+        (lambda: least(lambda x: "text"), "constraint returns"),
+        (lambda: least(lambda: 1.0), "function of x"),
+        (lambda: truncation_error(MODEL, lambda: 1), "run"),
+        (lambda: drawn("text"), "ppf of k"),
+        (lambda: drawn(np.zeros((2, 2))), "shape"),
+        (lambda: drawn(RuntimeError("boom")), "boom"),
+        (lambda: ao.monte_carlo(lambda k: k, INPUTS, n=4, executor=Rubbish()), "executor"),
+        (
+            lambda: ao.simulate_many(
+                MODEL, [ao.RigidMass(0.2, 1.0)] * 3, ao.Hertz(1e8), 5e-3, executor=Rubbish()
+            ),
+            "executor",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_told(call: Any, word: str) -> None:
+    with pytest.raises(ao.AntioscError, match=word):
+        call()
+
+
+@pytest.mark.fem
+def test_a_part_of_a_gradient_is_a_function_of_x() -> None:
+    hit = ao.simulate(*blow([1.0]))
+    with pytest.raises(ao.InputError, match="function of x"):
+        ao.gradient(hit, "peak_force", part=lambda: MODEL, x=[1.0])
+
+
+def test_x_of_a_gradient_belongs_to_a_function() -> None:
+    hit = ao.simulate(*blow([1.0]))
+    with pytest.raises(ao.InputError, match="part="):
+        ao.gradient(hit, "peak_force", x=[1.0])
