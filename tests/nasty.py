@@ -51,10 +51,11 @@ INNER = {
         "damping",
     ),
     "potential",
-    *("implicit", "out_of_range", "loading_work", "permanent", "parameters"),
+    *("implicit", "out_of_range", "without", "loading_work", "permanent", "parameters"),
     *("weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
     *("worst", "animate"),  # of a fall: need a mesh, and a second
+    *("node", "numbered", "close"),  # `Site(node=)` and `Support(nodes=)` check them; a view
     *("prepare", "constraints", "elastic", "label", "placed", "own", "components", "selected"),
 }
 if importlib.util.find_spec("pandas") is None:
@@ -66,7 +67,7 @@ RESULTS = {
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
     *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
     *("ForceComparison", "FoundImpact", "Gradient", "Optimum", "Margin", "DesignMap"),
-    *("Sample", "Sensitivity", "Quantile", "NearbyModels", "Peak"),
+    *("Sample", "Sensitivity", "Quantile", "NearbyModels", "Peak", "View"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -564,6 +565,10 @@ OWN: dict[str, dict[str, Any]] = {
     "plotting.running_mean": {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "window": 0.5},
     "plotting.plot_errors": {"series": {"a": ([1.0, 2.0], [0.1, 0.01])}},
     "plotting.plot_deformed": {"history": struck_part, "path": "part.png"},
+    "Dent": {"depth": 1e-5}, 
+    "ElasticPlastic": {"modulus": 1e10, "radius": 5e-3, "yield_strength": 1e8},
+    "ElasticPlastic.error_at": {"depth": 1e-5},
+    "ElasticPlastic.yield_speed": {"mass": 0.1}, "view": {"part": "no.step"},
     "plotting.plot_history": {"path": "hit.png"}, "History.plot": {"path": "hit.png"},
     "SceneHistory.plot": {"path": "hit.png"},
     "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},
@@ -583,7 +588,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Mesh": mesh, "StruckBeam": struck, "BeamModes": modes_of_beam,
     "UniformBeam": beam, "Sphere": sphere, "RigidMass": lambda: ao.RigidMass(0.1),
     "Obstacle": lambda: ao.Obstacle(), "Impactor": lambda: ao.Impactor(model()),
-    "Hertz": lambda: ao.Hertz(1e9),
+    "Hertz": lambda: ao.Hertz(1e9), "ElasticPlastic": lambda: ao.ElasticPlastic(1e10, 5e-3, 1e8),
     "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
     "Strengths": lambda: ao.Strengths(**STRENGTHS, interlaminar=6e7),
     "Scene": scene, "SceneHistory": scene_history,

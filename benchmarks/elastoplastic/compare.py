@@ -9,7 +9,7 @@ off; then other laws against the rigid sphere.
 from __future__ import annotations
 
 import numpy as np
-from table import Curves, curves
+from curves import Curves, curves
 
 import antiosc as ao
 

@@ -11,8 +11,8 @@ does in the finite elements.
 from __future__ import annotations
 
 import numpy as np
+from curves import Curves, curves
 from numpy.polynomial import polynomial
-from table import Curves, curves
 
 #: cases that the law is fitted to: the mean of a rigid sphere and one that is as elastic
 FITTED = ("rigid", "alike")

@@ -11,7 +11,7 @@ import compare
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
-from table import curves
+from curves import curves
 
 import antiosc as ao
 

@@ -14,9 +14,9 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "elastoplastic
 
 import compare
 import half_space
-import table
+from curves import curves
 
-CURVES = table.curves()
+CURVES = curves()
 LAW = compare.LAW
 PLACES = [(name, x) for name, of in CURVES.items() for x in sorted(of.unloading) if x <= 300]
 

@@ -18,6 +18,7 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
 from antiosc.contact.base import is_compiled
 from antiosc.fem.fields import source
+from antiosc.fem.recovery import NodeTensors
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
@@ -149,13 +150,21 @@ def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
             )
         except InputError:  # a beam, whose section has no outline
             return None
-        for there in dict.fromkeys(origin.place for origin in tensors.origins):
-            here = [k for k, origin in enumerate(tensors.origins) if origin.place == there]
-            own = np.isin(tensors.origin, here)
-            total, count = np.zeros((len(points), 6, shapes.shape[1])), np.zeros(len(points))
-            np.add.at(total, tensors.nodes[own], tensors.columns[own])
-            np.add.at(count, tensors.nodes[own], 1.0)
-            found.append(total / np.maximum(count, 1.0)[:, None, None])
+        if structure.comm.rank == 0:
+            found += _averages(tensors, len(points))
+    return found
+
+
+def _averages(tensors: NodeTensors, n: int) -> list[Array]:
+    """Mean tensors (N, 6, columns) at each of N nodes, for each place of them."""
+    found = []
+    for place in dict.fromkeys(origin.place for origin in tensors.origins):
+        here = [k for k, origin in enumerate(tensors.origins) if origin.place == place]
+        own = np.isin(tensors.origin, here)
+        total, count = np.zeros((n, *tensors.columns.shape[1:])), np.zeros(n)
+        np.add.at(total, tensors.nodes[own], tensors.columns[own])
+        np.add.at(count, tensors.nodes[own], 1.0)
+        found.append(total / np.maximum(count, 1.0)[:, None, None])
     return found
 
 

@@ -415,6 +415,7 @@ class ElasticPlastic(Hysteretic):
         small-strain finite elements of nu = 0.2 to 0.45, without hardening and with E/50
         (benchmarks/elastoplastic); beyond 300 yield indentations a guess that grows.
         """
+        depth = checks.nonnegative("depth", depth, "m")
         x = log(max(depth / self.yield_indentation, 1.0))
         force, restitution = (np.interp(x, np.log(MEASURED_AT), row) for row in MEASURED)
         return float(force), float(restitution)

@@ -89,6 +89,8 @@ def truncation_share(
 def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> ComplexArray:
     """Difference of the compliance along a row of sites from the softer extreme, at complex s."""
     assert model.P is not None
+    assert model.dependence is not None
+    row = row @ model.dependence
     known = _blocks.get(model)
     if known is None:
         known = _blocks[model] = _block_gauss(np.asarray(model.m0), model.omega**-2.0, model.P)
