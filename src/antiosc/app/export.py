@@ -24,7 +24,7 @@ from antiosc.contact import ContactLaw, Linear
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
-from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.simulation.bodies import RigidMass, Sphere
 from antiosc.simulation.scene import Scene, simulate
 from antiosc.simulation.scene_parts import Contact, SceneParts
@@ -311,12 +311,12 @@ def checked(path: str | os.PathLike[str]) -> str:
 def _law(source: object, impactor: LinearBody | None, contact: AnyLaw | None) -> ContactLaw | None:
     """The law of an impact; None for a model alone or a scene."""
     if impactor is None:
-        if contact not in (None, AUTO):
+        if contact is not None and not is_auto(contact):
             raise InputError("a contact needs an impactor: give both, or neither.")
         return None
     if isinstance(source, SceneParts):
         raise InputError("a Scene has its bodies and contacts; give no impactor with it.")
-    return law_of(contact or AUTO, source, impactor)
+    return law_of(AUTO if contact is None else contact, source, impactor)
 
 
 def _scene(

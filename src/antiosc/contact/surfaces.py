@@ -128,9 +128,10 @@ def matter_of(
         for key, value in given.items()
         if value is not None and value != getattr(found, key)
     }
-    if yield_strength is not None and yield_strength != found.yield_strength:
+    if yield_strength is not None:
         strength = checks.positive("yield_strength", yield_strength, "Pa")
-        changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
+        if strength != found.yield_strength:
+            changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
     return replace(found, **changed) if changed else found
 
 

@@ -330,7 +330,7 @@ class Body:
 
     def surface(self, site: str = "") -> Surface | None:
         """The surface of a site, from which the law of a contact follows; None: not known."""
-        return info_of(self).known_surfaces.get(site)
+        return info_of(self).known_surfaces.get(site) if isinstance(site, str) else None
 
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, TypeGuard
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
@@ -16,6 +16,11 @@ AUTO: Literal["auto"] = "auto"
 #: A law, or "auto".
 AnyLaw: TypeAlias = ContactLaw | Literal["auto"]
 LAW = 'a ContactLaw such as Hertz(stiffness), or "auto"'
+
+
+def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
+    """Whether the law is to be chosen; an array, which has no truth value, is not "auto"."""
+    return isinstance(contact, str) and contact == AUTO
 
 
 def chosen(one: object, other: object, sites: tuple[str, str] = ("", "")) -> Choice:
@@ -40,7 +45,7 @@ def _surface(body: object, site: str) -> Surface:
 
 def law_of(contact: object, one: object, other: object) -> ContactLaw:
     """The law that is given, or the one that two bodies of one contact point need."""
-    if contact == AUTO:
+    if is_auto(contact):
         return chosen(one, other).law
     return checks.instance("contact", contact, ContactLaw, LAW)
 

@@ -21,7 +21,7 @@ from antiosc.base.progress import counting
 from antiosc.base.texts import ReprMixin
 from antiosc.contact import ContactLaw
 from antiosc.models.body import LinearBody, info_of
-from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.simulation.histories import History
 from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.results import (
@@ -346,7 +346,7 @@ def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any
     found: dict[tuple[int, int], ContactLaw] = {}
     laws = list(given)
     for i, pair in enumerate(zip(models, impactors, strict=True)):
-        if laws[i] != AUTO:
+        if not is_auto(laws[i]):
             continue
         key = id(pair[0]), id(pair[1])
         try:

@@ -32,7 +32,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body, info_of, site_points
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
-from antiosc.simulation.auto_contact import AUTO, LAW, chosen
+from antiosc.simulation.auto_contact import AUTO, LAW, chosen, is_auto
 from antiosc.simulation.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 
 #: Least distance [m] of two ends that is told: points of sheets and beams lie on their middles.
@@ -40,7 +40,7 @@ SAME_PLACE = 0.01
 
 
 def _checked_law(name: str, law: object) -> object:
-    return law if law == AUTO else checks.instance(name, law, ContactLaw, LAW)
+    return law if is_auto(law) else checks.instance(name, law, ContactLaw, LAW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +226,7 @@ class SceneParts(FieldsRepr):
 
     def _with_law(self, contact: Contact) -> Contact:
         """The contact with the law that its bodies need, if it has none."""
-        if contact.law != AUTO:
+        if not is_auto(contact.law):
             return contact
         ends = [end.partition(":") for end in (contact.a, contact.b)]
         one, other = (self.bodies.get(name) for name, _, _ in ends)

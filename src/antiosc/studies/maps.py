@@ -59,7 +59,7 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
-from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import Force, motions, peak_deflections
@@ -334,7 +334,7 @@ def impact_map(
         radius = positive("radius", radius, "m")
     if band is not None:
         band = positive("band", band, "rad/s")
-    given = contact is not None and contact != AUTO
+    given = contact is not None and not is_auto(contact)
     if (impactor is None) != (duration is None) or (impactor is None and given):
         raise InputError(
             "impacts need both impactor and duration; an extraction needs none of them."
@@ -346,7 +346,9 @@ def impact_map(
         duration = positive("duration", duration, "s")
     matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
     refuse_dampers(structure, "a map")
-    law = None if impactor is None else on_plane(structure, impactor, contact or AUTO)
+    law = None
+    if impactor is not None:
+        law = on_plane(structure, impactor, AUTO if contact is None else contact)
     excited = _excited(impactor, law) if band is None and modes is None else None
     counts = (COUNTS[0],) if excited is None else COUNTS
     if n is not None:

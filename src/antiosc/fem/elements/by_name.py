@@ -53,8 +53,10 @@ def material(
     found = materials.record(name)
     given = {
         "E": E, "nu": nu, "rho": rho, "yield_strength": yield_strength,
-        "yield_range": yield_range, "loss": found.loss if loss is True else loss or None,
+        "yield_range": yield_range, "loss": loss if loss is not False else None,
     }  # fmt: skip
+    if loss is True:
+        given["loss"] = found.loss
     changed = {key: value for key, value in given.items() if value is not None}
     if found.G is not None:
         if changed or thickness is not None or section is not None:

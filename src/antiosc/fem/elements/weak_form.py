@@ -26,6 +26,7 @@ from antiosc.base.checks import (
     array,
     checked_by,
     flag,
+    instance,
     nonnegative,
     point_text,
     poisson,
@@ -330,6 +331,10 @@ def _checked_pair(name: str, value: object, unit: str = "") -> tuple[float, floa
     return low, high
 
 
+def _checked_text(name: str, value: object) -> str:
+    return instance(name, value, str, "a text")
+
+
 def _checked_rate(name: str, value: object) -> tuple[float, float]:
     """D [1/s] and q of Cowper and Symonds."""
     D, q = array(name, value, (2,)).tolist()
@@ -365,8 +370,8 @@ class Isotropic(Checked):
         default=None, kw_only=True, metadata=checked_by(_checked_rate)
     )
     brittle: bool = field(default=False, kw_only=True, metadata=checked_by(flag))
-    name: str = field(default="", kw_only=True)
-    source: str = field(default="", kw_only=True, repr=False)
+    name: str = field(default="", kw_only=True, metadata=checked_by(_checked_text))
+    source: str = field(default="", kw_only=True, repr=False, metadata=checked_by(_checked_text))
 
     @property
     def G(self) -> float:

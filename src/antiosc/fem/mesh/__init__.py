@@ -168,6 +168,7 @@ class Mesh(ReprMixin):
         instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
         instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
         instance("name", self.name, str, "a text")
+        instance("labels", self.labels, np.ndarray, "an array of numbers of nodes")
         flag("stated", self.stated)
         if self.cad is not None:
             instance("cad", self.cad, CadSurface, "what read_mesh finds in CAD")
