@@ -331,7 +331,7 @@ def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
 
 
 def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
-    return scipy.sparse.csr_matrix(np.array(b).reshape(-1, rows))
+    return scipy.sparse.csr_matrix(np.array(b).reshape(len(b), rows))
 
 
 def _add_component(
