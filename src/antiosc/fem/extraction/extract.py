@@ -303,7 +303,8 @@ def with_second_order(
     phi (rows of this rank, p): shapes of unit displacements of p sites, k0 (p, p) their stiffness.
     """
     alone = structure.matrices.meshed and not structure.matrices.assembled
-    if info.thickness is None or not alone or len(sites) != len(k0) or structure.rigid_modes.shape[1]:
+    held = structure.rigid_modes.shape[1] == 0
+    if info.thickness is None or not (alone and held) or len(sites) != len(k0):
         return info
     from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
 
