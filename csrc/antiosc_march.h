@@ -105,7 +105,7 @@ typedef enum aom_law_kind {
     AOM_YANG_SUN,   /* laminates.                                      k, critical indentation */
     AOM_TAN_SUN,    /* laminates.                                      k, critical, slope */
     AOM_ELASTIC_PLASTIC, /* sphere and half-space, one of which yields. k, yield indentation,
-                       k^(-2/3) */
+                       the share of the flexibility of the other one to 1.5, k^(-2/3) */
     AOM_TABLE,      /* measured curves, monotone cubics.  elastic (0 or 1), permanent indentation
                        over the deepest, number of knots of loading and of unloading, index of the
                        first unloading parameter, loading, unloading; a curve of n knots is n each

@@ -209,6 +209,8 @@ typedef struct unloading {
 
 static curve whole_loading(const aom_law *law, double delta);
 static curve whole_permanent(const aom_law *law, double deepest);
+static curve elastic_pressing(double s);
+static curve elastic_recovery(double s);
 static double whole_depth(const aom_law *law, double delta);
 static double patch_compliance(const aom_law *law);
 static curve law_loading(const aom_law *law, double delta);

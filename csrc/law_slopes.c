@@ -25,6 +25,8 @@ static law_slopes whole_slopes(const aom_law *law, double delta) {
         by.params[1] = (1.5 * at.value - delta * at.slope) / p[1];
     else
         by.params[1] = at.value * log(delta);
+    if (law->kind == AOM_ELASTIC_PLASTIC && delta > p[1])
+        by.params[2] = p[0] * sqrt(p[1]) * delta * elastic_pressing(sqrt(sqrt(p[1] / delta))).value;
     return by;
 }
 
@@ -58,6 +60,8 @@ static law_slopes low_slopes(const aom_law *law, double whole, const law_slopes 
     by.params[1] += (low.value - whole * low.slope) / p[1];
     if (law->kind == AOM_TAN_SUN)
         by.params[2] += whole - p[1];
+    if (law->kind == AOM_ELASTIC_PLASTIC)
+        by.params[2] -= sqrt(p[1] * whole) * elastic_recovery(sqrt(sqrt(p[1] / whole))).value;
     return by;
 }
 

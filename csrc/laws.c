@@ -13,14 +13,19 @@
 #define DEEP_POWER 1.25 /* of unloading from far beyond yield */
 
 /* Numbers of the kinds before AOM_TABLE, but for a compliance behind them. */
-static const int NUMBERS[] = {1, 2, 5, 3, 2, 2, 2, 3, 3};
+static const int NUMBERS[] = {1, 2, 5, 3, 2, 2, 2, 3, 4};
 
 /* A sphere that yields, of s = (yield indentation/delta)^(1/4): F = F_y P(s)/s^4, and the share of
- * the indentation that unloading recovers s^2 Q(s). Fitted by benchmarks/elastoplastic/fit.py. */
+ * the indentation that unloading recovers s^2 Q(s); behind each what a side that stays elastic adds,
+ * times its share of the flexibility to 1.5. Fitted by benchmarks/elastoplastic/fit.py. */
 static const double PRESSING[] = {10.156064, -28.117782, 42.624046, -40.571769,
                                   21.962204, -5.052764};
+static const double PRESSING_ELASTIC[] = {2.4294718, -3.6671647, -4.0542905, 9.392188, -4.1002046,
+                                          0.0};
 static const double RECOVERY[] = {4.506655, -7.059605, 5.444735, -1.891785};
-#define COUNT(array) ((int)(sizeof array / sizeof *array))
+static const double RECOVERY_ELASTIC[] = {0.16412376, 3.3252718, -7.3789789, 3.8895833};
+#define PRESSINGS ((int)(sizeof PRESSING / sizeof *PRESSING))
+#define RECOVERIES ((int)(sizeof RECOVERY / sizeof *RECOVERY))
 
 static const tangent NO_FORCE = {0.0, 0.0, 0.0};
 
@@ -80,6 +85,24 @@ static curve polynomial(const double *c, int n, double s) {
     return sum;
 }
 
+/* What an elastic side adds to P(s) and Q(s), over its share to 1.5. */
+curve elastic_pressing(double s) { return polynomial(PRESSING_ELASTIC, PRESSINGS, s); }
+curve elastic_recovery(double s) { return polynomial(RECOVERY_ELASTIC, RECOVERIES, s); }
+
+/* P(s) of a sphere that yields, and its slope. */
+static curve pressing_of(const aom_law *law, double s) {
+    curve p = polynomial(PRESSING, PRESSINGS, s);
+    curve more = elastic_pressing(s);
+    return (curve){p.value + law->params[2] * more.value, p.slope + law->params[2] * more.slope};
+}
+
+/* Q(s), and its slope. */
+static curve recovery_of(const aom_law *law, double s) {
+    curve q = polynomial(RECOVERY, RECOVERIES, s);
+    curve more = elastic_recovery(s);
+    return (curve){q.value + law->params[2] * more.value, q.slope + law->params[2] * more.slope};
+}
+
 /* F/F_y of Stronge's law is `area growth`, with area = 2 delta/delta_y - 1. */
 static double stronge_growth(double area) {
     return 1.0 + log(smaller(area, 2.0 * FULLY_PLASTIC - 1.0)) / PRESSURE;
@@ -107,7 +130,7 @@ curve whole_loading(const aom_law *law, double delta) {
     double k = law->params[0], y = law->params[1];
     if (law->kind == AOM_ELASTIC_PLASTIC && delta > y) {
         double s = sqrt(sqrt(y / delta)), top = k * y * sqrt(y);
-        curve p = polynomial(PRESSING, COUNT(PRESSING), s);
+        curve p = pressing_of(law, s);
         return (curve){top * delta / y * p.value, top / y * (p.value - 0.25 * s * p.slope)};
     }
     if (law->kind == AOM_THORNTON && delta > y)
@@ -123,10 +146,11 @@ curve whole_loading(const aom_law *law, double delta) {
 }
 
 /* The integral of F/F_y from 1 to x of a sphere that yields. */
-static double pressing_area(double x) {
+static double pressing_area(const aom_law *law, double x) {
     double s = sqrt(sqrt(1.0 / x)), power_of_s = 1.0, total = 0.0;
-    for (int i = 0; i < COUNT(PRESSING); i++) {
-        total += PRESSING[i] / (2.0 - 0.25 * i) * (x * x * power_of_s - 1.0);
+    for (int i = 0; i < PRESSINGS; i++) {
+        double c = PRESSING[i] + law->params[2] * PRESSING_ELASTIC[i];
+        total += c / (2.0 - 0.25 * i) * (x * x * power_of_s - 1.0);
         power_of_s *= s;
     }
     return total;
@@ -149,7 +173,7 @@ static double whole_work(const aom_law *law, double delta) {
         return elastic + k * sqrt(y) * (delta - y) * (0.75 * (delta + y) - 0.5 * y);
     double scale = k * y * sqrt(y) * y;
     if (law->kind == AOM_ELASTIC_PLASTIC)
-        return elastic + scale * pressing_area(delta / y);
+        return elastic + scale * pressing_area(law, delta / y);
     /* the integral of s (1 + ln s/P) ds/2 from 1 to s = 2 x - 1 */
     double s = 2.0 * delta / y - 1.0, full = 2.0 * FULLY_PLASTIC - 1.0, a = smaller(s, full);
     double work = (a * a - 1.0) / 4 + (a * a * (2.0 * log(a) - 1.0) + 1.0) / (8.0 * PRESSURE);
@@ -189,7 +213,7 @@ curve whole_permanent(const aom_law *law, double deepest) {
         return (curve){law->params[2] * (deepest - y), law->params[2]};
     default: {
         double s = sqrt(sqrt(1.0 / x));
-        curve q = polynomial(RECOVERY, COUNT(RECOVERY), s);
+        curve q = recovery_of(law, s);
         double recovers = s * s * q.value;
         return (curve){larger(deepest * (1.0 - recovers), 0.0),
                        1.0 - 0.5 * recovers + 0.25 * s * s * s * q.slope};
@@ -377,7 +401,7 @@ typedef struct elastic_part {
 
 static elastic_part elastic_of(const aom_law *law) {
     const double *p = law->params;
-    double k = p[0], y = p[1], a = p[2], c = patch_compliance(law);
+    double k = p[0], y = p[1], a = p[3], c = patch_compliance(law);
     if (c == 0.0)
         return (elastic_part){{k, 0.0, a, INFINITY, 0.0}, y};
     double end = TAKEN * 2 * a / (3 * c), reach = (a - c * end) * end * end;
@@ -801,6 +825,7 @@ int aom_law_check(const aom_law *law) {
                                positive(p[4]) && 2.0 * p[2] - 3.0 * p[1] * p[3] > 0.0);
     else
         good = positive(p[1]) && (law->kind != AOM_TAN_SUN || (p[2] > 0.0 && p[2] < 1.0)) &&
-               (law->kind != AOM_ELASTIC_PLASTIC || positive(p[2]));
+               (law->kind != AOM_ELASTIC_PLASTIC ||
+                (p[2] >= 0.0 && p[2] <= 1.0 && positive(p[3])));
     return good ? AOM_DONE : AOM_BAD_LAW;
 }

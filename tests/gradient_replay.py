@@ -98,6 +98,11 @@ def _responses(omega: complex, decay: complex, t: complex) -> np.ndarray:
     return (expm(A * t * np.outer(1 / scale, scale)) / np.outer(1 / scale, scale))[:2]
 
 
+def _mixed(name: str, p: np.ndarray) -> np.ndarray:
+    more = np.array(law_formulas.numbers_of(f"{name}_ELASTIC"))
+    return np.array(law_formulas.numbers_of(name)) + p[2] * more
+
+
 def _loading(kind: int, p: np.ndarray, d: complex) -> complex:
     if kind == march.TABLE:
         return _cubic(p[5:], int(p[2].real), d)
@@ -108,7 +113,7 @@ def _loading(kind: int, p: np.ndarray, d: complex) -> complex:
         s = 2 * d / y - 1
         return k * y**1.5 * s * (1 + np.log(s if s.real < 2 * FULLY - 1 else 2 * FULLY - 1) / 3.3)
     if kind == march.ELASTIC_PLASTIC and d.real > y.real:
-        return k * y**0.5 * d * polyval((y / d) ** 0.25, law_formulas.numbers_of("PRESSING"))
+        return k * y**0.5 * d * polyval((y / d) ** 0.25, _mixed("PRESSING", p))
     return k * d**1.5
 
 
@@ -134,7 +139,7 @@ def _permanent(kind: int, p: np.ndarray, m: complex) -> complex:
         return p[2] * (m - y)
     if kind == march.ELASTIC_PLASTIC:
         root = (y / m) ** 0.25
-        return m * (1 - root**2 * polyval(root, law_formulas.numbers_of("RECOVERY")))
+        return m * (1 - root**2 * polyval(root, _mixed("RECOVERY", p)))
     s = 2 * m / y - 1
     a = s if s.real < 2 * FULLY - 1 else 2 * FULLY - 1 + 0j
     work = (a * a - 1) / 4 + (a * a * (2 * np.log(a) - 1) + 1) / (8 * 3.3)

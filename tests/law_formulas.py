@@ -23,6 +23,12 @@ def numbers_of(name: str) -> list[float]:
     return [float(value) for value in found.split(",")]
 
 
+def mixed(name: str, law: ao.ElasticPlastic) -> np.ndarray:
+    """The coefficients of a sphere that yields, with those of an elastic side."""
+    more = np.array(numbers_of(f"{name}_ELASTIC"))
+    return np.array(numbers_of(name)) + law.elastic_share**1.5 * more
+
+
 def unloading_power(law: ao.ContactLaw, m: float) -> float:
     """Of unloading from a deepest indentation m."""
     if isinstance(law, ao.ElasticPlastic):
@@ -82,7 +88,7 @@ def whole_virgin(law: ao.ContactLaw, d: float) -> float:
         return k * y**1.5 * s * (1 + log(min(s, 167.0)) / 3.3)
     if isinstance(law, ao.ElasticPlastic) and d > law.yield_indentation:
         x = d / law.yield_indentation
-        return law.yield_force * x * float(polyval(x**-0.25, numbers_of("PRESSING")))
+        return law.yield_force * x * float(polyval(x**-0.25, mixed("PRESSING", law)))
     if isinstance(law, ao.Tabulated):
         n = int(law.parameters()[2])
         x, y = np.array(law.parameters()[5 : 5 + n]), points(law)
@@ -103,7 +109,7 @@ def permanent(law: ao.ContactLaw, m: float) -> float:
         return permanent(law.without(0.0), whole(law, m)[0])
     if isinstance(law, ao.ElasticPlastic):
         x = max(m / law.yield_indentation, 1.0)
-        return float(m * (1 - x**-0.5 * polyval(x**-0.25, numbers_of("RECOVERY"))))
+        return float(m * (1 - x**-0.5 * polyval(x**-0.25, mixed("RECOVERY", law))))
     if isinstance(law, ao.Thornton):
         hertz = law.stiffness * m**1.5
         return m * (1 - virgin(law, m) / hertz) if m > law.yield_indentation else 0.0

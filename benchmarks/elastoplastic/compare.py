@@ -8,13 +8,23 @@ off; then other laws against the rigid sphere.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from curves import Curves, curves
+from truth import CASES
 
 import antiosc as ao
 
 LAW = ao.ElasticPlastic(modulus=1e11, radius=0.01, yield_strength=3e8)
 DEPTHS = (1.5, 2, 3, 6, 10, 30, 60, 100, 300, 1000)
+
+
+def law_of(name: str) -> ao.ElasticPlastic:
+    """The law of a case, as `contact="auto"` would take it."""
+    case = CASES[name]
+    share = 1 - (1 - case.nu**2) * case.modulus if case.sphere else 0.0
+    return replace(LAW, elastic_share=share)
 
 
 def measured(law: ao.Hysteretic, x: float) -> tuple[float, float, float]:
@@ -76,7 +86,7 @@ def main() -> None:
     for name, of in known.items():
         for x in DEPTHS:
             if x in of.unloading:
-                force, restitution, dent = differences(LAW, of, x)
+                force, restitution, dent = differences(law_of(name), of, x)
                 print(
                     f"{name:20} {x:6g} {100 * force:+.1f} % e {restitution:+.3f} dent {dent:+.3f}"
                 )

@@ -19,7 +19,8 @@ class Curves:
         self.unloading = unloading
         self.x, self.ratio = loading[:, 0], loading[:, 1] / loading[:, 0] ** 1.5
         #: the grid's own error, from forces below yield, where Hertz's law is exact
-        self.bias = float(np.mean(self.ratio[self.x <= 1]))
+        below = self.ratio[self.x <= 1]
+        self.bias = float(np.mean(below)) if below.size else 1.0
         self.ratio = self.ratio / self.bias
         # over the logarithm of x; 0.6 % is the scatter of an edge that goes from node to node
         self._smooth = UnivariateSpline(
@@ -42,7 +43,7 @@ class Curves:
         """x and force of unloading, from the dent up; the last points go down by a power of 1.3."""
         x, force = self.unloading[top][:, 0], self.unloading[top][:, 1] / self.bias
         x, force = np.append(top, x), np.append(self.force(top), force)
-        low = force < 0.2 * force[0]
+        low = force <= max(0.2 * force[0], np.sort(force)[2])
         shift = np.polyfit(force[low] ** (1 / 1.3), x[low], 1)[1]
         return np.append(x, shift)[::-1], np.append(force, 0.0)[::-1]
 
@@ -62,7 +63,7 @@ def curves(name: str = "small_strain.csv") -> dict[str, Curves]:
     unloading = defaultdict(lambda: defaultdict(list))
     with (HERE / name).open() as file:
         for row in csv.DictReader(file):
-            point = tuple(float(row[key]) for key in ("x", "force", "radius2", "volume"))
+            point = tuple(float(row[key]) for key in ("x", "force"))
             if row["row"] == "load":
                 loading[row["case"]].append(point)
             else:

@@ -96,15 +96,20 @@ def curves(name: str, cells: int = CELLS) -> list[tuple[object, ...]]:
     return rows.rows
 
 
-def replaced(name: str, rows: list[tuple[object, ...]]) -> None:
+def replaced(
+    name: str,
+    rows: list[tuple[object, ...]],
+    path: Path = PATH,
+    head: tuple[str, ...] = HEAD,
+) -> None:
     """Write the rows of a case into the file, in place of its old ones."""
     kept: list[tuple[object, ...]] = []
-    if PATH.exists():
-        with PATH.open() as file:
+    if path.exists():
+        with path.open() as file:
             kept = [tuple(row) for row in csv.reader(file) if row[0] not in ("case", name)]
-    with PATH.open("w", newline="") as file:
+    with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEAD)
+        writer.writerow(head)
         writer.writerows(kept + rows)
 
 

@@ -23,15 +23,16 @@ PLACES = [(name, x) for name, of in CURVES.items() for x in sorted(of.unloading)
 
 @pytest.mark.parametrize(("name", "x"), PLACES)
 def test_force_and_restitution_against_finite_elements(name: str, x: float) -> None:
-    """Within what is stated there; without hardening within 5 %, from x = 100 on 10 %, and 0.03."""
-    force, restitution, dent = abs(compare.differences(LAW, CURVES[name], x))
+    """Within what is stated there; without hardening within 3 %, from x = 100 on 4 %, and 0.02."""
+    force, restitution, dent = abs(compare.differences(compare.law_of(name), CURVES[name], x))
     most = LAW.error_at(x * LAW.yield_indentation)
     assert force <= most[0]
     assert restitution <= most[1]
-    assert dent <= 0.03
+    assert dent <= 0.06
     if "hardening" not in name:
-        assert force <= (0.05 if x <= 100 else 0.1)
-        assert restitution <= 0.03
+        assert force <= (0.033 if x <= 100 else 0.04)
+        assert restitution <= 0.02
+        assert dent <= 0.02
 
 
 def test_the_finite_elements_are_hertz_s_below_yield() -> None:
@@ -59,9 +60,10 @@ def test_below_yield_a_run_is_that_of_hertz_to_the_last_bit(patch: float) -> Non
 
 
 @pytest.mark.parametrize("strength", [3e7, 3e8, 3e9])
-def test_the_law_has_no_jump_and_gives_no_energy_back_twice(strength: float) -> None:
+@pytest.mark.parametrize("share", [0.0, 0.75])
+def test_the_law_has_no_jump_and_gives_no_energy_back_twice(strength: float, share: float) -> None:
     """Force rises with a slope without jumps, from 0.1 to 1e5 times the yield indentation."""
-    law = ao.ElasticPlastic(1e11, 0.01, strength)
+    law = ao.ElasticPlastic(1e11, 0.01, strength, elastic_share=share)
     x = np.geomspace(0.1, 1e5, 4000)
     force = np.array([law.force(d, 0.0, law.touch(1.0)) for d in x * law.yield_indentation])
     slope = np.diff(np.log(force)) / np.diff(np.log(x))
@@ -86,7 +88,7 @@ def test_the_speed_at_first_yield() -> None:
 LAWS = [
     ao.Hertz(1e9), ao.Power(1e9, 1.5), ao.HuntCrossley(1e9, 0.8), ao.Linear(5e6),
     ao.Thornton(1e9, 2e-6), ao.Stronge(1e9, 1e-6), ao.YangSun(1e9, 1e-5), ao.TanSun(1e9, 1e-5),
-    ao.ElasticPlastic(1e10, 5.6e-3, 1e8),
+    ao.ElasticPlastic(1e10, 5.6e-3, 1e8), ao.ElasticPlastic(1e10, 5.6e-3, 1e8, elastic_share=0.6),
 ]  # fmt: skip
 
 

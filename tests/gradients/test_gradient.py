@@ -142,7 +142,7 @@ def test_units_of_mass_and_length(law: Any, model: dict[str, Any], goal: str) ->
 def test_a_sphere_that_yields_by_all_its_numbers(soft: float, goal: str) -> None:
     """Central differences; on the stiff structure the dent is loaded anew."""
     numbers = {"modulus": 5e10, "radius": 0.01, "yield_strength": 3e8, "nu": 0.3}
-    numbers |= {"compliance": 2e-9}
+    numbers |= {"elastic_share": 0.3, "compliance": 2e-9}
     model = {"m0": 0.02, "k0": soft, "m": [0.05], "omega": [3e4]}
 
     def run(tol: float, **changed: float) -> ao.History:

@@ -24,10 +24,6 @@ from antiosc.simulation.histories.parts import NO_ERROR, differences, with_floor
 GIVEN = "The contact's law was given: its error is not in these bars."
 #: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
 TABOR = 0.2
-#: Errors of the law at equal indentation, up to 100 times that at first yield: between a sphere
-#: that is rigid and one that is as elastic as the other side; of hardening by E/50; and of finite
-#: strain at E*/Y = 50, 0.01 at 244 (finite elements, benchmarks/elastoplastic; CalculiX).
-FITTED, HARDENED, STRAINED = 0.022, 0.02, 0.11
 #: Repeats the impact by another law, to a tolerance.
 ByLaw = Callable[[ContactLaw, float], History]
 
@@ -58,7 +54,10 @@ def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
     law, soft = choice.law, choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
         return
-    yield list(_by_error(law, raw.peak_force))
+    if raw.peak_force <= law.yield_force:
+        return
+    yield list(_by_error(law, choice.error, raw))
+    yield [replace(law, elastic_share=share) for share in choice.shares or ()]
     yield list(_by_strength(law, soft, raw))
 
 
@@ -81,18 +80,11 @@ def _bent(surface: Surface, change: float) -> Surface:
     return replace(surface, curvatures=(low, high), error=0.0)
 
 
-def _by_error(law: ElasticPlastic, force: float) -> Iterator[ContactLaw]:
+def _by_error(law: ElasticPlastic, elliptic: float, raw: History) -> Iterator[ContactLaw]:
     """The law with forces that are off by its measured error: E and Y scale them."""
-    share = measured_error(law, force)
-    for factor in (1 - share, 1 + share) if share else ():
+    share = law.error_at(raw.deepest)[0] + elliptic
+    for factor in (1 - share, 1 + share):
         yield replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
-
-
-def measured_error(law: ElasticPlastic, force: float) -> float:
-    """What the force of the law was measured to be off by at its indentation; 0 below yield."""
-    if force <= law.yield_force:
-        return 0.0
-    return FITTED + HARDENED + STRAINED * (50 * law.yield_strength / law.modulus) ** 1.5
 
 
 def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[ContactLaw]:

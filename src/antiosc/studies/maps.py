@@ -57,7 +57,7 @@ from antiosc.fem.site.sites import Sites, doubtful_patches
 from antiosc.fem.site.surface import PlaneOf, surface_at
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models import driving_point, free_modes
-from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.simulation.batch import simulate_many
@@ -420,8 +420,11 @@ def _laws(
     laws, sharp = [], np.zeros(len(found), dtype=bool)
     radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
     sites = zip(found.points, found.directions, radii.tolist(), strict=True)
+    striker = impactor.surface() if isinstance(impactor, Body) else None
+    lengths = striker is None or 0.0 in striker.curvatures
     for i, (point, direction, radius) in enumerate(sites):
-        own = surface_at(structure, point, direction, None if np.isnan(radius) else radius)
+        patch = None if np.isnan(radius) else radius
+        own = surface_at(structure, point, direction, patch, lengths)
         body = PlaneOf(structure, own)
         try:
             laws.append(law_of(AUTO, body, impactor))

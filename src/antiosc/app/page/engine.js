@@ -77,7 +77,7 @@ function parameters(law, c, k) {
   const old = law.params;
   if (k === null) return [...old.slice(0, -1), c];
   if (law.kind === LINEAR) return [k, c * k > TAKEN ? 0 : c];
-  if (law.kind === ELASTIC_PLASTIC) return [k, old[1] * (old[0] / k) ** 2, k ** (-2 / 3), c];
+  if (law.kind === ELASTIC_PLASTIC) return [k, old[1] * (old[0] / k) ** 2, old[2], k ** (-2 / 3), c];
   if (law.kind !== HERTZ) return [k, ...old.slice(1, -1), c];
   const a = k ** (-2 / 3), end = c > 0 ? TAKEN * 2 * a / (3 * c) : Infinity;
   return [k, c, a, end, c > 0 ? 2 / 3 * a / end - c : 0];

@@ -65,8 +65,9 @@ UNRESOLVED = 0.8
 #: Curvatures by CAD are taken of nodes within this many lengths of the sides of the faces at the
 #: point; those near to it count more, by exp(-NEARER r^2) with the largest distance as unit.
 NODES_WIDE, NEARER = 2.0, 2.0
-#: Looks along a line, halvings at its ends, and the height over its radius by which it may miss.
-LOOKS, HALVINGS, MISSED = 200, 20, 0.1
+#: Looks along a line, how often its end is looked for between two of them, and the height over its
+#: radius by which it may miss.
+LOOKS, CLOSER, MISSED = 200, 3, 0.1
 #: Steps along a line that is not straight, the height below which it has ended, and looks across
 #: it, over its radius.
 STEP, FALLEN, ACROSS = 0.25, 0.25, np.linspace(-0.3, 0.3, 5)
@@ -146,13 +147,16 @@ class Patch:
         return np.asarray(points[np.unique(rounded, axis=0, return_index=True)[1]])
 
 
-def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None) -> Curvature:
+def curvature(
+    mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None, lengths: bool = True
+) -> Curvature:
     """Curvature of the surface of a mesh at its point next to `point` (3,).
 
     Parameters
     ----------
     faces : of the mesh; those of a solid are its outer ones.
     direction : (3,) of an impact, to which the normal of a sheet is opposite; optional.
+    lengths : whether the lengths of lines are looked for, which takes most of the time.
 
     Raises
     ------
@@ -184,7 +188,7 @@ def curvature(mesh: Mesh, faces: Faces, point: Array, direction: Array | None = 
         label = patch.surfaces(faces.sheet)
         smooth = patch.only(np.isin(label, label[patch.touching]))
         found = _from_nodes(smooth, x, normal)
-    return _with_length(faces, found, size) if found.kind == LINE else found
+    return _with_length(faces, found, size) if lengths and found.kind == LINE else found
 
 
 def _patch(faces: Faces, point: Array, reach: float) -> Patch:
@@ -302,7 +306,7 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
     mean = shares @ normals
     mean /= np.linalg.norm(mean)
     basis = np.linalg.svd(mean[None])[2][1:]
-    turns = basis @ np.array([_turn(each, mean) for each in normals])
+    turns = basis @ _turns(normals, mean)
     tensors = turns @ tensors @ np.swapaxes(turns, 1, 2)
     here = np.flatnonzero(np.linalg.norm(near.points - x, axis=1) < TOUCH * radius)
     if len(here):
@@ -341,11 +345,10 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
     return np.where(none, 0.0, values), LINE if none.any() else CURVED
 
 
-def _turn(start: Array, end: Array) -> Array:
-    """The smallest rotation (3, 3) of one unit vector into another one that is not opposite."""
-    axis = np.cross(start, end)
-    cross = np.cross(np.eye(3), axis)
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + start @ end))
+def _turns(starts: Array, end: Array) -> Array:
+    """The smallest rotations (n, 3, 3) of unit vectors into another one that is not opposite."""
+    cross = np.cross(np.eye(3), np.cross(starts, end)[:, None])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + starts @ end)[:, None, None])
 
 
 # -- from the nodes
@@ -511,15 +514,11 @@ def _with_length(faces: Faces, found: Curvature, size: float) -> Curvature:
 
 def _end(there: Callable[[Array], BoolArray], size: float) -> float:
     """Where the surface ends along a line [m]."""
-    t = np.linspace(0.0, size, LOOKS)
-    last = int(np.argmin(there(t[1:]).astype(int)))
-    inside, outside = float(t[last]), float(t[last + 1])
-    for _ in range(HALVINGS):
-        middle = (inside + outside) / 2
-        if there(np.array([middle]))[0]:
-            inside = middle
-        else:
-            outside = middle
+    inside, outside = 0.0, size
+    for _ in range(1 + CLOSER):
+        t = np.linspace(inside, outside, LOOKS)
+        last = int(np.argmin(np.append(there(t[1:-1]), False)))
+        inside, outside = float(t[last]), float(t[last + 1])
     return inside
 
 

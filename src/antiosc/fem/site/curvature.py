@@ -24,7 +24,10 @@ NO_SURFACE = "matrices have no surface: give the law of the contact."
 
 
 def curvature_at(
-    structure: Structure, point: ArrayLike, direction: Sequence[float] | None = None
+    structure: Structure,
+    point: ArrayLike,
+    direction: Sequence[float] | None = None,
+    lengths: bool = True,
 ) -> Curvature:
     """Principal curvatures of the outer surface of a structure at its point next to `point`.
 
@@ -37,6 +40,8 @@ def curvature_at(
     direction : sequence of floats, optional
         Of the impact. A shell is struck on the face that is opposite to it, half a thickness
         outside of the middle surface.
+    lengths : bool
+        Whether the lengths of lines are looked for, which takes most of the time.
 
     Raises
     ------
@@ -52,7 +57,11 @@ def curvature_at(
         along = None if way is None else way @ turn
         part, own = member.part, member.at.own(x[None])[0]
         flat_sheet = part.kind.sheet and part.mesh.gdim == 2
-        found = _flat(own, along) if flat_sheet else curvature(part.mesh, part.faces, own, along)
+        found = (
+            _flat(own, along)
+            if flat_sheet
+            else curvature(part.mesh, part.faces, own, along, lengths)
+        )
         if part.kind.sheet:
             found = found.beyond(_material(part, own).section.thickness / 2)
         return found.placed(turn, member.at.placed(np.zeros((1, 3)))[0])

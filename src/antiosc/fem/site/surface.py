@@ -27,10 +27,12 @@ def surface_at(
     point: Array | None,
     direction: Array | None = None,
     radius: float | None = None,
+    lengths: bool = True,
 ) -> Surface | None:
     """The surface at a point (3,), struck along a direction (3,) on a patch of this radius [m].
 
-    None where nothing is known of it: matrices, plane parts, materials with directions.
+    None where nothing is known of it: matrices, plane parts, materials with directions. Without
+    `lengths` those of lines are infinite: a ball does not need them.
     """
     if point is None:
         return None
@@ -40,7 +42,7 @@ def surface_at(
         matter = _matter(material)
         if matter is None or isinstance(material, Beam):
             return None if matter is None else _of_bar(material, matter, radius)
-        found = curvature_at(structure, point, way)
+        found = curvature_at(structure, point, way, lengths)
     except InputError:
         return None
     return placed(found, matter, corner_radius(structure), radius)

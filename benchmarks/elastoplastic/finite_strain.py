@@ -1,0 +1,178 @@
+"""Tables of a rigid sphere on an elastoplastic half-space with large strains, by CalculiX.
+
+Writes `finite_strain.csv`, with columns of `small_strain.csv`: forces over that at first yield
+against x = indentation over that at first yield, for several E*/Y. Axisymmetric quadrilaterals
+of degree two with NLGEOM; the sphere is one (no paraboloid) and its nodes move as they are told.
+Needs `ccx` (Debian: calculix-ccx).
+
+    python benchmarks/elastoplastic/finite_strain.py [names of cases]
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from half_space import Case, graded, yield_factor
+from truth import HEAD, replaced, widest
+
+PATH = Path(__file__).parent / "finite_strain.csv"
+NU = 0.3
+#: E*/Y, and the deepest x
+CASES = {
+    "E*/Y 50": (50.0, 100.0),
+    "E*/Y 100": (100.0, 100.0),
+    "E*/Y 244": (244.0, 300.0),
+    "E*/Y 500": (500.0, 300.0),
+    "E*/Y 2000": (2000.0, 300.0),
+}
+#: ranges of x, each with its own grid; it is unloaded from the end of each
+RANGES = ((7.0, 100.0), (80.0, 300.0))
+START, STEPS = 0.004, 25  # over the end of a range
+CELLS, GROWTH, REACH = 14, 1.5, 300.0
+#: Of the contact: E over the size of a cell, times this. Pressures of 3 Y take 0.1 % of the depths
+#: that are kept; 40 and more did not converge.
+STIFF = 10.0
+UNLOADED = np.arange(0.1, 1.6, 0.18)  # over x^0.72
+INCREMENTS = 200
+CONTROLS = (
+    "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n30, 50, 30, 60, 50, 10, , 60, ,\n"
+    "0.25, 0.5, 0.75, 0.85, , , 1.5, \n"
+)
+
+
+@dataclass
+class Mesh:
+    """Nodes (n, 2) and quadrilaterals of eight nodes (m, 8), numbered from 0."""
+
+    points: np.ndarray
+    cells: np.ndarray
+
+    @classmethod
+    def of_grid(cls, r: np.ndarray, z: np.ndarray) -> Mesh:
+        """Rectangles between the lines of r and z, both ascending."""
+        fine_r, fine_z = halved(r), halved(z)
+        index = np.arange(len(fine_r) * len(fine_z)).reshape(len(fine_z), len(fine_r))
+        points = np.stack(np.meshgrid(fine_r, fine_z), -1).reshape(-1, 2)
+        corners = [(0, 0), (0, 2), (2, 2), (2, 0), (0, 1), (1, 2), (2, 1), (1, 0)]
+        rows, columns = 2 * (len(z) - 1), 2 * (len(r) - 1)
+        cells = [index[i : rows + i : 2, j : columns + j : 2].ravel() for i, j in corners]
+        return cls(points, np.stack(cells, -1))
+
+
+def halved(lines: np.ndarray) -> np.ndarray:
+    middle = 0.5 * (lines[1:] + lines[:-1])
+    return np.sort(np.concatenate([lines, middle]))
+
+
+def sphere(radius: float, width: float, cells: int) -> Mesh:
+    """A thin shell that ends with the sphere below, which touches (0, 0)."""
+    mesh = Mesh.of_grid(np.linspace(0, width, cells + 1), np.array([0.0, 0.02 * radius]))
+    r = mesh.points[:, 0]
+    mesh.points[:, 1] += radius - np.sqrt(radius**2 - r**2)
+    return mesh
+
+
+def lines(rows: np.ndarray, first: int) -> str:
+    return "".join(
+        f"{first + i}, " + ", ".join(f"{value:.12g}" for value in row) + "\n"
+        for i, row in enumerate(rows)
+    )
+
+
+def faces(cells: np.ndarray, side: int) -> str:
+    """One side of each of some elements."""
+    return "".join(f"{cell}, S{side}\n" for cell in cells)
+
+
+def deck(ratio: float, depths: np.ndarray, radius: float) -> str:
+    """The input of a press to depths in turn; `radius` is the largest of the contact."""
+    strength = Case(NU).modulus / ratio
+    widths = graded(1.25 * radius, round(1.25 * CELLS), GROWTH, REACH * radius)
+    body, ball = Mesh.of_grid(widths, -widths[::-1]), sphere(1.0, *ball_size(radius))
+    n, m = len(body.points), len(body.cells)
+    far, deep = body.points[:, 0] >= widths[-1], body.points[:, 1] <= -widths[-1]
+    fixed = [f"{i + 1}, 1, 1\n" for i in np.flatnonzero((body.points[:, 0] == 0) | far)]
+    fixed += [f"{i + 1}, 2, 2\n" for i in np.flatnonzero(far | deep)]
+    top = m - len(widths) + 2 + np.arange(round(1.25 * CELLS) + 2)
+    steps = "".join(
+        f"*STEP, NLGEOM, INC={INCREMENTS}\n*STATIC\n1., 1., 1e-6, 1.\n{CONTROLS}*BOUNDARY\n"
+        f"BALL, 2, 2, {-depth:.12g}\n*NODE PRINT, NSET=BALL, TOTALS=ONLY,"
+        " FREQUENCY=100000\nRF\n*END STEP\n"
+        for depth in depths
+    )
+    return (
+        f"*NODE, NSET=BODY\n{lines(body.points, 1)}*NODE, NSET=BALL\n{lines(ball.points, n + 1)}"
+        f"*ELEMENT, TYPE=CAX8, ELSET=BODY\n{lines(body.cells + 1, 1)}"
+        f"*ELEMENT, TYPE=CAX8, ELSET=BALL\n{lines(ball.cells + n + 1, m + 1)}"
+        f"*MATERIAL, NAME=BODY\n*ELASTIC\n1., {NU}\n*PLASTIC\n{strength:.10g}, 0\n"
+        "*MATERIAL, NAME=BALL\n*ELASTIC\n1., 0.3\n"
+        "*SOLID SECTION, ELSET=BODY, MATERIAL=BODY\n*SOLID SECTION, ELSET=BALL, MATERIAL=BALL\n"
+        f"*SURFACE, NAME=LOW\n{faces(top, 3)}"
+        f"*SURFACE, NAME=UP\n{faces(m + 1 + np.arange(len(ball.cells)), 1)}"
+        "*SURFACE INTERACTION, NAME=TOUCH\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n"
+        f"{STIFF * CELLS / radius:.10g}\n"
+        "*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE\nLOW, UP\n"
+        f"*BOUNDARY\n{''.join(fixed)}BALL, 1, 1\n{steps}"
+    )
+
+
+def ball_size(radius: float) -> tuple[float, int]:
+    """Width of the sphere's shell, over its radius, and its cells."""
+    width = min(1.6 * radius, 0.95)
+    return width, round(2 * CELLS * width / radius)
+
+
+def forces(text: str, threads: int = 1) -> list[float]:
+    """Forces at the depths that were reached."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "press.inp").write_text(text)
+        done = subprocess.run(
+            ["ccx", "press"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+            env={"OMP_NUM_THREADS": str(threads), "PATH": "/usr/bin:/bin"},
+        )
+        found = (Path(folder) / "press.dat").read_text().splitlines()
+        if done.returncode:
+            print(done.stdout[-300:], flush=True)
+    heads = [i for i, line in enumerate(found) if "total force" in line]
+    return [180 * abs(float(found[i + 2].split()[1])) for i in heads]  # of a wedge of 2 degrees
+
+
+def curves(name: str) -> list[tuple[object, ...]]:
+    """Rows of a case."""
+    ratio, deepest = CASES[name]
+    unit = (np.pi * yield_factor(NU) / (2 * ratio)) ** 2  # indentation at first yield
+    scale = 4 / 3 * Case(NU).modulus * unit**1.5
+    rows: list[tuple[object, ...]] = []
+    for low, high in RANGES:
+        if high > deepest:
+            break
+        back = high - UNLOADED * high**0.72
+        x = np.append(np.geomspace(START * high, high, STEPS), back[back > 0])
+        radius = np.sqrt(widest(high) * high * unit)
+        found = np.array(forces(deck(ratio, x * unit, radius))) / scale
+        for i, (at, force) in enumerate(zip(x, found, strict=False)):
+            if i < STEPS and at >= low:
+                rows.append(row(name, "load", at, at, force))
+            elif i >= STEPS and force > 0.01 * found[STEPS - 1]:
+                rows.append(row(name, "unload", high, at, force))
+        print(name, high, f"{len(found)} depths, {time.process_time():.0f} s", flush=True)
+    return rows
+
+
+def row(name: str, kind: str, *numbers: float) -> tuple[object, ...]:
+    return (name, kind, *(f"{number:.5g}" for number in numbers))
+
+
+if __name__ == "__main__":
+    for one in sys.argv[1:] or CASES:
+        replaced(one, curves(one), PATH, HEAD[:5])
