@@ -221,7 +221,7 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     part = ao.Structure(ao.box_mesh((0.1, 0.05, 0.02), size=0.03), solid)
     fall = ao.drop(part, 1.0, (20, 15, 0), ao.Floor(STEEL), 1, modes=3, corner_radius=radius)
     R, E = radius or 1e-3, 1 / ((1 - 0.36**2) / 2.3e9 + (1 - 0.3**2) / 210e9)
-    law = ao.ElasticPlastic(E, R, 42e6, 0.36)
+    law = ao.ElasticPlastic(E, R, 42e6, 0.36, (1 - 0.3**2) / 210e9 * E)
     (one,) = fall.episodes[0].history.contact_histories
     assert one.law.parameters() == pytest.approx(law.parameters())
     (told,) = (note for note in fall.notes if "yields" in note)
