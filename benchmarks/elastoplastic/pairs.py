@@ -145,7 +145,11 @@ def compared(
             if top > LAST:
                 break
             again = ao.simulate(
-                hit.model, hit.impactor, truth.law(law, AND_MORE * top), duration=hit.time[-1], tol=1e-5
+                hit.model,
+                hit.impactor,
+                truth.law(law, AND_MORE * top),
+                duration=hit.time[-1],
+                tol=1e-5,
             )
             top = min(again.deepest / law.yield_indentation, 2 * LAST)
         else:
@@ -161,11 +165,12 @@ def compared(
 
 def told(rows: list[tuple[float, ...]]) -> None:
     x, hardens, peak, e, row = np.array(rows, dtype=float).T
+    holds = np.abs(peak) <= row + NUMERICAL
     for name, which in (("perfectly plastic", hardens == 0), ("hardening E/50", hardens == 1)):
         print(
             f"{name}: {which.sum()} blows to x = {x[which].max():.3g}; peak within"
             f" {100 * np.abs(peak[which]).max():.1f} %, e within {np.abs(e[which]).max():.3f};"
-            f" the row contains the truth in {100 * np.mean((np.abs(peak) <= row + NUMERICAL)[which]):.1f} %"
+            f" the row contains the truth in {100 * np.mean(holds[which]):.1f} %"
         )
 
 

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import frequencies
 import masses
 import options
+import rebounds
 import rods
 import spheres
 import stops
@@ -34,6 +35,7 @@ CASES: list[Case] = [
     *stops.CASES,
     *tube.CASES,
     *spheres.CASES,
+    *rebounds.CASES,
     *frequencies.CASES,
 ]
 INTRODUCTION = """# Validation
@@ -149,8 +151,8 @@ def still_waiting(waiting: list[tuple[Waiting, dict[str, float]]]) -> list[str]:
     parts += [
         "",
         "What was looked for in stored copies of public pages, documents, threads and "
-        "repositories, by title, authors, doi and content, and what was found of it (one measured "
-        "experiment of six could be read):",
+        "repositories, by title, authors, doi and content, and what was found of it (two sets of "
+        "measurements could be read):",
         "",
         line(["experiment", "found"]),
         line(["---"] * 2),

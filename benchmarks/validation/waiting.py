@@ -197,4 +197,11 @@ SEARCHED = [
     ("K. Wong, Structures under Impact Loading, thesis, Cambridge 2005: perspex beams", "abstract"),
     ("Wang and others, AIP Adv. 15 (2025) 025104, rubber sphere on a plate", "not linear elastic"),
     ("Kharaz, Gorham and Salman 2001", "measured points, used above"),
+    ("Kharaz and Gorham 2000, alumina on steel and aluminium: normal restitution", "titles only"),
+    ("Minamoto and Kawamura 2009 and 2011; Mangwandi 2007; Tatara and Moriwaki", "titles only"),
+    ("Lifshitz and Kolsky 1964; Labous 1997; Gondret 2002; Stevens and Hrenya 2005", "titles only"),
+    ("Güttler and others, arXiv 1204.0001: restitution of many authors, digitized", "introduction"),
+    ("Jackson, Green and Marghitu 2010; Zhang and Vu-Quoc 2002: laws that yield", "beginnings"),
+    ("Montaine and others, arXiv 1104.0049: a steel sphere on glass", "beginning"),
+    ("Leeb's rebound hardness of steels, manuals of testers", "measured points, used above"),
 ]

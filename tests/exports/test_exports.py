@@ -20,6 +20,7 @@ from fmus import ERROR, OK, Fmu
 DURATION = 2e-3
 BALL = ao.RigidMass(mass=0.05, velocity=1.0)
 LAW = ao.Hertz(1.55e10)
+YIELDS = ao.ElasticPlastic(1e11, 0.01, 2e8, elastic_share=0.3)
 VERSIONS = pytest.mark.parametrize("fmi", [2, 3])
 
 
@@ -291,9 +292,10 @@ def test_a_scene_of_several_contacts(model, tmp_path):
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 @pytest.mark.slow
-def test_the_c_file_is_the_same_run(model, tmp_path):
-    ao.export(tmp_path / "blow.c", model, BALL, LAW, duration=DURATION, tol=1e-6)
-    ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION, tol=1e-6)
+@pytest.mark.parametrize("law", [LAW, YIELDS])
+def test_the_c_file_is_the_same_run(model, tmp_path, law):
+    ao.export(tmp_path / "blow.c", model, BALL, law, duration=DURATION, tol=1e-6)
+    ao.export(tmp_path / "blow.fmu", model, BALL, law, duration=DURATION, tol=1e-6)
     strict = ["-std=c99", "-O1", "-Wall", "-Werror"]
     build = ["cc", *strict, "-DBLOW_MAIN", "-o", "blow", "blow.c", "-lm"]
     subprocess.run(build, cwd=tmp_path, check=True)
@@ -305,6 +307,30 @@ def test_the_c_file_is_the_same_run(model, tmp_path):
     found = np.array(run.run(DURATION, 1000, names))
     size = np.abs(found).max(axis=0)
     assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
+
+
+@VERSIONS
+def test_a_contact_that_yields_is_exported_as_it_runs(model, tmp_path, fmi):
+    """The dent with it: the ball parts from the bottom of the dent."""
+    hit = ao.simulate(model, BALL, YIELDS, duration=DURATION, tol=1e-7)
+    assert hit.peak_force > 10 * YIELDS.yield_force
+    ao.export(tmp_path / "blow.fmu", model, BALL, YIELDS, duration=DURATION, tol=1e-6, fmi=fmi)
+    run = Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    names = ["peak_force", "impulse", "displacement", "impactor_displacement"]
+    found = run.run(DURATION, 40, names)[-1]
+    wanted = [hit.peak_force, hit.impulse, hit.displacement[-1], hit.impactor_displacement[-1]]
+    assert found == pytest.approx(wanted, rel=1e-5)
+
+
+def test_the_contact_of_mujoco_has_the_peak_of_a_law_that_yields():
+    """On a wall the peak of a linear contact is v sqrt(K m)."""
+    from antiosc.app.export import equal_stiffness
+
+    wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
+    peak = ao.simulate(wall, BALL, YIELDS, duration=DURATION, tol=1e-6).peak_force
+    found = equal_stiffness(wall, BALL, YIELDS)
+    assert BALL.velocity * (found * BALL.mass) ** 0.5 == pytest.approx(peak, rel=1e-3)
 
 
 def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):

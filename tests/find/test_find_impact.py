@@ -48,7 +48,7 @@ def part() -> ao.Structure:
 
 
 def own_signals(
-    part: ao.Structure, sensors, site: int
+    part: ao.Structure, sensors, site: int, law: ao.ContactLaw = LAW
 ) -> tuple[np.ndarray, ao.History, np.ndarray]:
     """Signals of the model of find_impact itself at a vertex, the impact and its place."""
     known = prepared(part, sensors, None, DOWN, None, MODES, None)
@@ -56,7 +56,7 @@ def own_signals(
     r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia)
     modes = ao.ModalBody(seen.omega, seen.b[site], float(r[site]))
     body = ModalModel(modes, float(sites.local[site]), float(sites.radii[site]))
-    hit = ao.simulate(body, BLOW, LAW, SAMPLES / RATE, tol=1e-6)
+    hit = ao.simulate(body, BLOW, law, SAMPLES / RATE, tol=1e-6)
     t = np.arange(SAMPLES) / RATE - START
     on = t >= 0
     q, v = (x[:, : len(seen.omega)] for x in hit.states(t[on]))
@@ -135,6 +135,19 @@ def test_one_sensor_on_both_axes_of_symmetry_does_not_tell_the_place(part: ao.St
 
 
 @pytest.mark.slow
+def test_a_blow_that_yields_is_found(part: ao.Structure) -> None:
+    law = ao.ElasticPlastic(3e8, 0.01, 1e6)
+    signals, hit, place = own_signals(part, SENSORS, nearest(part, (0.23, 0.13, 0)), law)
+    assert hit.dent is not None
+    given = {"unknown": ("place", "velocity"), "impactor": BLOW, "contact": law}
+    found = ao.find_impact(part, SENSORS, signals, RATE, direction=DOWN, modes=MODES, **given)
+    assert found.status == 0, found.message
+    assert np.linalg.norm(found.place - place) < 1e-3 * SIZE[0]
+    assert found.peak_force == pytest.approx(hit.peak_force, rel=2e-3)
+    assert found.stiffness == pytest.approx(law.stiffness, rel=5e-3)
+
+
+@pytest.mark.slow
 def test_signals_without_a_blow_are_not_explained(part: ao.Structure) -> None:
     signals = np.random.default_rng(1).standard_normal((SAMPLES, 4))
     with pytest.warns(ao.AccuracyWarning, match="cannot tell|determine"):
@@ -158,6 +171,7 @@ def test_signals_without_a_blow_are_not_explained(part: ao.Structure) -> None:
         ({"unknown": ["place"]}, "RigidMass"),
         ({"unknown": ["place", "mass", "velocity"]}, "stiffness"),
         ({"unknown": ["mass", "velocity", "stiffness"]}, "place"),
+        ({"contact": ao.ElasticPlastic(3e8, 0.01, 1e6)}, "leave it out"),
         ({"noise": [1.0, 2.0]}, "noise"),
         ({"frequency_error": 2.0}, "frequency_error"),
         ({"where": "nowhere"}, "nowhere"),

@@ -19,6 +19,7 @@ node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which r
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
 FREE = ao.AntiOscillators(m0=2e-3, k0=0.0, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])
 STRIKER, LAW = ao.RigidMass(0.2, 1.5), ao.Hertz(1e9)
+YIELDS = ao.ElasticPlastic(1e10, 0.01, 5e7, elastic_share=0.4)
 NAMES = ("peak_force", "impulse", "contact_time", "restitution")
 PROGRAM = """
 const fs = require("fs"), given = unpacked(fs.readFileSync(0, "utf8"));
@@ -69,6 +70,8 @@ def same(found, hit, rel=1e-9):
         (replace(MODEL, damping=ao.Damping(0.02)), STRIKER, ao.HuntCrossley(1e9, 0.7), {}),
         (replace(MODEL, local_compliance=2e-8), STRIKER, LAW, {}),
         (MODEL, STRIKER, ao.Stronge(1e9, 1e-6), {}),
+        (MODEL, STRIKER, YIELDS, {}),
+        (replace(MODEL, local_compliance=2e-8), STRIKER, YIELDS, {}),
         (FREE, ao.Obstacle(), LAW, {"initial_velocity": 1.0}),
         (MODEL, ao.Impactor(FREE, 1.5), ao.Power(1e8, 1.3), {}),
         (MODEL, STRIKER, ao.Tabulated([0, 1e-5, 1e-4, 1e-3], [0, 50, 1e3, 5e4]), {}),
@@ -82,6 +85,21 @@ def test_the_engine_gives_the_numbers_of_simulate(model, striker, law, options):
     q, _ = hit.states(np.array([at]))
     assert found["q"] == pytest.approx(q[0], rel=1e-8, abs=1e-9 * np.abs(q).max())
     assert found["at"] == pytest.approx(float(hit.force_at([at])[0]), rel=1e-8)
+
+
+@node
+def test_a_slider_through_yield_is_another_modulus():
+    """Elastic below, yielding above: one law, whose stiffness is a number of its modulus."""
+    hit = ao.simulate(MODEL, STRIKER, YIELDS, 3e-3)
+    sets = [{"speed": 1e-4}, {"speed": 3.0}, {"stiffness": 3 * YIELDS.stiffness}]
+    for found, given in zip(on_the_page(hit, sets), sets, strict=True):
+        striker = ao.RigidMass(0.2, given.get("speed", 1.5))
+        factor = given.get("stiffness", YIELDS.stiffness) / YIELDS.stiffness
+        law = replace(YIELDS, modulus=factor * YIELDS.modulus)
+        same(found, ao.simulate(MODEL, striker, law, 3e-3, tol=1e-6))
+        assert (found["peak_force"] > law.yield_force) == (
+            "speed" not in given or striker.velocity > 1
+        )
 
 
 @node

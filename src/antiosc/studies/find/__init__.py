@@ -30,10 +30,10 @@ from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.auto_contact import AnyLaw
+from antiosc.simulation.auto_contact import AUTO, AnyLaw
 from antiosc.simulation.bodies import RigidMass
 from antiosc.simulation.histories import History
-from antiosc.studies.find.forward import Struck, Surface
+from antiosc.studies.find.forward import Struck, Surface, has_stiffness
 from antiosc.studies.find.recording import Recording, Sensor, of_shapes, recording
 from antiosc.studies.find.search import POOR, Fit, Scan, most_probable, scan
 from antiosc.studies.maps import ABOVE, FreeSites, Where, free_sites, on_plane
@@ -246,7 +246,9 @@ def find_impact(
         Mass and velocity that are not unknown.
     contact : ContactLaw or "auto", optional
         With the stiffness, if that is not unknown; "auto": the law of the impactor's tip on a flat
-        face of the structure. Default: Hertz's law.
+        face of the structure. Default: Hertz's law, whose stiffness is found. What strikes is not
+        known as a rule, and a law is chosen of two surfaces; where the stiffness is not unknown and
+        the impactor has a surface (tip_radius, material), the default is "auto".
     damping : float or Damping, optional
         Of the structure.
     noise : float or (m,), optional
@@ -281,6 +283,9 @@ def find_impact(
     sensors = checks.list_of("sensors", sensors, Sensor, "Sensor")
     if not sensors:
         raise InputError("sensors must hold one Sensor or more.")
+    known = isinstance(impactor, RigidMass) and impactor.surface() is not None
+    if contact is None and known and "stiffness" not in unknown:
+        contact = AUTO
     law = None if contact is None else on_plane(structure, impactor, contact)
     names = _names(unknown, impactor, law)
     expected = (
@@ -319,8 +324,11 @@ def _names(
         raise InputError(f"{min(missing)} is not unknown: give it as impactor=RigidMass(…).")
     if "stiffness" not in unknown and contact is None:
         raise InputError("the stiffness is not unknown: give the law, as contact=Hertz(…).")
-    if "stiffness" in unknown and contact is not None and not hasattr(contact, "stiffness"):
-        raise InputError(f"{type(contact).__name__} has no stiffness that could be unknown.")
+    if "stiffness" in unknown and contact is not None and not has_stiffness(contact):
+        raise InputError(
+            f"{type(contact).__name__} has no stiffness that could be unknown: leave it out of "
+            "unknown, or give Hertz(…)."
+        )
     return [name for name in UNKNOWN if name in unknown]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
-from antiosc.contact import ContactLaw, Linear
+from antiosc.contact import ContactLaw, ElasticPlastic, Linear
 from antiosc.models.body import ModalModel
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.bodies import RigidMass
@@ -141,6 +141,11 @@ def _feet(x: Array, corners: Array) -> Array:
     return np.asarray(best)
 
 
+def has_stiffness(law: ContactLaw) -> bool:
+    """Whether a law has a stiffness of its own; that of a ball that yields follows from E*."""
+    return hasattr(law, "stiffness") and not isinstance(law, ElasticPlastic)
+
+
 #: Steps of an impact over its contact time, or the shortest time between two samples.
 STEPS = 150
 #: Most contacts of a blow.
@@ -229,7 +234,7 @@ class Struck:
         radius = float(self.radius[blow.site])
         body = ModalModel(modes, float(local), None if np.isnan(radius) else radius)
         law = self.law
-        if hasattr(law, "stiffness"):
+        if has_stiffness(law):
             law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
         end = len(self.data.values) * self.data.dt - blow.start
         step = min(blow.contact_time_estimate / STEPS, end / 20)
