@@ -22,7 +22,8 @@ def test_every_material_is_plausible_and_has_a_source(name):
         assert low <= one.yield_strength <= high
     assert not one.brittle or one.note or "nitride" in name
     keys = materials._table()["sources"]
-    assert not any(f"{key} " in f"{one.source} " for key in keys)  # all are spelled out
+    assert not any(f" {key} " in f" {one.source} " for key in keys)  # all are spelled out
+    assert "(read at " in one.source or one.typical
 
 
 def test_there_are_some_forty():

@@ -160,7 +160,8 @@ def _materials(options: argparse.Namespace) -> int:
         one = materials.record(name)
         say(f"{name:<38} {one.line}")
         if wanted:
-            say("\n".join(f"    {text}" for text in (one.source, one.note) if text))
+            typical = f"typical, no source could be read: {one.typical}" if one.typical else ""
+            say("\n".join(f"    {text}" for text in (one.source, typical, one.note) if text))
     if not wanted:
         say("sources: antiosc materials NAME")
     return 0

@@ -31,7 +31,8 @@ class Record:
     yield_range : lowest and highest yield strength of the sources [Pa], or None.
     rate : D [1/s] and q of Cowper and Symonds, or None.
     loss : loss factor; 0: not in the sources.
-    source, note : where the numbers are from, and what they cannot do.
+    source, note : where the numbers are from, read or recalled, and what they cannot do.
+    typical : numbers that no source has that could be read, with their range; "" for none.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Record:
     source: str
     note: str
     G: Any = None
+    typical: str = ""
 
     @property
     def line(self) -> str:
@@ -117,11 +119,13 @@ def _read(name: str, row: Mapping[str, Any]) -> Record:
         source="; ".join(map(_spelled_out, row["source"])),
         note=row.get("note", ""),
         G=row.get("G"),
+        typical=row.get("typical", ""),
     )
 
 
 def _spelled_out(source: str) -> str:
     """A source with its title in place of its key."""
     key, _, place = source.partition(" ")
-    title = _table()["sources"].get(key)
-    return source if title is None else f"{title} {place}".rstrip()
+    title, page = _table()["sources"][key], _table()["read"].get(key)
+    how = "recalled" if page is None else f"read at {page}"
+    return f"{title} {place}".rstrip() + f" ({how})"
