@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.special import j1
 
 import antiosc as ao
 from antiosc.contact.line import line_indentation
-from parts import line
+from parts import box, line
 
 pytestmark = pytest.mark.fem
 
@@ -98,35 +101,95 @@ def test_laws_of_a_cylinder_by_closed_forms(tmp_path: Path, size: float) -> None
     assert law.stiffness == pytest.approx(known.stiffness, rel=1e-5)
 
 
-def test_a_line_that_lands_is_told(tmp_path: Path) -> None:
-    """A cylinder on its side has forces of the mesh; on an end and on a layer it has not."""
+def disc(nu: float, share: float) -> float:
+    """Way of a contact into a disc in plane strain over F (1 - nu^2)/(pi E L), less its mean.
+
+    Michell's series for a force on the rim and the inertia of a rigid motion; the force is spread
+    by Hertz's pressure over a half width that is a share of the radius.
+    """
+    n = np.arange(2, 200_000)
+    m, x = (1 - 2 * nu) / (2 * (1 - nu)), n * share
+    return float(np.sum(4 * (n - m) / (n * n - 1) * j1(x) / x)) + 2 * m
+
+
+def landing(material: ao.Solid, R: float, L: float, mass: float, height: float) -> float:
+    """Peak force of a rigid cylinder with the stiffness of a disc on a rigid floor, by its work."""
+    modulus = material.E / (1 - material.nu**2)
+    force = np.geomspace(1.0, 1e6, 200)
+    share = np.sqrt(4 * force / (np.pi * modulus * L * R))
+    depth = force / (np.pi * modulus * L) * [disc(material.nu, one) for one in share.tolist()]
+    work = cumulative_trapezoid(force, depth, initial=0.0)
+    return float(np.interp(mass * 9.81 * height, work, force))
+
+
+@pytest.mark.parametrize("size", [0.01, 0.004])
+def test_a_cylinder_lands_along_its_line(tmp_path: Path, size: float) -> None:
+    """Its force is that of a disc in plane strain, whatever the mesh, the modes and the roll."""
+    R, L, height = 0.01, 0.05, 0.02
+    mesh = meshed(tmp_path, f"Cylinder(1) = {{0, 0, 0, {L}, 0, 0, {R}}}", size)
+    part = ao.Structure(mesh, ao.Solid(E=210e9, nu=0.3, rho=7800.0))
+    bodies = [part, ao.drop(part, height, floor=ao.Floor(), until=1, modes=4).body]
+    for tilt, body in zip(((0, 0, 0), (37, 0, 25)), bodies, strict=True):
+        fall = ao.drop(body, height, tilt, ao.Floor(), until=1, modes=12)
+        known = landing(STEEL, R, L, fall.body.mass, height)
+        assert fall.peak_force == pytest.approx(known, rel=0.015)
+        assert fall.impacts[0].speed_after == pytest.approx(np.sqrt(2 * 9.81 * height), rel=0.03)
+        assert fall.impacts[0].contacts == 7
+        assert "line" not in fall.summary()
+
+
+def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
+    """Inclined, with a loss of its own, or yielding; not on an end and on a layer."""
     mesh = meshed(tmp_path, "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}", 0.01)
-    part, floor = ao.Structure(mesh, ALUMINIUM), ao.Floor(STEEL)
-    with pytest.warns(ao.AccuracyWarning, match="along a line of its surface.* 8 vertices"):
-        flat = ao.drop(part, 1.0, (0, 0, 0), floor, until=1, modes=6)
-    assert "in 1 of 1 impacts" in flat.summary()
+    weak = replace(ALUMINIUM, yield_strength=50e6)
+    part, floor = ao.Structure(mesh, weak), ao.Floor(STEEL)
+    flat = ao.drop(part, 0.1, (0, 0, 0), floor, until=1, modes=6)
+    assert "line of contact yields" in flat.summary()
+    with pytest.warns(ao.AccuracyWarning, match="inclined"):
+        ao.drop(flat.body, 0.1, (0, 0.3, 0), floor, until=1)
+    lossy = ao.Floor(STEEL, restitution=0.7)
+    with pytest.warns(ao.AccuracyWarning, match="along a line of its surface.* vertices"):
+        ao.drop(flat.body, 0.1, (0, 0, 0), lossy, until=1)
     soft = ao.Floor(layer=ao.SoftLayer(0.01, 1e7))
     for tilt, under in (((0, 20, 0), floor), ((0, 0, 0), soft)):
         assert "line" not in ao.drop(flat.body, 0.1, tilt, under, until=1).summary()
 
 
+@pytest.mark.slow
+def test_lines_are_told_of_an_ensemble(tmp_path: Path) -> None:
+    mesh = meshed(tmp_path, "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}", 0.01)
+    part, tilts = ao.Structure(mesh, ALUMINIUM), ao.Tilts(sigma=0.4)
+    with pytest.warns(ao.AccuracyWarning, match="of 2 falls land along lines"):
+        ao.drop(
+            part,
+            0.1,
+            floor=ao.Floor(STEEL),
+            until=1,
+            ensemble=tilts,
+            n=2,
+            modes=2,
+            corner_radius=2.5e-3,
+        )
+
+
 def test_a_corner_with_a_radius_has_a_limit_in_the_mesh(tmp_path: Path) -> None:
-    """Cells of 12 and 2 mm, straight and of second order; two tied halves are one part."""
+    """Cells of 12 and 2 mm, straight, of second order, hexahedra; two tied halves are one part."""
     plastic, size = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0), (0.12, 0.06, 0.02)
     floor = ao.Floor(ao.Solid(E=30e9, nu=0.2, rho=2400.0))
     low = (0.12, 0.0, 0.0)  # the corner that touches first
     half = ao.Structure(ao.box_mesh((0.06, 0.06, 0.02), 0.012), plastic)
     shape = "Box(1) = {0, 0, 0, 0.12, 0.06, 0.02}"
-    parts = {
+    bodies = {
         "coarse": ao.Structure(ao.box_mesh(size, 0.012), plastic),
         "fine": ao.Structure(ao.box_mesh(size, 0.012, refine=[(low, 0.002)]), plastic),
         "second order": ao.Structure(meshed(tmp_path, shape, 0.012), plastic),
+        "hexahedra": ao.Structure(box((10, 5, 2), size), plastic),
         "halves": ao.assemble(
             {"a": half, "b": half}, [ao.Tie("a:+x", "b:-x")], at={"b": (0.06, 0.0, 0.0)}
         ),
     }
     peak = {}
-    for name, part in parts.items():
+    for name, part in bodies.items():
         fall = ao.drop(part, 1.0, (25, 30, 0), floor, until=1, modes=12)
         np.testing.assert_allclose(fall.impacts[0].place, low, atol=1e-9)
         peak[name] = fall.peak_force

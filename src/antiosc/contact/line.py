@@ -49,7 +49,12 @@ def line_law(modulus: float, radius: float, length: float) -> Tabulated:
     length = checks.positive("length", length, "m")
     if not np.isfinite(length):
         raise InputError("length must be finite: a line contact gives way more the longer it is.")
+    return Tabulated(*line_curve(modulus, radius, length))
+
+
+def line_curve(modulus: float, radius: float, length: float) -> tuple[Array, Array]:
+    """Indentations [m] and forces [N] of a line contact, (POINTS + 1,) each; see `line_law`."""
     most = pi * modulus * length * (NARROW * min(length, radius)) ** 2 / (4 * radius)
     force = most * np.geomspace(FIRST, 1.0, POINTS)
     depth = line_indentation(force, modulus, radius, length)
-    return Tabulated(np.append(0.0, depth), np.append(0.0, force))
+    return np.append(0.0, depth), np.append(0.0, force)

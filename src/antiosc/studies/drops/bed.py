@@ -19,9 +19,10 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.studies.drops.body import FreeBody, skin_of
+from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State
 from antiosc.studies.drops.floor import Setting, cushion
+from antiosc.studies.drops.skin import skin_of
 
 #: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
 PIECE, BENT = 0.35, 0.35

@@ -13,10 +13,9 @@ a smooth solid gives way as a part of a half-space is taken out of r: Hertz's la
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,205 +27,17 @@ from antiosc.contact.curvature import Curvature
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies import RigidBody, Sphere
 from antiosc.studies.drops.corners import columns, missing
+from antiosc.studies.drops.lines import Cylinder, cylinders
+from antiosc.studies.drops.skin import SMOOTH, THIN, Skin, hull, skin_of
 
 if TYPE_CHECKING:
     from antiosc.fem.site import Site
-    from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.structure import Structure
     from antiosc.studies.drops.bed import Bed
 
 
 #: Radius [m] of a sharp corner where none is given, at most a quarter of the least dimension.
 CORNER = 1e-3
-#: Cosine of the angle between the facets at a vertex and its mean normal, below which it is sharp.
-SMOOTH = float(np.cos(np.radians(35.0)))
-#: A radius of curvature is at most this many times the size of the part.
-FLATTEST = 10.0
-#: Ratio of the principal curvatures from which a rounded place is taken as a part of a ball.
-ROUND = 0.5
-#: Ratio of the principal curvatures below which a place is straight in one direction.
-STRAIGHT = 0.2
-#: Directions whose extent is below this share of the largest one have none.
-THIN = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Skin:
-    """The vertices of a surface, P of them.
-
-    Attributes
-    ----------
-    points, normals : (P, 3) coordinates [m] and outward unit normals, zero where not known.
-    curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
-    sharp : (P,) whether the vertex lies on an edge or a corner.
-    sizes : (P,) mean length of the element edges there [m].
-    materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
-    strengths : (P,) yield strengths [Pa]; NaN where not known.
-    half : (P,) half the thickness of a sheet [m]; 0 of a solid.
-    triangles : (T, 3) between the points.
-    """
-
-    points: Array
-    normals: Array
-    curvatures: Array
-    sharp: BoolArray
-    sizes: Array
-    materials: Array
-    strengths: Array
-    half: Array
-    triangles: IntArray
-
-    @property
-    def size(self) -> float:
-        """Diagonal of the box around the points [m]."""
-        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
-
-    def radii(self, which: int, corner: float) -> tuple[float, float]:
-        """Principal radii [m] of a vertex; of a sharp one `corner`, of a sheet's half of it."""
-        if self.sharp[which]:
-            rounded = float(self.half[which]) or corner
-            return rounded, rounded
-        least = 1 / (FLATTEST * self.size)
-        first, second = np.maximum(self.curvatures[which], least)
-        return 1 / float(first), 1 / float(second)
-
-    @property
-    def balls(self) -> Array:
-        """(P,) radius of the ball that a smooth vertex is a part of [m]; 0 of all others."""
-        low, high = self.curvatures.T
-        rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
-        return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
-
-    @property
-    def lines(self) -> BoolArray:
-        """(P,) whether a smooth vertex is curved in one direction alone, as on a cylinder."""
-        low, high = self.curvatures.T
-        return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
-
-
-def skin_of(structure: Structure) -> Skin:
-    """The surface of a structure of meshes, or the nodes of given matrices with coordinates."""
-    from antiosc.fem.structure.structure import on_mesh  # needs the finite-element packages
-
-    matrices: Any = structure.matrices
-    if matrices.located:
-        return of_points(matrices.nodes()[0])
-    if not matrices.assembled:
-        return of_mesh(on_mesh(structure, "matrices have no points: give a map with coordinates."))
-    found, count = list[Skin](), 0
-    for member in matrices.members():
-        own, at = of_mesh(member.part), member.at
-        x, n = at.placed(own.points), own.normals @ at.rotation.T
-        found.append(replace(own, points=x, normals=n, triangles=own.triangles + count))
-        count += len(x)
-    each = [f.name for f in fields(Skin)]
-    return Skin(*(np.concatenate([getattr(one, name) for one in found]) for name in each))
-
-
-def of_points(points: Array) -> Skin:
-    """Points without a surface: all of them are sharp."""
-    zero, zeros = np.zeros(len(points)), np.zeros((len(points), 3))
-    sharp, triangles = np.ones(len(points), dtype=bool), np.zeros((0, 3), dtype=int)
-    unknown = np.full((len(points), 2), np.nan)
-    known = zero, unknown, unknown[:, 0], zero
-    return Skin(points, zeros, zeros[:, :2], sharp, *known, triangles)
-
-
-def of_mesh(part: MeshedStructure) -> Skin:
-    """The surface of one mesh."""
-    from antiosc.fem.site.map_sites import surface
-
-    ground = surface(part, None)
-    x, normals, count = ground.points, ground.normals, ground.elements.shape[1]
-    sides = np.vstack([ground.elements[:, [i, (i + 1) % count]] for i in range(count)])
-    edges = np.unique(np.sort(sides, axis=1), axis=0)
-    at = np.vstack([edges, edges[:, ::-1]])  # both ways
-    length = np.linalg.norm(x[at[:, 0]] - x[at[:, 1]], axis=1)
-    sizes = np.bincount(at[:, 0], length, len(x)) / np.maximum(
-        np.bincount(at[:, 0], minlength=len(x)), 1
-    )
-    materials, strengths, half = _materials(part)
-    found = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
-    found = replace(found, strengths=strengths, half=half)
-    if count != 3:
-        return found
-    found = replace(found, triangles=ground.elements)
-    if not part.kind.outside:
-        return found
-    sharp = _sharp(x, normals, ground.elements)
-    fitted, curvatures = _fitted(x, normals, at, sizes)
-    normals = np.where(sharp[:, None], normals, fitted)
-    return replace(found, normals=normals, curvatures=curvatures, sharp=sharp)
-
-
-def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
-    """At the vertices moduli and Poisson's ratios (P, 2), yield strengths and half thicknesses."""
-    faces = part.faces
-    numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
-    vertices, index = np.unique(numbers, return_inverse=True)
-    label = np.zeros(len(vertices), dtype=int)
-    label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
-    known, half = np.full((len(part.parts), 2), np.nan), np.zeros(len(part.parts))
-    strengths = np.full(len(part.parts), np.nan)
-    for k, (material, _) in enumerate(part.parts):
-        with suppress(InputError):  # of a material with directions
-            known[k] = material.constants()[:2]
-            strengths[k] = getattr(material, "yield_strength", None) or np.nan
-        if part.kind.sheet:
-            half[k] = 0.5 * material.section.thickness
-    return known[label], strengths[label], half[label]
-
-
-def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
-    """Which vertices have facets that are inclined to their mean normal."""
-    corners = x[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    cosine = np.abs(np.einsum("td,tvd->tv", across, normals[triangles]))
-    least = np.ones(len(x))
-    np.minimum.at(least, triangles, cosine)
-    return least < SMOOTH
-
-
-def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:
-    """Normals (P, 3) and principal curvatures (P, 2), ascending, of quadrics through neighbours.
-
-    Over the plane of the mean normal the neighbours lie at a u + b v + (c u^2 + 2 d u v + e v^2)/2.
-    edges: (E, 2) from vertices to their neighbours; size: (P,) their mean lengths [m].
-    """
-    at = edges[:, 0]
-    way = x[edges[:, 1]] - x[at]
-    axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, axis)
-    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
-    second = np.cross(normals, first)
-    own = way / size[at, None]
-    u, v, w = (np.einsum("ed,ed->e", own, axes[at]) for axes in (first, second, normals))
-    rows = np.stack([u, v, u * u / 2, u * v, v * v / 2], axis=1)
-    A, f = np.zeros((len(x), 5, 5)), np.zeros((len(x), 5))
-    np.add.at(A, at, rows[:, :, None] * rows[:, None, :])
-    np.add.at(f, at, rows * w[:, None])
-    a, b, c, d, e = np.einsum("pij,pj->ip", np.linalg.pinv(A, rcond=1e-9), f)
-    fitted = normals - a[:, None] * first - b[:, None] * second
-    fitted /= np.maximum(np.linalg.norm(fitted, axis=1, keepdims=True), np.finfo(float).tiny)
-    bend = -np.stack([np.stack([c, d], axis=1), np.stack([d, e], axis=1)], axis=1)
-    return fitted, np.linalg.eigvalsh(bend / size[:, None, None])
-
-
-def hull(points: Array) -> IntArray:
-    """Numbers of the points (P, 3) that are vertices of their convex hull, flat or not."""
-    from scipy.spatial import ConvexHull
-
-    middle = points.mean(axis=0)
-    _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
-    own = (points - middle) @ axes[size > THIN * size[0]].T
-    if own.shape[1] == 0:
-        return np.zeros(1, dtype=int)
-    if own.shape[1] == 1:
-        return np.array([np.argmin(own), np.argmax(own)])
-    return np.sort(cast(IntArray, ConvexHull(own).vertices)).astype(int)
-
-
 #: Free elastic modes where none are asked for, and most: their shapes and forces fill the memory.
 MODES, MOST_MODES = 60, 5000
 #: Damping ratio of the free modes where none is given.
@@ -260,7 +71,10 @@ class FreeBody:
     structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
     bed : its surface, if it falls on a layer.
     lines : (N, 3) points of surfaces that are curved in one direction alone [m].
-    laws, idle : of a body on a bed, laws of pieces by their numbers, and (V,) what is no contact.
+    laws, idle : of pieces of a bed and of stations on lines the laws by their numbers, and (V,)
+        what is no contact.
+    cylinders, stations : straight lines of the surface, and (STATIONS,) numbers of the points that
+        stand for each where it may land along it.
     """
 
     mass: float
@@ -284,6 +98,8 @@ class FreeBody:
     laws: dict[int, ContactLaw] = field(default_factory=dict)
     idle: BoolArray | None = None
     lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    cylinders: tuple[Cylinder, ...] = ()
+    stations: tuple[IntArray, ...] = ()
     _known: dict[int, tuple[Array, Array]] = field(default_factory=dict)
 
     @cached_property
@@ -317,6 +133,18 @@ class FreeBody:
     def slowest(self) -> float:
         """Longest period of the elastic modes [s]; 0 of a rigid body."""
         return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
+
+    def reach(self, up: Array) -> Array:
+        """(..., V) how far the body reaches below its points, for verticals (..., 3) in its axes.
+
+        Stations of a line reach nowhere unless it lies level.
+        """
+        if not self.stations:
+            return self.balls
+        found = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
+        for one, which in zip(self.cylinders, self.stations, strict=True):
+            found[..., which] *= one.lands(up)[..., None]
+        return found
 
     def surface(self, which: int) -> Curvature:
         """Curvature at a point."""
@@ -450,6 +278,7 @@ def _elastic(
         residual=partial(_residual, structure, phi, omega, skin, own, rounded),
         lines=skin.points[skin.lines] - centre,
     )
+    body.cylinders = cylinders(body, skin, own)
     many = skin.sharp[own] & (skin.half[own] == 0)  # which take a finer mesh each
     if len(own) <= FEW and not many.any():  # all of them will touch: together they cost less
         body.sites(np.arange(len(own)))

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 #: Edges of the cells at a corner over its radius: the force of a plastic block changes by 1.2 %
 #: from 1 to 0.5, and by 0.3 % from 0.5 to 0.25.
 FINE = 0.5
+#: Vertices around the sides of a hexahedron, whose vertices are numbered along x, then y, then z.
+SIDES = np.array(
+    [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+)
 #: Corners that are looked at together.
 TOGETHER = 8
 
@@ -31,18 +35,52 @@ def missing(part: MeshedStructure, sites: list[Site]) -> Array | None:
     """Compliance (n, 3, 3) that the mesh of a part lacks at sites with a radius [m/N].
 
     Along the direction of each and across it, in the order of `Functional`. None for meshes of
-    other cells than tetrahedra.
+    other cells than tetrahedra and hexahedra.
     """
-    if part.mesh.cell != "tetrahedron":
+    if part.mesh.cell == "tetrahedron":
+        coarse = simplices = straightened(part.mesh)
+    elif part.mesh.cell == "hexahedron":
+        coarse, simplices = part.mesh, tetrahedra(part.mesh)
+    else:
         return None
     found = []
     for first in range(0, len(sites), TOGETHER):
         some = sites[first : first + TOGETHER]
-        coarse = straightened(part.mesh)
-        found.append(
-            _compliance(part, _finer(coarse, some), some) - _compliance(part, coarse, some)
-        )
+        fine = _finer(simplices, some)
+        found.append(_compliance(part, fine, some) - _compliance(part, coarse, some))
     return np.concatenate(found)
+
+
+def tetrahedra(mesh: Mesh) -> Mesh:
+    """A mesh of hexahedra with 24 straight tetrahedra in each, and its groups of cells."""
+    from antiosc.fem.error.bisection import gathered
+    from antiosc.fem.mesh import distributed
+    from antiosc.io.neutral import KINDS, RawMesh
+    from antiosc.io.reading import compact
+
+    pieces = gathered(mesh, np.zeros(mesh.n_cells))
+    assert pieces is not None  # there is one rank
+    own = pieces.cells[:, :8]
+    sides = own[:, SIDES].reshape(-1, 4)
+    side = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)[1].reshape(len(own), 6)
+    first = len(pieces.points)
+    at_sides = np.zeros((side.max() + 1, 3))
+    at_sides[side.ravel()] = pieces.points[sides].mean(axis=1)
+    middles = pieces.points[own].mean(axis=1)
+    points = np.concatenate((pieces.points, at_sides, middles))
+    edges = np.stack((own[:, SIDES], np.roll(own[:, SIDES], -1, axis=2)), axis=3)
+    top = np.broadcast_to((first + side)[:, :, None, None], (*edges.shape[:3], 1))
+    inside = (first + len(at_sides) + np.arange(len(own)))[:, None, None, None]
+    cells = np.concatenate((edges, top, np.broadcast_to(inside, top.shape)), axis=3)
+    cells = cells.reshape(len(own), 24, 4)
+    number = {tuple(row): k for k, row in enumerate(np.sort(own, axis=1).tolist())}
+    groups: Any = {}
+    for name, parts in pieces.groups.items():
+        rows = [number[tuple(row)] for row in parts.get(3, np.zeros((0, 8), dtype=int)).tolist()]
+        if rows:
+            groups[name] = {3: cells[rows].reshape(-1, 4)}
+    raw = RawMesh(points, cells.reshape(-1, 4), KINDS["tetra"], "gmsh", groups)
+    return distributed(compact(raw), mesh.name, mesh.comm)
 
 
 def straightened(mesh: Mesh) -> Mesh:

@@ -17,6 +17,7 @@ from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.episode import AXES, Episode, Held, episode
 from antiosc.studies.drops.flight import SIDES, Flight, State
 from antiosc.studies.drops.floor import Floor, Setting, law_at
+from antiosc.studies.drops.lines import yielding
 
 #: A fall is at rest whose speed would lift it by this share of the height at most, on points that
 #: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
@@ -32,7 +33,7 @@ MOST_IMPACTS, CONTACTS = 200, 3
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
     """The state at the start: the lowest point at its height."""
-    low = float((body.points @ R[2] - body.balls).min())
+    low = float((body.points @ R[2] - body.reach(R[2])).min())
     none = np.zeros(body.omega.size)
     ground = setting.floor.ground
     size = 0 if ground is None else ground.modes.omega.size
@@ -93,7 +94,7 @@ def course(
 
 def _check_sides(body: FreeBody, state: State) -> None:
     """InputError where no point that may touch is below the centre of mass, which would sink."""
-    low = float((body.points @ state.R[2] - body.balls).min())
+    low = float((body.points @ state.R[2] - body.reach(state.R[2])).min())
     if low > SIDES * body.extent:
         raise InputError(
             f"the part would fall through the floor: {state.time:.4g} s after its start the lowest "
@@ -120,7 +121,7 @@ def _rests(
 
     pressed : the body whose points are the contacts that are held.
     """
-    arms = body.points @ state.R.T - body.balls[:, None] * AXES[0]
+    arms = body.points @ state.R.T - body.reach(state.R[2])[:, None] * AXES[0]
     low = arms[:, 2]
     if state.centre[2] + low.min() > CARRIES * body.extent:
         return False
@@ -321,6 +322,9 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
         return ""
     dents, pressures = [], []
     for one in episodes:
+        for line, forces in one.strongest().items():
+            if told := yielding(body, floor, line, float(forces.sum())):
+                return told
         peaks = one.forces()[1].max(axis=0).tolist()
         for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
             law = law_at(body, floor, i)

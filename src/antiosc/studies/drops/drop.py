@@ -30,6 +30,7 @@ from antiosc.studies.drops.course import MOST_IMPACTS, hung
 from antiosc.studies.drops.fall import Fall, fall_of
 from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Floor, Setting, as_floor
+from antiosc.studies.drops.lines import with_lines
 
 #: Number of faces that an edge and a corner belong to.
 FACES = {"face": 1, "edge": 2, "corner": 3}
@@ -234,9 +235,10 @@ def tumbles(
         for name in QUANTITIES
     }
     count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
-    yields, missed = (sample.values[name] > 0 for name in ("yields", "missed"))
+    yields, missed, unsure = (sample.values[n] > 0 for n in ("yields", "missed", "unsure"))
     for told, why in (
         (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
+        (unsure, "land along lines whose forces are not sure: see the notes of one fall"),
         (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
     ):
         if told.any():
@@ -267,8 +269,8 @@ def _tumble(
 ) -> dict[str, float]:
     """The values of the impacts of one fall, by name and number."""
     fall = fall_of(*drawn(seed))
-    told = {"yields": float(fall.contact_yields), "missed": float(fall.missed)}
-    return told | {
+    told = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
+    return {name: float(value) for name, value in told.items()} | {
         f"{name} {k}": float(getattr(one, name))
         for name in QUANTITIES
         for k, one in enumerate(fall.impacts)
@@ -368,8 +370,9 @@ def drop(
     AccuracyWarning
         A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
         does not come to rest; contact forces that do not reach `tol` in 50 000 steps; a layer that
-        is pressed in deeper than its thickness or than 0.3 of the radius of a round point; falls of
-        an ensemble that failed, that yield in contact, or whose forces do not reach `tol`.
+        is pressed in deeper than its thickness or than 0.3 of the radius of a round point; a
+        contact along a line that is inclined or has no law of its own; falls of an ensemble that
+        failed, or of which one of these is true.
     """
     setting = Setting(
         as_floor(floor),
@@ -384,6 +387,7 @@ def drop(
     }
     count = checks.whole("modes", modes, most=MOST_MODES)
     body = free_body(part, count, damping, corner_radius)
+    body = with_lines(body, setting.floor)
     body = replace(body, bed=None) if setting.floor.layer is None else bedded(body)
     if ensemble is not None:
         checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")

@@ -40,6 +40,7 @@ from antiosc.studies.drops.bed import laid, stored
 from antiosc.studies.drops.body import FreeBody
 from antiosc.studies.drops.flight import State, turned
 from antiosc.studies.drops.floor import Setting, law_at
+from antiosc.studies.drops.lines import STATIONS, landing
 
 BODY, FLOOR = "part", "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
@@ -117,7 +118,7 @@ def scene_of(
     assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
     gaps = [
-        max(h, 0.0) if one is None else h if i in body.laws else one.height
+        max(h, 0.0) if one is None else h if body.bed and i in body.laws else one.height
         for h, i, one in zip(heights, which.tolist(), on, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
@@ -489,17 +490,34 @@ class Episode:
         return -float((_heights(body, self.start, path) + low).min())
 
     def along_line(self) -> bool:
-        """Whether it lands along a line of its surface, as a cylinder on its side does.
+        """Whether it lands along a line of its surface that has no law of its own.
 
         Of a layer the pieces of the surface are such contacts, without an error.
         """
         body = self.body
-        if body.bed is not None or not len(body.lines):
+        if body.bed is not None or not len(body.lines) or self.lines:
             return False
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), LOOKS + 1)
         up = path_of(body, self.start, self.history, times).R[:, 2]
         lowest = (up @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
         return bool(((up @ body.lines.T).min(axis=1) - lowest).min() < self.pressed)
+
+    @property
+    def lines(self) -> dict[int, IntArray]:
+        """Number of each line along which it lands -> which contacts are its stations."""
+        own = [np.flatnonzero(np.isin(self.which, one)) for one in self.body.stations]
+        return {k: one for k, one in enumerate(own) if len(one)}
+
+    def strongest(self) -> dict[int, Array]:
+        """Number of each line -> forces of its stations where their sum is largest [N]."""
+        forces = self.forces()[1]
+        each = {k: forces[:, one] for k, one in self.lines.items()}
+        return {k: one[np.argmax(one.sum(axis=1))] for k, one in each.items()}
+
+    def inclined(self) -> bool:
+        """Whether a line carries its largest force with a part of its length."""
+        found = self.strongest().values()
+        return any((one > 0).any() and (one > 0).sum() < STATIONS for one in found)
 
     def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
@@ -544,7 +562,7 @@ def episode(
     held : number of a point -> its contact, of those that go on from an episode before; `before`:
         how long that lasted [s].
     """
-    body = laid(body, start, setting)
+    body = landing(laid(body, start, setting), start)
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
     if body.idle is not None:
         heights[body.idle] = np.inf

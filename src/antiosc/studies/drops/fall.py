@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi, sqrt, tan
@@ -24,6 +24,7 @@ from antiosc.studies.drops.course import Impacts, Peak, contact_yield, course, h
 from antiosc.studies.drops.episode import BODY, LIMITS, Episode
 from antiosc.studies.drops.flight import Flight, State, ringing, turned
 from antiosc.studies.drops.floor import Setting, SoftLayer
+from antiosc.studies.drops.lines import STATIONS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -356,22 +357,33 @@ class Fall(ReprMixin):
 
     @cached_property
     def _lines(self) -> str:
-        """That impacts are along lines, whose forces depend on the mesh; "" if none is."""
-        found = [
-            (k, one)
-            for k, own in enumerate(self.groups)
-            for one in (self.episodes[i] for i in own)
-            if one.along_line()
-        ]
-        if not found:
-            return ""
-        first, one = found[0]
-        return (
-            f"in {len({k for k, _ in found})} of {len(self.groups)} impacts, first in number "
-            f"{first}, the part lands along a line of its surface, as a cylinder on its side; this "
-            f"contact is taken at {len(one.which)} vertices of the mesh, as points with their "
-            f"radii, and its force depends on the mesh: tilt the part, or give the floor a layer"
+        """That impacts are along lines, whose forces are not sure; "" if none is."""
+        told = (
+            (
+                Episode.along_line,
+                "the part lands along a line of its surface, as a cylinder on its side; the "
+                "contact is taken at vertices of the mesh, as points with their radii, and its "
+                "force depends on the mesh: tilt the part, or give the floor a layer",
+            ),
+            (
+                Episode.inclined,
+                "the part lands along a line that is inclined, with a part of its length; each "
+                f"of {STATIONS} places along it has its share of the law of the whole line, which "
+                "holds where the line is level: take the force as a rough one",
+            ),
         )
+        return "; ".join(filter(None, (self._in_impacts(*one) for one in told)))
+
+    def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
+        """In how many impacts something happens, and what; "" if in none."""
+        found = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
+        of = f"in {len(found)} of {len(self.groups)} impacts, first in number"
+        return f"{of} {found[0]}, {what}" if found else ""
+
+    @property
+    def unsure(self) -> bool:
+        """Whether forces of contacts along lines are not sure, as the notes tell."""
+        return bool(self._lines)
 
     @property
     def contact_yields(self) -> bool:

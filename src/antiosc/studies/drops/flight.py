@@ -176,7 +176,7 @@ class State:
         """Arms (n, 3) [m] from the centre of mass to the lowest places at points."""
         bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
         arms = bent @ self.R.T
-        arms[:, 2] -= body.balls[which]
+        arms[:, 2] -= body.reach(self.R[2])[which]
         return np.asarray(arms)
 
     def heights(
@@ -261,7 +261,7 @@ class Flight:
         """Heights without vibration; `up` (n, 3): the vertical in the axes of the body."""
         s, body = self.start, self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
-        return np.asarray(z[:, None] + up @ body.points[which].T - body.balls[which])
+        return np.asarray(z[:, None] + up @ body.points[which].T - body.reach(up)[..., which])
 
     def _ringing(self, t: Array) -> tuple[Array, Array]:
         return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
