@@ -19,8 +19,6 @@ from antiosc.fem.linalg.algebra import multiply, norms, roots
 #: Of a solver: "auto" is direct if the factor fits in memory.
 Choice = Literal["auto", "direct", "iterative"]
 
-#: Largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a direct solve may leave; sound ones leave about 1e-16.
-BACKWARD_ERROR = 1e-10
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 SOLUTION_GROWTH = 1e14
 #: Message for a matrix without a Cholesky factor.
@@ -44,6 +42,8 @@ class Solver(ABC):
 
     #: largest ‖A‖‖x‖/‖Ax‖ of a checked solve
     growth: float = SOLUTION_GROWTH
+    #: largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a solve may leave; sound factors leave about 1e-16
+    backward_error: float = 1e-10
 
     def __init__(self, A: Matrix) -> None:
         started = time.perf_counter()
@@ -80,10 +80,10 @@ class Solver(ABC):
         growth = (size / np.maximum(load, np.finfo(float).tiny)).max()
         if not growth <= self.growth:
             raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
-        if not (rest <= BACKWARD_ERROR * size).all():
+        if not (rest <= self.backward_error * size).all():
             error = (rest / size).max()
             raise AccuracyError(
-                SINGULAR.format(f"backward error {error:.1e}, limit {BACKWARD_ERROR:.0e}")
+                SINGULAR.format(f"backward error {error:.1e}, limit {self.backward_error:.0e}")
             )
         return X[:, 0] if r.ndim == 1 else X
 

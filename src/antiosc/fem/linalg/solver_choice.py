@@ -1,9 +1,9 @@
 """Solvers of PETSc matrices: their choice by memory, factors over ranks, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
-memory, conjugate gradients with algebraic multigrid are used, which take about a hundred times as
-long for each solve. If their matrices do not fit either, an OutOfMemoryError says so before they
-are made.
+memory, conjugate gradients with algebraic multigrid are used, which take about forty times as long
+for each solve (benchmarks/speed/multigrid.md). If their matrices do not fit either, an
+OutOfMemoryError says so before they are made.
 
 A factor over several ranks: the interface Γ is the smallest set of nodes that separates the parts
 of the ranks. Each rank factors its interior and Γ by CHOLMOD, Γ last: with L_Γ the block of Γ in
@@ -445,8 +445,8 @@ class ByPetsc(PetscSolver, Factorization):
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
 #: Bytes of the multigrid for each entry of A: its levels, and the products while they are made
-#: (87 at 113 000 dofs of quadratic tetrahedra, more than 97 at 2.3 million).
-MULTIGRID = 110.0
+#: (6.5 at 55 000 dofs of quadratic tetrahedra, 7.3 at 265 000: benchmarks/multigrid.py).
+MULTIGRID = 20.0
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
 #: Remedy where neither fits.
@@ -455,12 +455,15 @@ SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
 COMPACT = 35.0
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
-#: Relative residual of an iterative solve, and the most iterations for it.
-ITERATION_RESIDUAL, ITERATIONS = 1e-12, 2000
+#: Relative residual of an iterative solve, and the most iterations for it. What it leaves of Z up
+#: to the fifth antiresonance stands in benchmarks/speed/multigrid.md.
+ITERATION_RESIDUAL, ITERATIONS = 1e-8, 2000
 
 
 class Multigrid(PetscSolver):
     """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
+
+    backward_error = 100 * ITERATION_RESIDUAL  # in its own norm the residual is larger
 
     def __init__(self, A: PETSc.Mat, motions: Array) -> None:
         basis = []
@@ -481,6 +484,9 @@ class Multigrid(PetscSolver):
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
         self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
+        # Without options the graph of the first level is not squared: its levels had 4.3 times the
+        # entries of A in place of 1.2 (PETSc 3.18).
+        self._ksp.setFromOptions()
 
 
 def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
@@ -514,7 +520,7 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
     warn(
         A.getComm().tompi4py(),
         f"{process.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
-        "with multigrid), which takes about a hundred times as long for each solve; a coarser mesh "
+        "with multigrid), which takes about forty times as long for each solve; a coarser mesh "
         "or order=1 may fit.",
     )
     return solver
