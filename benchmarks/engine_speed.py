@@ -20,6 +20,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ import options
 import antiosc as ao
 from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
+from antiosc.contact.choice import choose
+from antiosc.contact.surfaces import Surface, matter_of
 from antiosc.simulation.march.convergence import converge
 from antiosc.simulation.two_bodies import Impact, ImpactRows
 
@@ -83,6 +86,7 @@ def main(
             both = {"engine": ms(alone, repeats), "simulate": ms(whole, repeats)}
             impacts.append({"n": n, "speed": speed, **both})
     result = {
+        "chosen": chosen(repeats),
         "loading": float(np.median([calls(20, 0)[0] for _ in range(PROCESSES)])),
         "first": {n: np.median(each, axis=0).tolist() for n, each in first.items()},
         "impacts": impacts,
@@ -93,6 +97,25 @@ def main(
     if chart is not None:
         draw(result, chart)
     return result
+
+
+def chosen(repeats: int) -> dict[str, list[float]]:
+    """Times [ms] of choosing a law anew, of a circular contact and of an elliptic one, and of
+    `simulate` with N = 20: by Hertz's law, by one that yields, and by "auto".
+    """
+    beam, ball = pinned_pinned(BEAM).anti_oscillators(20), ao.Sphere(0.01, material="100Cr6")
+    alloy, striker = matter_of("6061"), ball.surface()
+    flat, round_one = Surface(alloy), Surface(alloy, (0.0, 20.0), kind="line")
+    model = replace(beam, info={"surfaces": {"": flat.as_dict()}})
+    hitter = replace(ball, velocity=1.0)
+    law = choose(flat, striker).law
+    work: dict[str, Callable[[], Any]] = {
+        "choice": lambda: choose.__wrapped__(flat, striker),
+        "choice of an ellipse": lambda: choose.__wrapped__(round_one, striker),
+    }
+    for name, one in {"Hertz": ao.Hertz(law.stiffness), "yields": law, "auto": "auto"}.items():
+        work[name] = lambda one=one: ao.simulate(model, hitter, one, 4e-4, tol=TOL)
+    return {name: ms(run, repeats) for name, run in work.items()}
 
 
 def calls(n: int, count: int, *before: str) -> list[float]:
@@ -214,6 +237,8 @@ def report(result: dict[str, Any]) -> None:
     for r in result["impacts"]:
         parts = (f"{what} {r[what][0]:.3f} ({r[what][1]:.3f})" for what in ("engine", "simulate"))
         print(f"N = {r['n']:>3}, {r['speed']:>4g} m/s, ms: {', '.join(parts)}")
+    for name, (least, median) in result["chosen"].items():
+        print(f"{name:>22}: {1e3 * least:.0f} ({1e3 * median:.0f}) µs")
     print("instructions of a warm simulate:", result["instructions"])
     print("scenes a second:", {k: round(v) for k, v in result["batch"].items()})
     for n, found in result["threads"].items():

@@ -17,6 +17,7 @@ import half_space
 from curves import curves
 
 CURVES = curves()
+LARGE = curves("finite_strain.csv")
 LAW = compare.LAW
 PLACES = [(name, x) for name, of in CURVES.items() for x in sorted(of.unloading) if x <= 300]
 
@@ -33,6 +34,17 @@ def test_force_and_restitution_against_finite_elements(name: str, x: float) -> N
         assert force <= (0.033 if x <= 100 else 0.04)
         assert restitution <= 0.02
         assert dent <= 0.02
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_force_against_finite_elements_of_large_strain(name: str) -> None:
+    """Within what the law says, and 1.5 % for their grid."""
+    ratio, of = float(name.removeprefix("E*/Y ")), LARGE[name]
+    law = ao.ElasticPlastic(1e11, 0.01, 1e11 / ratio)
+    for x, found in zip(of.x, of.ratio, strict=True):
+        off = law.force(x * law.yield_indentation, 0.0, law.touch(1.0))
+        off /= law.yield_force * found * x**1.5
+        assert abs(off - 1) < law.error_at(x * law.yield_indentation)[0] + 0.015
 
 
 def test_the_finite_elements_are_hertz_s_below_yield() -> None:

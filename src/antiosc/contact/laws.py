@@ -361,9 +361,10 @@ MEASURED = (
     (0.007, 0.008, 0.013, 0.028, 0.075, 0.15, 0.4),
     (0.003, 0.006, 0.012, 0.023, 0.045, 0.066, 0.2),
 )
-#: The same of force by strains that are not small, over indentation/radius: 0.11 at 0.25 (E*/Y =
-#: 50, 100 yield indentations), below 0.01 at 0.011 (CalculiX with NLGEOM: finite_strain.csv).
-STRAINED = 0.45
+#: The same of force by strains that are not small, over indentation/radius: 0.11 at 0.25, 0.03 at
+#: 0.063, below 0.01 at 0.011 (E*/Y = 50, 100, 244 at 100 yield indentations: finite_strain.csv); of
+#: restitution 0.058, 0.023, 0.013.
+STRAINED = 0.45, 0.3
 
 
 @dataclass(frozen=True)
@@ -432,7 +433,7 @@ class ElasticPlastic(Hysteretic):
 
         The largest, relative of the force at equal indentation, absolute of restitution, against
         small-strain finite elements of nu = 0.2 to 0.45, elastic shares to 0.74, without hardening
-        and with E/50 (benchmarks/elastoplastic), and what finite strain adds to the force. Beyond
+        and with E/50 (benchmarks/elastoplastic), and what finite strain adds. Beyond
         300 yield indentations a guess that grows; 0 below yield.
         """
         depth = checks.nonnegative("depth", depth, "m")
@@ -440,7 +441,8 @@ class ElasticPlastic(Hysteretic):
             return 0.0, 0.0
         x = log(depth / self.yield_indentation)
         force, restitution = (np.interp(x, np.log(MEASURED_AT), row) for row in MEASURED)
-        return float(force) + STRAINED * depth / self.radius, float(restitution)
+        strain = depth / self.radius
+        return float(force) + STRAINED[0] * strain, float(restitution) + STRAINED[1] * strain
 
     def yield_speed(self, mass: float) -> float:
         """Relative speed [m/s] from which the contact yields of bodies with a reduced mass [kg]."""
