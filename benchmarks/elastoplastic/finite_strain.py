@@ -28,7 +28,6 @@ CASES = {
     "E*/Y 50": (50.0, 100.0),
     "E*/Y 100": (100.0, 100.0),
     "E*/Y 244": (244.0, 300.0),
-    "E*/Y 500": (500.0, 300.0),
 }
 #: ranges of x, each with its own grid; it is unloaded from the end of each
 RANGES = ((7.0, 100.0), (80.0, 300.0))
