@@ -114,6 +114,10 @@ from antiosc.fem.mesh.reading import (
     box_mesh as box_mesh,
     read_mesh as read_mesh,
 )
+from antiosc.fem.prestress import (
+    Prestress as Prestress,
+    Spin as Spin,
+)
 from antiosc.fem.site import (
     Site as Site,
 )
@@ -173,6 +177,9 @@ from antiosc.results.peaks import (
 )
 from antiosc.results.pictures import (
     SavedFields as SavedFields,
+)
+from antiosc.results.prestressed import (
+    PrestressedState as PrestressedState,
 )
 from antiosc.results.probe import (
     probe as probe,

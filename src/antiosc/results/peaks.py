@@ -419,7 +419,8 @@ def peak_field(
     At the nodes of solids, on the surface too, strains and stresses are those of the cells there
     (not of their Gauss points), as means of the cells of one material; in sheets and beams the
     largest of the cells is taken. Near a point load or a re-entrant corner the values grow with
-    every refinement of the mesh: `mesh_error` and `doubt` tell it.
+    every refinement of the mesh: `mesh_error` and `doubt` tell it. Stresses and strains of a
+    structure with a prestress are those of the static state and of the blow together.
 
     Raises
     ------
@@ -443,22 +444,31 @@ def peak_field(
     factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
     if recovered == "stress":
         factors = functools.partial(stress_amplitudes, structure, history, body=body)
+    static = recovered != "motion" and structure.matrices.preload is not None
     if times is None and not isinstance(history, BodyHistory):
         omega, modal, sizes = modal_amplitudes(history, at, body, derivative)
         # a spring is stretched by no more than the body
         modal = np.tile(modal, factors(times=at[:1]).shape[1] // max(modal.shape[1], 1))
+        if static:
+            modal = np.pad(modal, ((0, 0), (0, 1)))
+            factors = functools.partial(_beside_static, factors)
         search = functools.partial(refined_maxima, BodyMotion(at, factors, omega, modal, sizes))
     else:
-        search = functools.partial(_at_times, factors(times=at), at)
+        own = factors(times=at)
+        own = np.pad(own, ((0, 0), (0, 1)), constant_values=1.0) if static else own
+        search = functools.partial(_at_times, own, at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(moved, _length))
     else:
         parts: list[Maxima] = []
         for ply in margin.plies(structure, quantity, part):
-            points, cells, found = source(structure).tensors_at_nodes(
-                structure, shapes, recovered, places, part, ply
-            )
+            asked = recovered, places, part, ply
+            points, cells, found = source(structure).tensors_at_nodes(structure, shapes, *asked)
+            if static:
+                at_rest = source(structure).tensors_at_nodes(structure, None, *asked)[2]
+                columns = np.concatenate([found.columns, at_rest.columns], axis=2)
+                found = found._replace(columns=columns)
             if quantity in margin.CRITERIA:
                 found = margin.with_strength(quantity, found)
             if found.origins:
@@ -494,6 +504,24 @@ def peak_field(
             AccuracyWarning,
         )
     return result
+
+
+def static_stress(structure: Structure) -> PeakField:
+    """The von Mises stress of the static state under a prestress. All ranks must call it."""
+
+    def search(columns: Array, scalar: Callable[[Array], Array]) -> tuple[Array, Array, None]:
+        return _at_times(np.ones((1, columns.shape[2])), np.zeros(1), columns, scalar)
+
+    places = _places(None, None, None)
+    points, cells, found = source(structure).tensors_at_nodes(structure, None, "stress", places)
+    best = margin.stresses("von_mises", points, found, search)
+    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+    return _peak_field_of("von_mises", "Pa", points, cells, best)
+
+
+def _beside_static(factors: Callable[..., Array], times: Array) -> Array:
+    """The factors, and 1 of the static state."""
+    return np.pad(factors(times=times), ((0, 0), (0, 1)), constant_values=1.0)
 
 
 def _at_times(

@@ -181,6 +181,8 @@ EXCLUDES = (
     ("material structure", "deck matrices model frf", "leave it out"),
     ("supports attached", "matrices", 'fix nodes by supports = {12 = "all"} there'),
     ("supports attached", "model frf", "leave it out"),
+    ("prestress", "deck matrices model frf", "give the part a [geometry], or [parts]"),
+    ("prestress", "strike drop", "leave it out"),
     ("supports", "drop", "a part that is dropped is free: leave it out"),
     ("simulate extract", "strike", _KEEP),
     (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),
@@ -282,7 +284,7 @@ def structure(build: Builder) -> Call | None:
 def refined(build: Builder) -> bool:
     """Whether the mesh is chosen by [strike]: not where the structure has more than a mesh."""
     mesh = {"geometry", "strike"} <= set(build.data)
-    return mesh and not {"attached", "structure"} & set(build.data)
+    return mesh and not {"attached", "structure", "prestress"} & set(build.data)
 
 
 def _part(build: Builder, data: Table, place: Place) -> Call | None:
@@ -293,6 +295,8 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
     given = {"mesh": build.table("geometry", data, place), **supported}
     given["material"] = _material(build, data, place)
     at = "structure" if "structure" in data else "material"  # the section that is there
+    if not place and "prestress" in data:
+        given["prestress"] = build.table("prestress")
     options = build.part("structure", dict, data)
     return build.call(SECTIONS["structure"], options, (*place, at), given)
 
@@ -351,6 +355,8 @@ def _assembly(build: Builder) -> Call | None:
     more = {"at": placed, "points": points, **_supported(build, build.data, ())}
     given: dict[str, object] = {"parts": parts if None not in parts.values() else None}
     given |= {"joints": joints} | {name: value for name, value in more.items() if value}
+    if "prestress" in build.data:
+        given["prestress"] = build.table("prestress")
     return build.table("assembly", always=True, given=given)
 
 

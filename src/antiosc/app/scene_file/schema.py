@@ -420,11 +420,13 @@ _STRUCTURE: dict[str, Section] = {
     "attached": Section("list", "PointMass Spring Damper Footing",
         "point masses, springs, dampers, footings on soil"),
     "structure": Section("table", "Structure", "options of the structure",
-        "mesh material supports attached"),
+        "mesh material supports attached prestress"),
 }  # fmt: skip
 SECTIONS: dict[str, Section] = {
     "title": Section("text", "", "what the scene shows; for tables and the report"),
     **_STRUCTURE,
+    "prestress": Section("table", "Prestress",
+        "loads that the structure carries all the time: spin, pressure, tensions"),
     "matrices": Section("table", "Structure.from_files",
         "stiffness and mass matrices of another program"),
     "parts": Section("named", "", "the parts of an assembly, each with its own sections",
@@ -433,7 +435,7 @@ SECTIONS: dict[str, Section] = {
     "at": Section("named", "Placement", "where each part stands"),
     "points": Section("table", "", "reference points of the assembly: name = [x, y, z]"),
     "assembly": Section("table", "assemble", "options of the assembly",
-        "parts joints at points supports attached"),
+        "parts joints at points supports attached prestress"),
     "model": Section("table", "AntiOscillators.load",
         "a reduced model that antiosc has saved"),
     "frf": Section("table", "read_frf",

@@ -56,6 +56,8 @@ from antiosc.fem.assembly.parts import (
 from antiosc.fem.linalg.petsc_algebra import from_csr
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.platform import collective, on_root
+from antiosc.fem.prestress import Prestress
+from antiosc.fem.prestress.joined import with_prestress
 from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure
@@ -354,6 +356,7 @@ def assemble(
     supports: Sequence[Support] = (),
     attached: Sequence[Attachment] = (),
     solver: Choice = "auto",
+    prestress: Prestress | None = None,
 ) -> Structure:
     """One structure of several parts, joined by linear constraints u = T q.
 
@@ -380,6 +383,8 @@ def assemble(
         more than points they act on its mean motion.
     solver : "auto", "direct" or "iterative"
         As for `Structure`.
+    prestress : Prestress, optional
+        Loads that the whole carries: tensions of bolts by name, of groups "part:group".
 
     Returns
     -------
@@ -407,6 +412,7 @@ def assemble(
         supports=supports,
         attached=attached,
         solver=solver,
+        prestress=prestress,
     )
 
 
@@ -420,6 +426,7 @@ def put_together(
     attached: Sequence[Attachment] = (),
     solver: Choice = "auto",
     apart: bool = False,
+    prestress: Prestress | None = None,
 ) -> Structure:
     """`assemble` with checked joints; `apart`: parts may be joined to nothing, for each is held."""
     started = time.perf_counter()
@@ -457,6 +464,8 @@ def put_together(
         local=local,
         constraints=constraints,
     )
+    if prestress is not None:
+        matrices = with_prestress(matrices, prestress, joints)
     self._hold(matrices, started)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self

@@ -304,6 +304,11 @@ class Added:
         every = [one for one, _ in self._elastic]
         return [Dissipation(one.G, one.k, name=one.name, point=one.point) for one in every]
 
+    def mass_on_u(self, count: int) -> Sparse:
+        """The masses (n, n) on the dofs u of `count`."""
+        own = [one.G.T @ scipy.sparse.csr_matrix(one.m) @ one.G for one, _ in self._elastic]
+        return sum(own, Sparse((count, count))).tocsr()
+
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
         forces = np.zeros(motions.shape)
@@ -415,7 +420,7 @@ class AssembledMatrices(StructureMatrices):
         shown = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
         return (
             f"assembly of {len(names)} parts ({shown}), {dofs} dofs, "
-            f"{self.rigid_modes.shape[1]} rigid-body modes"
+            f"{self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
         )
 
     def dissipation(self) -> list[Dissipation]:

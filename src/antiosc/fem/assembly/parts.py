@@ -37,7 +37,7 @@ from antiosc.fem.structure import (
     placement,
 )
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping import DampingMatrix
 from antiosc.models.model_file import reduced_matrices
@@ -311,6 +311,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
             f"the part {name!r} must be a Structure, or a model of several sites; got "
             f"{shown(part)}."
         )
+    refuse_prestress(part, f"assemble, of its parts ({name!r}),")
     if part.matrices.assembled:
         raise InputError(
             f"the part {name!r} is an assembly itself: give its parts and joints instead, or a "

@@ -403,6 +403,11 @@ class Bolt(Between):
         if self.beam.offset:
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
+    def length(self, layout: Layout) -> float:
+        """Distance of its ends, m."""
+        a, b = (motion(layout, end).point for end in (self.a, self.b))
+        return float(np.linalg.norm(b - a))
+
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""
         ends = [motion(layout, end) for end in (self.a, self.b)]
@@ -461,13 +466,51 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
     return k, m
 
 
+def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
+    """(a (12,), B (12, 12)): a beam with the dofs g of `element` is longer by a·g + gᵀBg/2.
+
+    B has the slopes of its deflections, and the twist by which fibres off the axis lengthen.
+    """
+    a, B = np.zeros(12), np.zeros((12, 12))
+    a[[0, 6]] = -1.0, 1.0
+    bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    section = beam.section
+    radius2 = (section.I + section.side) / section.A
+    B[np.ix_((3, 9), (3, 9))] = radius2 / length * bar
+    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    s, w = (x + 1) / 2, w / 2 * length
+    for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
+        signs = np.array([1.0, sign, 1.0, sign])
+        slopes = _slopes(_shear_share(beam, I, length), length, s)
+        own = np.einsum("iq,jq,q->ij", slopes, slopes, w)
+        B[np.ix_(dofs, dofs)] += own * np.outer(signs, signs)
+    return a, B
+
+
+def _shear_share(beam: Beam, I: float, L: float) -> float:  # noqa: E741
+    """φ = 12 EI/(GκA L²), 0 of a beam that is rigid in shear."""
+    if not beam.shear:
+        return 0.0
+    return 12 * beam.E * I / (beam.G * beam.section.A * beam.section.shear * L**2)
+
+
+def _slopes(phi: float, L: float, s: Array) -> Array:
+    """Slopes (4, points) of the deflections at s in [0, 1] for unit dofs."""
+    return np.stack([
+        (-6 * s + 6 * s**2 - phi) / L,
+        1 - 4 * s + 3 * s**2 + phi / 2 * (1 - 2 * s),
+        (6 * s - 6 * s**2 + phi) / L,
+        -2 * s + 3 * s**2 - phi / 2 * (1 - 2 * s),
+    ]) / (1 + phi)  # fmt: skip
+
+
 def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E741
     """(4, 4) of (deflection, slope) of both ends of a Timoshenko beam.
 
     Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapters 5 and 11.
     """
     EI = beam.E * I
-    phi = 12 * EI / (beam.G * beam.section.A * beam.section.shear * L**2) if beam.shear else 0.0
+    phi = _shear_share(beam, I, L)
     k = EI / ((1 + phi) * L**3) * np.array([
         [12, 6 * L, -12, 6 * L],
         [6 * L, (4 + phi) * L**2, -6 * L, (2 - phi) * L**2],

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 import ufl
@@ -160,11 +160,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     """
     space = compat.lagrange(mesh.dolfinx, order, 6)
     w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    t = tangent(mesh)
-    height = _orientations(mesh, parts)
-    y = height - ufl.dot(height, t) * t
-    y = y / ufl.sqrt(ufl.dot(y, y))
-    z = ufl.cross(t, y)
+    t, y, z = axes_of_beams(mesh, parts)
     offset = coefficient(mesh, parts, lambda b: b.offset)
     # A stiffener follows the twist of its sheet by warping, without shear.
     twist_shifts = not on_sheet and any(b.offset for b, _ in parts)
@@ -220,6 +216,23 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
         twist_shifts=twist_shifts,
         strains=(strains(w), degree),
     )
+
+
+class BeamAxes(NamedTuple):
+    """Unit vectors (UFL): the tangent, the height y, and z = t × y."""
+
+    t: Expr
+    y: Expr
+    z: Expr
+
+
+def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
+    """The axes of the sections of beams in space."""
+    t = tangent(mesh)
+    height = _orientations(mesh, parts)
+    y = height - ufl.dot(height, t) * t
+    y = y / ufl.sqrt(ufl.dot(y, y))
+    return BeamAxes(t, y, ufl.cross(t, y))
 
 
 def _orientations(mesh: Mesh, parts: Parts) -> Expr:

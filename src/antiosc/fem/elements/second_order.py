@@ -8,14 +8,18 @@ with the forces N of a state, K_σ(a, b) = ∫ N : η(a, b).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import ufl
 
 from antiosc.base._types import Array
+from antiosc.fem.elements.beam import Beam, Truss, axes_of_beams
 from antiosc.fem.elements.shell import Frame, frames, section_fields, strains_of
-from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.elements.solid import isotropic_stress, voigt_strain
+from antiosc.fem.elements.weak_form import Parts, coefficient, measure, tangent
+from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
 if TYPE_CHECKING:
@@ -42,6 +46,122 @@ def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
     slopes = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
     first, second = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
     return first, second
+
+
+class Stretch(NamedTuple):
+    """How a family stretches: the strain is ε(u) + η(u, u)/2, its forces N are linear in it."""
+
+    strain: Callable[[Expr], Expr]
+    eta: Callable[[Expr, Expr], Expr]
+    forces: Callable[[Expr], Expr]
+    #: of the quadrature
+    degree: int
+
+    def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
+        """Energy density of u beyond ε:C:ε/2; `initial`: a strain that is free of stress.
+
+        Its second derivative at u is K_σ, and what u itself adds to the strains of v and w,
+        ε(v) + η(u, v).
+        """
+        strain, eta = self.strain(u), self.eta(u, u)
+        energy = ufl.inner(self.forces(strain), eta) / 2 + ufl.inner(self.forces(eta), eta) / 8
+        if initial is not None:
+            energy -= ufl.inner(self.forces(initial), strain + eta / 2)
+        return energy
+
+    def of_stress(self, u: Expr, initial: Expr | None, v: Expr, w: Expr) -> Expr:
+        """K_σ's density at u, N : η(v, w)."""
+        strain = self.strain(u) + self.eta(u, u) / 2
+        if initial is not None:
+            strain = strain - initial
+        return ufl.inner(self.forces(strain), self.eta(v, w))
+
+
+def stretch_of(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+    """That of the family of `parts`, whose displacements are of degree `order`."""
+    material = parts[0][0]
+    if material.kind.sheet:
+        return _of_sheets(mesh, parts)
+    if isinstance(material, Beam):
+        return _of_beams(mesh, parts, order)
+    if isinstance(material, Truss):
+        return _of_bars(mesh, parts)
+    return _of_solids(mesh, parts, order)
+
+
+def _of_solids(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+    degree = 4 * (order - 1) + 2 * (mesh.order - 1)
+    if mesh.cell in ("quadrilateral", "hexahedron"):
+        degree = 2 * order + 1
+    if any(not hasattr(material, "plane") for material, _ in parts):  # some have directions
+        C = coefficient(mesh, parts, lambda s: s.voigt)
+
+        def voigt_eta(a: Expr, b: Expr) -> Expr:
+            return voigt_strain(of_solid(a, b))
+
+        return Stretch(
+            lambda u: voigt_strain(ufl.sym(ufl.grad(u))), voigt_eta, lambda e: C * e, degree
+        )
+    stress = isotropic_stress(mesh, parts)
+    return Stretch(lambda u: ufl.sym(ufl.grad(u)), of_solid, stress, degree)
+
+
+def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
+    """The strain is that of the neutral surface; 2×2 points where curved cells have it."""
+    frame, section = frames(mesh, parts), section_fields(mesh, parts)
+
+    def strain(u: Expr) -> Expr:
+        own = strains_of(frame, u, section.middle)
+        if section.coupling is None:
+            return own.membrane
+        return own.membrane + section.coupling * own.bending
+
+    degree = 6 + 2 * (mesh.order - 1)
+    if mesh.cell == "quadrilateral":
+        degree = 5 if mesh.order == 1 else 3
+    return Stretch(strain, lambda a, b: of_sheet(frame, a, b), lambda e: section.A * e, degree)
+
+
+def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+    """Along the axis; fibres off it are stretched by the twist too, polar radius² times twist²."""
+    EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
+    radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
+    offset = coefficient(mesh, parts, lambda b: b.offset)
+    t, count = tangent(mesh), mesh.gdim
+    z = axes_of_beams(mesh, parts).z if count == 3 else None
+
+    def slopes(q: Expr) -> tuple[Expr, Expr]:
+        slope = ufl.dot(ufl.grad(q), t)
+        turns = len(slope) - count
+        u = ufl.as_vector([slope[i] for i in range(count)])
+        return u, ufl.as_vector([slope[i + turns] for i in range(count)])
+
+    def strain(q: Expr) -> Expr:
+        u, turn = slopes(q)
+        axial = ufl.dot(u, t)
+        return axial if z is None else axial - offset * ufl.dot(turn, z)
+
+    def eta(a: Expr, b: Expr) -> Expr:
+        (u, turn), (v, turned) = slopes(a), slopes(b)
+        along = ufl.dot(u, v)
+        return along if z is None else along + radius2 * ufl.dot(turn, t) * ufl.dot(turned, t)
+
+    return Stretch(strain, eta, lambda e: EA * e, 2 * order - 1)
+
+
+def _of_bars(mesh: Mesh, parts: Parts) -> Stretch:
+    EA = coefficient(mesh, parts, lambda bar: bar.E * bar.area)
+    t = tangent(mesh)
+
+    def slope(u: Expr) -> Expr:
+        return ufl.dot(ufl.grad(u), t)
+
+    return Stretch(
+        lambda u: ufl.dot(slope(u), t),
+        lambda a, b: ufl.dot(slope(a), slope(b)),
+        lambda e: EA * e,
+        0,
+    )
 
 
 #: Distance of nodes from a plane, over the thickness, up to which a sheet is flat.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, cast
 
 import numpy as np
 import ufl
@@ -90,7 +90,7 @@ class Solid(Isotropic):
         u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
         lame = coefficient(mesh, parts, _first_lame)
         shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
-        depth = coefficient(mesh, parts, lambda s: 1.0 if s.plane is None else s.thickness)
+        depth = depth_of(mesh, parts)
         rho = coefficient(mesh, parts, lambda s: s.rho)
         strain, virtual = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
         stress = lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
@@ -125,6 +125,28 @@ class Solid(Isotropic):
             return box
         length, width, _ = box
         return length, self.thickness, width
+
+
+def depth_of(mesh: Mesh, parts: Parts) -> Expr:
+    """Thickness [m] of plane parts, 1 of others (UFL)."""
+
+    def own(solid: Family) -> float:
+        plane = getattr(solid, "plane", None)
+        return 1.0 if plane is None else cast("Solid", solid).thickness
+
+    return coefficient(mesh, parts, own)
+
+
+def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
+    """Stress times thickness (UFL) of strains in isotropic solids."""
+    lame = coefficient(mesh, parts, _first_lame)
+    shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
+    depth = depth_of(mesh, parts)
+
+    def stress(strain: Expr) -> Expr:
+        return depth * (lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain)
+
+    return stress
 
 
 def _check_cells(mesh: Mesh, order: int) -> None:
@@ -185,8 +207,11 @@ def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]
 
 
 def _voigt_strain(u: Expr) -> Expr:
-    """(ε11, ε22, ε33, γ23, γ13, γ12)."""
-    e = ufl.sym(ufl.grad(u))
+    return voigt_strain(ufl.sym(ufl.grad(u)))
+
+
+def voigt_strain(e: Expr) -> Expr:
+    """(ε11, ε22, ε33, γ23, γ13, γ12) of a tensor."""
     shear = [2 * e[1, 2], 2 * e[0, 2], 2 * e[0, 1]]
     return ufl.as_vector([e[0, 0], e[1, 1], e[2, 2], *shear])
 

@@ -31,7 +31,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import (
     BeamSection,
@@ -325,6 +325,7 @@ class ModelErrors:
                 "error='estimate' is for models of one site: extract each site by itself, or leave "
                 "error=None."
             )
+        refuse_prestress(structure, "error='estimate'")
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
         self._errors = HalvedBeams(part) if part.kind.name == "beam" else estimator(structure)

@@ -28,6 +28,8 @@ from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
 from antiosc.fem.platform import agree, compat
+from antiosc.fem.prestress import named_from
+from antiosc.fem.prestress.loaded_part import initial_strain
 from antiosc.fem.recovery import (
     NO_OUTLINE,
     NodeTensors,
@@ -288,9 +290,24 @@ def at_nodes(
     return points, list(zip(kinds, cells, strict=True)), found
 
 
+def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
+    """(part, its static displacements (rows, 1)) under the prestress, whose strains are whole."""
+    preload = structure.matrices.preload
+    assert preload is not None
+    found = []
+    for member, own in with_parts(structure).fields(preload.q[:, None], part):
+        names = named_from(f"{member.name}:", preload.initial) if member.name else preload.initial
+        strain = initial_strain(
+            member.part, {k: e for k, e in names.items() if k not in member.part.stiffeners}
+        )
+        strained = replace(member.part, initial=np.array(strain.x.array))
+        found.append((replace(member, part=strained), own))
+    return found
+
+
 def tensors_at_nodes(
     structure: Structure,
-    shapes: Array,
+    shapes: Array | None,
     quantity: str,
     places: list[Place],
     part: str | None = None,
@@ -299,13 +316,18 @@ def tensors_at_nodes(
     """Points and cells as `at_nodes`, and the tensors at them; on rank 0.
 
     A point may have several tensors: of materials, of cells of a sheet, of the places given. With
-    `ply`, a place with a layer, they are those of the laminates that have this layer.
+    `ply`, a place with a layer, they are those of the laminates that have this layer. `shapes`
+    None: the one column of the static state under the prestress.
     """
-    parts = with_parts(structure).fields(shapes, part)
-    points, cells, _ = at_nodes(structure, shapes[:, :0], part)
+    if shapes is None:
+        parts = loaded(structure, part)
+    else:
+        parts = with_parts(structure).fields(shapes, part)
+    points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
     node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
     for member, own in parts:
-        found, shares = [], shares_of(structure, quantity, member)
+        found: list[tuple[IntArray, IntArray, Array]] = []
+        shares = None if shapes is None else shares_of(structure, quantity, member)
         for place, numbers in _requests(member.part, places, ply):
             there = place.within(member.at.rotation)
             asked = own, quantity, there, numbers, shares

@@ -113,6 +113,8 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
     """Tensors (P, 3, 3, columns)."""
     gradient = _gradient(at)
     result = (gradient + np.swapaxes(gradient, 1, 2)) / 2
+    if at.part.initial is not None:
+        result += np.einsum("pkic,pkjc->pijc", gradient, gradient) / 2
     number = at.part.part_of_cells()[at.cells]
     for k, (material, _) in enumerate(at.part.parts):
         if getattr(material, "plane", None) == "stress":  # it contracts freely across the plane
@@ -196,7 +198,15 @@ def _axial(at: PointsInCells) -> Array:
     """Axial strain (P, columns)."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
     slope = at.slopes(at.dofs("xyz"))[:, :, 0] / length[:, :, None]
-    return np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
+    along = np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
+    return np.asarray(along + _lengthening(at, slope))
+
+
+def _lengthening(at: PointsInCells, slope: Array) -> Array:
+    """Axial strain (P, columns) of second order, without what is free of stress; else 0."""
+    if at.part.initial is None:
+        return np.zeros(slope[:, 0].shape)
+    return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
 
 
 def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
@@ -291,7 +301,7 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
     sideways = offset * along(bend, frame.t) if at.part.form.twist_shifts else 0.0
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
-        along(slope, frame.t) + stretch,
+        along(slope, frame.t) + stretch + _lengthening(at, slope),
         along(slope, frame.y) - along(turn, frame.z),
         along(slope, frame.z) + along(turn, frame.y) + sideways,
     ]
@@ -510,6 +520,10 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
 
     u1, u2, r1, r2 = dotted(du, e1), dotted(du, e2), dotted(dr, e1), dotted(dr, e2)
     membrane = np.stack([u1[:, 0], u2[:, 1], u1[:, 1] + u2[:, 0]], axis=1)
+    if at.part.initial is not None:
+        products = np.einsum("pcak,pcbk->pabk", du, du)
+        second = [products[:, 0, 0] / 2, products[:, 1, 1] / 2, products[:, 0, 1]]
+        membrane += np.stack(second, axis=1)
     # θ × n = (θ·e2) e1 − (θ·e1) e2
     bending = np.stack([r2[:, 0], -r1[:, 1], r2[:, 1] - r1[:, 0]], axis=1)
     lean = _leaning(at, rotations, frame)

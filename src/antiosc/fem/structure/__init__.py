@@ -32,6 +32,7 @@ from antiosc.fem.linalg.algebra import (
     sum_of,
 )
 from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.prestress import Preload
 from antiosc.io.dof_map import DofMap
 from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.motion import Inertia
@@ -420,6 +421,10 @@ class StructureMatrices:
     first_shift: float
     solver: Choice = "auto"
     C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
+    #: the static state in which K is taken
+    preload: Preload | None = field(default=None, kw_only=True)
+    #: a solver of this K, where there is one already
+    solver_of_K: Solver | None = field(default=None, kw_only=True)
 
     #: whether they are of a mesh, or of several that are joined
     meshed: ClassVar[bool] = False
@@ -453,6 +458,9 @@ class StructureMatrices:
     def factored(self) -> tuple[Solver, float]:
         """(solver of K + sM, s): from the first shift on, until s fits the first elastic ω²."""
         shift = self.first_shift
+        if self.solver_of_K is not None:
+            factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
+            return factor, shift
         factor = self._solver_of(shift)
         for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
             better = closer_shift(factor, self.K, self.M, self.rigid_modes)
@@ -512,6 +520,11 @@ class StructureMatrices:
     def loss_stiffness(self, V: Array) -> Array | None:
         """Σ η VᵀKV (k, k) of the materials, for V (rows of this rank, k); None without losses."""
         return None
+
+    @property
+    def loads_told(self) -> str:
+        """What descriptions say of a prestress; "" without one."""
+        return "" if self.preload is None else f", {self.preload.words}"
 
     def describe(self, dofs: int) -> str:
         """One line: what was modelled and with how many dofs."""

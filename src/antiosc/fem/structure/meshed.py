@@ -175,6 +175,10 @@ class MeshedStructure(StructureMatrices):
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
     #: the group of edges of the sheet of which this is a stiffener
     edges: str = ""
+    #: the same without its prestress
+    unloaded: MeshedStructure | None = None
+    #: strains free of stress of the cells (n,): strains are then of second order; None: linear
+    initial: Array | None = None
 
     meshed: ClassVar[bool] = True
 
@@ -356,7 +360,7 @@ class MeshedStructure(StructureMatrices):
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
         return (
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
-            f"{dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
+            f"{dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
         )
 
 

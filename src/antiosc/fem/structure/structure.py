@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from antiosc.fem.elements.weak_form import Family
     from antiosc.fem.mesh import Mesh
+    from antiosc.fem.prestress import Prestress
     from antiosc.fem.structure.attachments import Attachment
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.support import Support
@@ -45,6 +46,7 @@ class Options(TypedDict):
     order: int
     attached: Sequence[Attachment]
     solver: Choice
+    prestress: Prestress | None
 
 
 class Structure(ReprMixin):
@@ -66,9 +68,14 @@ class Structure(ReprMixin):
     solver : "auto", "direct" or "iterative"
         Solver for K: a Cholesky factor, or, if the memory is not sufficient, conjugate gradients
         with multigrid (`antiosc.fem.linalg.solver_choice`).
+    prestress : Prestress, optional
+        Loads that it carries all the time: spin, gravity, pressure, tensions, forces. K is the
+        tangent stiffness of their static equilibrium.
 
     Attributes
     ----------
+    prestress : PrestressedState or None
+        Reserve to buckling, displacement and stress under the prestress.
     K, M : PETSc.Mat or scipy.sparse.csr_matrix
         Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
     dofs : int
@@ -108,6 +115,7 @@ class Structure(ReprMixin):
     made_of: tuple[Mesh, Family | Mapping[str, Family], Options] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
+    _prestressed: antiosc.PrestressedState | None = None
 
     @collective()
     def __init__(
@@ -119,13 +127,19 @@ class Structure(ReprMixin):
         order: int = 2,
         attached: Sequence[Attachment] = (),
         solver: Choice = "auto",
+        prestress: Prestress | None = None,
     ) -> None:
         """Assemble the structure of a mesh."""
         started = time.perf_counter()
         with finite_element_packages():
+            from antiosc.fem.prestress.state import with_prestress
             from antiosc.fem.structure.meshed import assembled
-        options: Options = {"order": order, "attached": attached, "solver": solver}
-        made = assembled(mesh, material, supports, **options)
+        options: Options = {
+            "order": order, "attached": attached, "solver": solver, "prestress": prestress,
+        }  # fmt: skip
+        made = assembled(mesh, material, supports, order=order, attached=attached, solver=solver)
+        if prestress is not None:
+            made = with_prestress(made, prestress)
         self._hold(made, started)
         self.supports = tuple(made.supports)
         self.made_of = mesh, material, options
@@ -311,6 +325,13 @@ class Structure(ReprMixin):
             facts.append(("mass", f"{self.mass:.6g} kg"))
         return facts
 
+    @property
+    def prestress(self) -> antiosc.PrestressedState | None:
+        """What its prestress does before a blow; None without one."""
+        if self._prestressed is None and self.matrices.preload is not None:
+            self._prestressed = antiosc.PrestressedState(self)  # public, it reads a structure
+        return self._prestressed
+
     def natural_modes(self, n: int = 10) -> antiosc.StructureModes:
         """The n lowest natural modes on its supports; see `antiosc.natural_modes`."""
         return antiosc.natural_modes(self, n)  # the public function, which reads a structure
@@ -335,6 +356,14 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
     if not structure.matrices.meshed:
         raise InputError(otherwise)
     return cast("MeshedStructure", structure.matrices)
+
+
+def refuse_prestress(structure: Structure, what: str) -> None:
+    """InputError for a structure with a prestress, of which `what` knows nothing."""
+    if structure.matrices.preload is not None:
+        raise InputError(
+            f"{what} does not take a structure with a prestress: leave prestress= out of it."
+        )
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:

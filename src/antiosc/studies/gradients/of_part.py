@@ -33,7 +33,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.site import Site, functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.results.fields import checked_shapes
@@ -242,6 +242,7 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
             "the materials of an assembly, or of matrices, are not known: give a function of x that"
             " builds the part, and x."
         )
+    refuse_prestress(part, "a gradient by the numbers of a part")
     mesh, given, options = part.made_of
     several = isinstance(given, Mapping)
     groups = dict(given) if isinstance(given, Mapping) else {"": given}

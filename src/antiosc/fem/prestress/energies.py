@@ -1,0 +1,125 @@
+"""Energies (UFL) of pressures and of spin on a mesh; measures of its groups."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import dolfinx
+import numpy as np
+import ufl
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.fem.elements.beam import Beam, axes_of_beams
+from antiosc.fem.elements.shell import frames, section_fields
+from antiosc.fem.elements.solid import depth_of
+from antiosc.fem.elements.weak_form import Parts, axes_and_sides, coefficient, measure
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import compat
+from antiosc.fem.prestress import Spin
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+#: Degree of the quadrature of loads: products of P2 displacements, slopes and normals.
+DEGREE = 5
+
+
+def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Measure]:
+    """(factor, measure) of cells, or of outer facets, of this rank."""
+    if dim == mesh.tdim:
+        inside = compat.cellwise(mesh.dolfinx)
+        inside.x.array[entities] = 1.0
+        return inside, measure(mesh, DEGREE)
+    marks = np.ones(len(entities), dtype=np.int32)
+    order = np.argsort(entities)
+    tags = dolfinx.mesh.meshtags(mesh.dolfinx, dim, entities[order].astype(np.int32), marks)
+    metadata = {"quadrature_degree": DEGREE}
+    ds = ufl.Measure("ds", domain=mesh.dolfinx, subdomain_data=tags, metadata=metadata)
+    return compat.constant(mesh.dolfinx, 1.0), ds(1)
+
+
+def pressure_energy(
+    mesh: Mesh, parts: Parts, u: Expr, where: tuple[str, int, IntArray]
+) -> ufl.Form:
+    """Work of a unit pressure to second order; `where`: a group, its dimension, its entities."""
+    group, dim, entities = where
+    sheet = parts[0][0].kind.sheet
+    if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
+        raise InputError(
+            f"pressure acts on faces of solids and on cells of sheets; group {group!r} holds "
+            f"entities of dimension {dim}: give force={{{group!r}: (x, y, z)}} there."
+        )
+    factor, dx = measure_on(mesh, dim, entities)
+    if not sheet:
+        n, slope = ufl.FacetNormal(mesh.dolfinx), ufl.grad(u)
+        turned = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
+        against = -depth_of(mesh, parts) * factor
+        return against * (ufl.dot(u, n) + ufl.dot(u, turned) / 2) * dx
+    frame = frames(mesh, parts)
+    _, side = axes_and_sides(mesh, parts)
+    J = ufl.Jacobian(mesh.dolfinx)
+    a, b = (_in_space([J[i, j] for i in range(mesh.gdim)]) for j in (0, 1))
+    normal = ufl.cross(a, b)
+    to_top = side * ufl.sign(ufl.dot(normal, frame.n))
+    moved = ufl.as_vector([u[i] for i in range(3)])
+    slopes = ufl.dot(ufl.grad(moved), ufl.transpose(frame.along))
+    u1, u2 = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
+    turned = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
+    work = ufl.dot(moved, frame.n) + ufl.dot(moved, turned) / 2
+    return factor * to_top * work * dx
+
+
+def _in_space(components: list[Expr]) -> Expr:
+    return ufl.as_vector([*components, *[0] * (3 - len(components))])
+
+
+def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
+    """Σ ρ a·a/2 (a = Ω P (x + u)) of all mass of the cells, rotations to second order."""
+    S = ufl.as_matrix(spin.stiffness.tolist())
+    about = np.array(spin.about)
+    x = ufl.SpatialCoordinate(mesh.dolfinx)
+    moved = _in_space([x[i] - float(about[i]) + u[i] for i in range(mesh.gdim)])
+    dx = measure(mesh, DEGREE + 1)
+    energy = density * ufl.dot(moved, S * moved) / 2
+    for direction, first, second in _fibres(mesh, parts):
+        turn = ufl.as_vector([u[i] for i in range(3, 6)])
+        once = ufl.cross(turn, direction)
+        arm = direction + once + ufl.cross(turn, once) / 2
+        energy += first * ufl.dot(moved, S * arm) + second * ufl.dot(arm, S * arm) / 2
+    return energy * dx
+
+
+def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
+    """(direction, ∫ρ z, ∫ρ z²) of sections and thicknesses that have rotations in space."""
+    material = parts[0][0]
+    if material.kind.sheet:
+        section, n = section_fields(mesh, parts), frames(mesh, parts).n
+        return [(n, 0.0 if section.I1 is None else section.I1, section.I2)]
+    if not isinstance(material, Beam) or mesh.gdim == 2:
+        return []
+    axes = axes_of_beams(mesh, parts)
+
+    def of(value: str) -> Expr:
+        return coefficient(mesh, parts, lambda b: b.rho * getattr(b.section, value))
+
+    offset = coefficient(mesh, parts, lambda b: b.offset)
+    first = of("A") * offset
+    return [(axes.y, first, of("I") + first * offset), (axes.z, 0.0, of("side"))]
+
+
+def total_of(mesh: Mesh, group: str, dim: int, entities: IntArray) -> float:
+    """Length, area or volume of a group; InputError where it is none."""
+    factor, dx = measure_on(mesh, dim, entities)
+    size = compat.integrate(factor * dx, mesh.dolfinx)
+    if size <= 0:
+        raise InputError(f"the group {group!r} holds no outer faces, on which loads act.")
+    return size
+
+
+def spread(mesh: Mesh, v: Expr, force: Array, where: tuple[str, int, IntArray]) -> ufl.Form:
+    """The work of a force (3,), spread evenly over a group, on the test function v."""
+    group, dim, entities = where
+    factor, dx = measure_on(mesh, dim, entities)
+    density = (force / total_of(mesh, group, dim, entities)).tolist()
+    return factor * sum(density[i] * v[i] for i in range(mesh.gdim)) * dx

@@ -1,0 +1,255 @@
+"""Static equilibrium of a loaded structure, by Newton's method, and its reserve to buckling.
+
+The linear systems of Newton's steps are solved by conjugate gradients with the factor of K, the
+matrix without load, for preconditioner: no step needs a factor of its own. The energy along a step
+is a quartic of its length, whose slope four residuals give exactly: a step goes to its first
+minimum.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, InputError, NotConvergedError
+from antiosc.base.process import one_thread
+from antiosc.fem.linalg import solver_for
+from antiosc.fem.linalg.algebra import (
+    conjugate_gradients,
+    dot,
+    free_when_dropped,
+    multiply,
+    sum_of,
+)
+from antiosc.fem.linalg.solver import Choice, Solver
+
+#: Energy of a Newton step over that of the state at which it is the last one.
+CONVERGED = 1e-14
+#: Most steps; those of a plate under pressure that deflects by ten thicknesses are 9.
+MOST_STEPS = 40
+#: Error of a step in energy, relative, at which conjugate gradients end, and their most steps
+#: before the tangent is factored.
+STEP_ERROR, MOST_CG_STEPS = 1e-12, 60
+#: Share of the slope of the energy at the start of a step up to which its end is good enough.
+FLAT_END = 0.1
+#: Longest step, over that of Newton.
+LONGEST = 4.0
+#: Vectors of SLEPc's basis.
+BASIS = 24
+#: Largest load factor that is told: beyond it buckling is far away.
+FAR = 100.0
+#: Residual of a buckling mode in the energy norm, asked of SLEPc and allowed: the error of 1/λ is
+#: its square. Most restarts: modes that matter stand apart from the many near 0.
+ASKED, RESIDUAL, RESTARTS = 1e-7, 1e-4, 12
+
+
+class Loaded(Protocol):
+    """A structure and its loads: the energy qᵀKq/2 + Π(q) − fᵀq."""
+
+    K: PETSc.Mat
+    solver: Solver  # of K
+    dead: Array  # f (rows of this rank,)
+
+    def forces(self, q: Array) -> Array:
+        """dΠ/dq (rows of this rank,)."""
+        ...
+
+    def stiffness(self, q: Array, *, geometric: bool = False) -> PETSc.Mat:
+        """d²Π/dq²; `geometric`: the part in proportion to the loads, in the shape that it has."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A state under load.
+
+    q : (rows of this rank,) displacements. K : the tangent stiffness there, solver : of it.
+    reserve : load factor at which the tangent becomes singular, where stresses and loads grow in
+        proportion, in the shape that the part has under load; inf above `FAR`.
+    """
+
+    q: Array
+    K: PETSc.Mat
+    solver: Solver
+    reserve: float
+
+
+def found(of: Loaded, choice: Choice) -> Equilibrium:
+    """The equilibrium; InputError where it is beyond buckling, or none is found."""
+    q, added = _equilibrium(of)
+    geometric = of.stiffness(q, geometric=True)
+    K = sum_of(of.K, 1.0, added)
+    free_when_dropped(K, geometric)
+    try:
+        solver = solver_for(K, choice, lambda: np.zeros((len(q), 0)))
+        further = buckling(K, solver, geometric)
+    except (NotConvergedError, AccuracyError):  # K has no factor
+        reserve = buckling(of.K, of.solver, geometric)
+        if reserve > 1:
+            raise
+        raise InputError(_beyond(reserve)) from None
+    return Equilibrium(q, K, solver, 1 + further)
+
+
+def _beyond(reserve: float) -> str:
+    return (
+        f"the part buckles under its prestress: at {reserve:.3g} times these loads (a spin at "
+        f"{math.sqrt(reserve):.3g} times its speed) its tangent stiffness is singular; lower them, "
+        "or support the part."
+    )
+
+
+def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
+    """(q, d²Π/dq² there)."""
+    comm = of.solver.comm
+    q = np.zeros(len(of.dead))
+    rest = of.dead - of.forces(q)
+    if not float(dot(comm, rest, rest)):
+        return q, of.stiffness(q)
+    for _ in range(MOST_STEPS):
+        added = of.stiffness(q)
+        step = _newton_step(of, added, rest)
+        energy = float(dot(comm, step, multiply(of.K, step)))
+        if energy <= CONVERGED * float(dot(comm, q, multiply(of.K, q))):
+            return q + step, added
+        length, rest = _line_search(of, q, step, rest)
+        q = q + length * step
+    raise InputError(
+        f"no equilibrium under the prestress within {MOST_STEPS} steps: the part snaps through, or "
+        "buckles, below these loads; lower them, or support the part."
+    )
+
+
+def _newton_step(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
+    """A direction in which the energy falls: Newton's, where the tangent is positive definite.
+
+    Where it is not, conjugate gradients end at the direction that shows it.
+    """
+    comm = of.solver.comm
+
+    def product(x: Array) -> Array:
+        return multiply(of.K, x) + multiply(added, x)
+
+    def inner(x: Array, y: Array) -> Array:
+        return np.asarray(comm.allreduce(np.einsum("ij,ij->j", x, y)))
+
+    steps = conjugate_gradients(rest[:, None], product, of.solver.solve_block, inner, MOST_CG_STEPS)
+    best, gained, first = np.zeros((len(rest), 1)), 0.0, 0.0
+    for X, left, energy in steps:
+        if energy[0] < gained:  # negative curvature
+            break
+        best, gained = X.copy(), float(energy[0])
+        first = first or float(left[0])
+        if float(left[0]) <= STEP_ERROR * first:
+            return best[:, 0]
+    else:
+        return _by_factor(of, added, rest)
+    return best[:, 0] if best.any() else of.solver.solve(rest)
+
+
+def _by_factor(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
+    """Newton's step by a factor of the tangent, where loads stiffen it manifold."""
+    A = sum_of(of.K, 1.0, added)
+    free_when_dropped(A)
+    try:
+        return solver_for(A, "auto", lambda: np.zeros((len(rest), 0))).solve(rest)
+    except NotConvergedError:
+        return of.solver.solve(rest)
+
+
+def _line_search(of: Loaded, q: Array, step: Array, rest: Array) -> tuple[float, Array]:
+    """(length at which the energy along the step is least, residual there)."""
+    comm = of.solver.comm
+
+    def residual(length: float) -> Array:
+        there = q + length * step
+        return of.dead - multiply(of.K, there) - of.forces(there)
+
+    def slope(left: Array) -> float:
+        return -float(dot(comm, step, left))
+
+    whole = residual(1.0)
+    start, end = slope(rest), slope(whole)
+    if abs(end) <= FLAT_END * abs(start):
+        return 1.0, whole
+    at = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+    slopes = [start, *(slope(residual(t)) for t in at[1:3]), end]
+    roots = np.roots(np.polyfit(at, slopes, 3))
+    real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
+    ahead = real[real > 0]
+    length = float(min(ahead.min(initial=LONGEST), LONGEST))
+    return length, residual(length)
+
+
+def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
+    """The smallest λ > 0 with K + λ geometric singular; inf above `FAR`.
+
+    −geometric x = (1/λ) K x by SLEPc, and the residual of what it finds is measured.
+    """
+    A = geometric.copy()
+    A.scale(-1.0)
+    free_when_dropped(A)
+    eps = SLEPc.EPS().create(K.getComm())
+    eps.setOperators(A, K)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.LARGEST_REAL)
+    eps.setDimensions(1, BASIS)
+    eps.setTolerances(ASKED, RESTARTS)
+    eps.setConvergenceTest(SLEPc.EPS.Conv.ABS)
+    ksp = eps.getST().getKSP()
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(_Inverse(solver))
+    largest = [math.inf]
+
+    def watch(_: object, its: int, converged: int, values: list[complex], *errors: object) -> None:
+        largest[0] = values[0].real
+
+    eps.setMonitor(watch)
+    with one_thread():
+        eps.solve()
+    if not eps.getConverged() and largest[0] * FAR < 1:
+        return math.inf
+    if not eps.getConverged():
+        raise NotConvergedError(
+            f"SLEPc did not find the buckling load within {RESTARTS} restarts: refine the mesh, or "
+            "leave prestress out."
+        )
+    x = K.createVecRight()
+    value = eps.getEigenpair(0, x).real
+    shape = np.array(x.array_r)
+    eps.destroy()
+    if value * FAR <= 1:
+        return math.inf
+    _check(K, solver, multiply(A, shape) - value * multiply(K, shape), shape)
+    return float(1 / value)
+
+
+def _check(K: PETSc.Mat, solver: Solver, rest: Array, shape: Array) -> None:
+    """AccuracyError where a buckling mode is none: the residual is measured with K⁻¹."""
+    comm = solver.comm
+    left = float(dot(comm, rest, solver.solve(rest)))
+    size = float(dot(comm, shape, multiply(K, shape)))
+    if not left <= RESIDUAL**2 * size:
+        raise AccuracyError(
+            f"SLEPc's buckling mode leaves a residual of {math.sqrt(left / size):.1e} (limit "
+            f"{RESIDUAL:.0e}): the prestress is too large for double precision."
+        )
+
+
+class _Inverse:
+    """PETSc's Python preconditioner: the inverse of K."""
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+
+    def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        x.setArray(self._solver.solve(np.array(r.array_r)))

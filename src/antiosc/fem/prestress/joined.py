@@ -1,0 +1,218 @@
+"""An assembly with its prestress: its parts and its bolts under load, u = T q."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+from petsc4py import PETSc
+
+from antiosc.base._types import Array
+from antiosc.base.checks import shown
+from antiosc.base.errors import InputError, name_list
+from antiosc.base.progress import doing
+from antiosc.fem.assembly.assembled import AssembledMatrices, block_of
+from antiosc.fem.assembly.joint import Joint
+from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.assembly.pins import Bolt, lengthening
+from antiosc.fem.linalg.petsc_algebra import csr, from_csr
+from antiosc.fem.linalg.solver import Solver
+from antiosc.fem.platform import on_root
+from antiosc.fem.prestress import Preload, Prestress, Spin, named_from
+from antiosc.fem.prestress.equilibrium import Loaded, found
+from antiosc.fem.prestress.loaded_part import (
+    LoadedPart,
+    Tendon,
+    accelerations,
+    dead_forces,
+    tendon,
+)
+from antiosc.fem.prestress.state import checked, tightened, weight
+from antiosc.fem.structure.meshed import Member
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedBolt:
+    """Energy EA L (s η/2 + η²/8 − e (s + η/2)) of a bolt: s = a·g/L, η = gᵀBg/L, g = G u."""
+
+    G: Sparse  # (12, n)
+    a: Array  # (12,)
+    B: Array  # (12, 12)
+    length: float  # m
+    EA: float  # N
+    initial: float  # e, the strain free of stress
+
+    @classmethod
+    def of(cls, joint: Bolt, layout: Layout, label: str, initial: float) -> LoadedBolt:
+        """Of a bolt of an assembly."""
+        (elastic,) = joint.elastic(layout, label)
+        length = joint.length(layout)
+        a, B = lengthening(joint.beam, length)
+        return cls(elastic.G, a, B, length, joint.beam.E * joint.beam.section.A, initial)
+
+    def _strain(self, g: Array) -> float:
+        """Free of `initial`."""
+        return float(self.a @ g + g @ self.B @ g / 2) / self.length - self.initial
+
+    def forces(self, u: Array) -> Array:
+        """Of the energy, on u (n,)."""
+        g = self.G @ u
+        turned = self.B @ g
+        eta = float(g @ turned) / self.length
+        own = (eta / 2 - self.initial) * self.a + self._strain(g) * turned
+        return np.asarray(self.G.T @ (self.EA * own))
+
+    def stiffness(self, u: Array, *, geometric: bool = False) -> Sparse:
+        """Its second derivative (n, n); `geometric`: that of the force in it alone."""
+        g = self.G @ u
+        own = self._strain(g) * self.B
+        if not geometric:
+            turned = self.B @ g
+            across = np.outer(self.a, turned)
+            own += (across + across.T + np.outer(turned, turned)) / self.length
+        return (self.G.T @ scipy.sparse.csr_matrix(self.EA * own) @ self.G).tocsr()
+
+
+def with_prestress(
+    base: AssembledMatrices, given: object, joints: Sequence[Joint]
+) -> AssembledMatrices:
+    """`base` under its loads; InputError for loads that do not fit, or beyond buckling."""
+    loads = checked(base, given)
+    layout = base.layout
+    for name in layout.condensed:
+        raise InputError(f"a prestress of an assembly needs meshes; {name!r} is a superelement.")
+    bolts = {
+        one.name or one.label(k + 1): one for k, one in enumerate(joints) if isinstance(one, Bolt)
+    }
+    _check_names(layout, loads, bolts)
+    with doing("static step of the prestress", base.comm.rank):
+        solver, _ = base.factored()
+        tendons = {name: _tendon(base, bolts, name) for name in loads.tension}
+        initial = tightened(loads, tendons, solver)
+        state = found(_LoadedAssembly(base, loads, initial, bolts, solver), base.solver)
+    preload = Preload(loads, state.q, state.reserve, initial)
+    return replace(base, K=state.K, preload=preload, solver_of_K=state.solver)
+
+
+def _check_names(layout: Layout, loads: Prestress, bolts: Mapping[str, Bolt]) -> None:
+    for kind, own in (("pressure", loads.pressure), ("force", loads.force)):
+        for name in own:
+            if kind == "force" and name in layout.points:
+                continue
+            if name.partition(":")[0] not in layout.members or ":" not in name:
+                parts = name_list(name, layout.members, "the parts")
+                raise InputError(f'{kind} acts on "part:group"; got {shown(name)}; {parts}.')
+    for name in loads.tension:
+        if name not in bolts and name.partition(":")[0] not in layout.members:
+            raise InputError(
+                f'tension acts on a Bolt by its name, or on "part:group"; got {shown(name)}; '
+                f"{name_list(name, bolts, 'the bolts')}."
+            )
+
+
+def _tendon(base: AssembledMatrices, bolts: Mapping[str, Bolt], name: str) -> Tendon:
+    """A bolt, or a group of a part, on the dofs q of this rank."""
+
+    def work() -> tuple[Array, float, float]:
+        if name in bolts:
+            bolt = LoadedBolt.of(bolts[name], base.layout, name, 1.0)
+            load = -bolt.forces(np.zeros(base.layout.count))
+            return base.joined(load), bolt.length, bolt.EA
+        part, _, group = name.partition(":")
+        member = base.layout.members[part]
+        own = tendon(member.part, group)
+        return base.joined(own.load, member.rows), own.length, own.stiffness
+
+    load, length, stiffness = on_root(base.comm, work)
+    return Tendon(base.own(load), length, stiffness)
+
+
+class _LoadedAssembly(Loaded):
+    """An assembly under its loads; rank 0 has the parts of it."""
+
+    def __init__(
+        self,
+        base: AssembledMatrices,
+        loads: Prestress,
+        initial: Mapping[str, float],
+        bolts: Mapping[str, Bolt],
+        solver: Solver,
+    ) -> None:
+        self.K, self.solver, self._base = base.K, solver, base
+        self._parts: list[tuple[Member, LoadedPart]] = []
+        self._bolts: list[LoadedBolt] = []
+        self._spun = Sparse((0, 0))
+        self._start = np.zeros(base.layout.count)
+        layout = base.layout
+
+        def work() -> Array:
+            dead = np.zeros(layout.count)
+            for member in layout.members.values():
+                own, strains = of_member(loads, initial, member)
+                self._parts.append((member, LoadedPart(member.part, own, strains)))
+                dead[member.rows] = dead_forces(member.part, own)
+            for name, point in loads.force.items():
+                if name in layout.points:
+                    dead[layout.of_point(name)[:3]] += point
+            for name, bolt in bolts.items():
+                strain = initial.get(name, 0.0)
+                self._bolts.append(LoadedBolt.of(bolt, layout, name, strain))
+            if loads.spin is not None:
+                self._spin(loads.spin)
+            return base.joined(dead)
+
+        self.dead = base.own(on_root(base.comm, work)) + weight(base, loads)
+
+    def _spin(self, spin: Spin) -> None:
+        """Masses of joints and attachments."""
+        layout = self._base.layout
+        M = self._base.added.mass_on_u(layout.count)
+        start, across = accelerations(layout.places, spin)
+        self._start = M @ start
+        self._spun = ((M @ across + across @ M) / 2).tocsr()
+
+    def forces(self, q: Array) -> Array:
+        base = self._base
+        u = base.expanded(q)
+
+        def work() -> Array:
+            found = -self._start
+            if self._spun.nnz:
+                found = found - self._spun @ u
+            for member, part in self._parts:
+                found[member.rows] += part.forces(u[member.rows])
+            for bolt in self._bolts:
+                found += bolt.forces(u)
+            return base.joined(found)
+
+        return base.own(on_root(base.comm, work))
+
+    def stiffness(self, q: Array, *, geometric: bool = False) -> PETSc.Mat:
+        base = self._base
+        u, kept = base.expanded(q), list[PETSc.Mat]()
+
+        def work() -> None:
+            total = Sparse((base.layout.count, base.layout.count))
+            for member, part in self._parts:
+                T = base.T[member.rows]
+                total += T.T @ csr(part.stiffness(u[member.rows], geometric=geometric)) @ T
+            rest = [bolt.stiffness(u, geometric=geometric) for bolt in self._bolts]
+            rest += [-self._spun] if self._spun.nnz else []
+            total += sum(base.T.T @ one @ base.T for one in rest)
+            total = ((total + total.T) / 2).tocsr()
+            total.sort_indices()
+            kept.append(from_csr("K", total))
+
+        on_root(base.comm, work)
+        return base.local.matrix(kept[0] if kept else None, block_of(base.layout))
+
+
+def of_member(
+    loads: Prestress, initial: Mapping[str, float], member: Member
+) -> tuple[Prestress, dict[str, float]]:
+    """(loads, strains free of stress by groups) of a part in its own axes."""
+    about = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
+    own = loads.of_part(member.name, member.at.rotation, member.at.own(about[None])[0])
+    return own, named_from(f"{member.name}:", initial)

@@ -1,0 +1,269 @@
+"""The energy of one meshed part under load beyond uᵀKu/2: its forces, and what they add to K.
+
+With the pressure p on surfaces with normals n and the spin Ω about an axis,
+
+    Π(u) = Π₂(u) − p ∫ (u·n + u·δn(u)/2) − Ω²/2 ∫ ρ |P (x + u)|²,
+
+Π₂ the energy of the second-order strains (`antiosc.fem.elements.second_order`), P the projection
+across the axis, δn dA = ((div_s u) n − (∇_s u)ᵀ n) dA. In the sections of beams and the thickness
+of sheets u has the rotations to second order, u + θ×r + θ×(θ×r)/2. The second derivative of the
+pressure's term is symmetric: exact where the surface is closed or its rim held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.fem.elements.beam import Beam, Truss
+from antiosc.fem.elements.second_order import stretch_of
+from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.mesh.surface import largest
+from antiosc.fem.platform import compat
+from antiosc.fem.prestress import Prestress, Spin
+from antiosc.fem.prestress.energies import pressure_energy, spin_energy, spread
+from antiosc.fem.structure import MOVE, DofPlaces
+from antiosc.fem.structure.meshed import MeshedStructure, alone
+from antiosc.fem.structure.support import dofs_of_entities
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+
+@dataclass(frozen=True, eq=False)
+class Tendon:
+    """What is tightened: beams or bars of a group, a stiffener, a bolt.
+
+    load : (rows of this rank,) forces EA of the unit strain free of stress, with the sign of a
+        pull on both ends. length [m]; stiffness: mean EA [N].
+    """
+
+    load: Array
+    length: float
+    stiffness: float
+
+
+class LoadedPart:
+    """Forces and tangent stiffness of a part, beside those of its K.
+
+    Parameters
+    ----------
+    part : MeshedStructure without prestress.
+    loads : in the axes of the part; its gravity and tensions are not looked at.
+    initial : group or name of a stiffener -> strain that is free of stress, of beams and bars.
+    """
+
+    def __init__(
+        self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
+    ) -> None:
+        self.part = part
+        form, mesh = part.form, part.mesh
+        self._u = compat.function_of(form.space, np.zeros(part.K.getLocalSize()[0]))
+        lines = part.stiffeners
+        self._lines = {
+            name: LoadedPart(alone(one, name), Prestress(), _among(initial, [name]))
+            for name, one in lines.items()
+        }
+        if part.edges:  # all of its cells
+            own = {group: e for group, e in initial.items() if group == part.edges}
+        else:
+            own = {group: e for group, e in initial.items() if group not in lines}
+        self.initial = initial_strain(part, own)
+        stretch = stretch_of(mesh, part.parts, form.degree)
+        free = self.initial if own else None
+        v, w = ufl.TestFunction(form.space), ufl.TrialFunction(form.space)
+        dx = measure(mesh, stretch.degree)
+        second = stretch.energy(self._u, free) * dx
+        of_loads = []
+        for group, p in loads.pressure.items():
+            where = (group, *largest(mesh, group))
+            of_loads.append(-p * pressure_energy(mesh, part.parts, self._u, where))
+        self._masses: _SpinningMasses | None = None
+        if loads.spin is not None:
+            spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
+            of_loads.append(-spin)
+            if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
+                self._masses = _SpinningMasses(part, loads.spin)
+        self._forces = [ufl.derivative(one, self._u, v) for one in (second, *of_loads)]
+        self._tangent = [ufl.derivative(one, self._u, w) for one in self._forces]
+        of_stress = stretch.of_stress(self._u, free, v, w) * dx
+        self._geometric = [of_stress, *self._tangent[1:]]
+
+    def forces(self, u: Array) -> Array:
+        """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
+        self._move(u)
+        found = np.zeros(len(u))
+        for form in self._forces:
+            found += compat.assemble_functional(form, self.part.form.space)[: len(u)]
+        if self._masses is not None:
+            found -= self._masses.forces(u)
+        for name, line in self._lines.items():
+            shared = self.part.stiffeners[name].shared
+            found += _transposed(shared, line.forces(self.part.stiffeners[name].rows_of(u)))
+        return freed(self.part, found)
+
+    def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
+        """d²Π/du² at u; rows of fixed dofs are empty.
+
+        `geometric`: K_σ and the terms of the loads alone, which grow as the loads do.
+        """
+        self._move(u)
+        part = self.part
+        forms = self._geometric if geometric else self._tangent
+        found = compat.assemble(forms, part.form.space, part.conditions, 0.0)
+        add = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
+        if self._masses is not None:
+            found.axpy(-1.0, self._masses.stiffness, structure=add)
+        for name, line in self._lines.items():
+            lines = part.stiffeners[name]
+            own = line.stiffness(lines.rows_of(u), geometric=geometric)
+            found.axpy(1.0, own.ptap(lines.shared), structure=add)
+        return found
+
+    def _move(self, u: Array) -> None:
+        self._u.x.array[: len(u)] = u
+        self._u.x.scatter_forward()
+
+
+def _among(initial: Mapping[str, float], names: list[str]) -> dict[str, float]:
+    return {name: e for name, e in initial.items() if name in names}
+
+
+def freed(part: MeshedStructure, forces: Array) -> Array:
+    """Forces (rows of this rank,) with those on fixed dofs zero."""
+    forces[part.fixed[part.fixed < len(forces)]] = 0.0
+    return forces
+
+
+def _transposed(matrix: PETSc.Mat, forces: Array) -> Array:
+    source, target = matrix.createVecLeft(), matrix.createVecRight()
+    source.setArray(forces)
+    matrix.multTranspose(source, target)
+    return np.array(target.array_r)
+
+
+def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
+    """Strain free of stress of each cell (a cell-wise function)."""
+    found = compat.cellwise(part.mesh.dolfinx)
+    for group, strain in initial.items():
+        if group == part.edges:
+            found.x.array[:] += strain
+            continue
+        dim, cells = largest(part.mesh, group)
+        if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
+            raise InputError(
+                f"tension is that of beams and bars; {group!r} is no group of their cells, no "
+                "stiffener and no Bolt: use force={…} on both ends of what pulls."
+            )
+        found.x.array[cells] += strain
+    return found
+
+
+def tendon(part: MeshedStructure, name: str) -> Tendon:
+    """The beams or bars of the group `name`, or the stiffener."""
+    if name in part.stiffeners:
+        lines = part.stiffeners[name]
+        own = tendon(alone(lines, name), name)
+        load = freed(part, _transposed(lines.shared, own.load))
+        return Tendon(load, own.length, own.stiffness)
+    marked = initial_strain(part, {name: 1.0})
+    stretch = stretch_of(part.mesh, part.parts, part.form.degree)
+    dx = measure(part.mesh, stretch.degree)
+    v = ufl.TestFunction(part.form.space)
+    work = ufl.inner(stretch.forces(marked), stretch.strain(v)) * dx
+    rows = part.K.getLocalSize()[0]
+    load = compat.assemble_functional(work, part.form.space)[:rows]
+    length = compat.integrate(marked * dx, part.mesh.dolfinx)
+    EA = compat.integrate(stretch.forces(marked) * dx, part.mesh.dolfinx)
+    return Tendon(freed(part, load), length, EA / length)
+
+
+def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
+    """The forces on groups (rows of this rank,)."""
+    rows = part.K.getLocalSize()[0]
+    found = np.zeros(rows)
+    v = ufl.TestFunction(part.form.space)
+    for group, given in loads.force.items():
+        dim, entities = largest(part.mesh, group)
+        force = np.array(given)
+        if np.abs(force[part.mesh.gdim :]).max(initial=0.0):
+            raise InputError(f"the force on {group!r} points out of the plane of the part.")
+        if dim in (part.mesh.tdim, part.mesh.tdim - 1) and dim:
+            work = spread(part.mesh, v, force, (group, dim, entities))
+            found += compat.assemble_functional(work, part.form.space)[:rows]
+        elif dim == 0:
+            found += _at_points(part, group, force)
+        else:
+            raise InputError(
+                f"a force acts on points, faces or cells; group {group!r} holds edges."
+            )
+    return freed(part, found)
+
+
+def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
+    rows = part.K.getLocalSize()[0]
+    found = np.zeros(rows)
+    for axis in range(part.mesh.gdim):
+        path = part.form.components["xyz"[axis]]
+        dofs = dofs_of_entities(part.mesh, part.form, {0: part.mesh.group(group)[0]}, path)
+        own = dofs[dofs < rows]
+        found[own] = force[axis] / part.comm.allreduce(len(own))
+    return found
+
+
+class _SpinningMasses:
+    """Masses and stiffeners on a part: those of M that are not of its cells.
+
+    forces and stiffness are those of Σ m a·a/2, a = Ω P (x + u).
+    """
+
+    def __init__(self, part: MeshedStructure, spin: Spin) -> None:
+        self._M = part.M.copy()
+        own = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
+        self._M.axpy(-1.0, own, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        start, across = accelerations(part.places, spin)
+        self._start = multiply(self._M, start)
+        turned = self._M.matMult(_spread_out(across, self._M))
+        self.stiffness = turned.copy()
+        self.stiffness.transpose()
+        self.stiffness.axpy(1.0, turned, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+        self.stiffness.scale(0.5)
+
+    def forces(self, u: Array) -> Array:
+        """Of u (rows of this rank,)."""
+        return self._start + multiply(self.stiffness, u)
+
+
+def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.csr_matrix]:
+    """(Ω² P (x − about) on the dofs (n,), what Ω² P u adds for each u (n, n))."""
+    axes = np.where((places.kind == MOVE)[:, None], places.axes, 0.0)
+    start = np.einsum("ni,ij,nj->n", axes, spin.stiffness, places.points - np.array(spin.about))
+    rows = np.repeat(np.arange(len(axes)), 3)
+    columns = 3 * np.repeat(places.node, 3) + np.tile(np.arange(3), len(axes))
+    shape = len(axes), 3 * len(places.nodes)
+    on_axes = scipy.sparse.csr_matrix((axes.ravel(), (rows, columns)), shape)
+    of_nodes = scipy.sparse.kron(scipy.sparse.identity(len(places.nodes)), spin.stiffness)
+    across = (on_axes @ of_nodes @ on_axes.T).tocsr()
+    across.eliminate_zeros()
+    across.sort_indices()
+    return start, across
+
+
+def _spread_out(own: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
+    """A matrix of the rows of each rank, which couples none of other ranks."""
+    first, _ = like.getOwnershipRange()
+    integer = PETSc.IntType
+    arrays = own.indptr.astype(integer), (own.indices + first).astype(integer), own.data
+    result = PETSc.Mat().createAIJ(like.getSizes(), csr=arrays, comm=like.getComm())
+    result.assemble()
+    return result
