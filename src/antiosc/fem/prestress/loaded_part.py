@@ -94,17 +94,17 @@ class LoadedPart:
             of_loads.append(-spin)
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 self._masses = _SpinningMasses(part, loads.spin)
-        self._forces = [ufl.derivative(one, self._u, v) for one in (second, *of_loads)]
-        self._tangent = [ufl.derivative(one, self._u, w) for one in self._forces]
+        forces = [ufl.derivative(one, self._u, v) for one in (second, *of_loads)]
+        slopes = [ufl.derivative(one, self._u, w) for one in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
-        self._geometric = [of_stress, *self._tangent[1:]]
+        # sums, as matrices of cells and of facets have entries at different places
+        self._forces, self._tangent = sum(forces), sum(slopes)
+        self._geometric = sum([of_stress, *slopes[1:]])
 
     def forces(self, u: Array) -> Array:
         """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
         self._move(u)
-        found = np.zeros(len(u))
-        for form in self._forces:
-            found += compat.assemble_functional(form, self.part.form.space)[: len(u)]
+        found = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
         if self._masses is not None:
             found -= self._masses.forces(u)
         for name, line in self._lines.items():
@@ -119,8 +119,8 @@ class LoadedPart:
         """
         self._move(u)
         part = self.part
-        forms = self._geometric if geometric else self._tangent
-        found = compat.assemble(forms, part.form.space, part.conditions, 0.0)
+        form = self._geometric if geometric else self._tangent
+        found = compat.assemble([form], part.form.space, part.conditions, 0.0)
         add = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
         if self._masses is not None:
             found.axpy(-1.0, self._masses.stiffness, structure=add)

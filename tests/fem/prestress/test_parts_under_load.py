@@ -1,0 +1,274 @@
+"""Parts under load: assemblies, bolts, stresses, blows, ranks, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import antiosc as ao
+from loaded_beams import (
+    EI,
+    LENGTH,
+    MASS,
+    RHO,
+    SIDE,
+    THIN_BEAM,
+    UNIT,
+    E,
+    at_ends,
+    at_root,
+    beams,
+)
+from mpi import run_ranks
+from parts import box
+from refusals import refused
+from sheets import RIB, SHEET, at, grouped, rectangle
+
+PINNED = ao.Support(at_ends, fix=("x", "y", "z", "rx"))
+
+
+def test_an_assembly_has_the_state_of_its_part_wherever_it_stands():
+    """A blade turned by a right angle and shifted, about an axis that goes with it."""
+    mass = [ao.PointMass((LENGTH, 0, 0), 0.05)]
+    spin = ao.Spin((0, 0, 1), 4 * UNIT, about=(-0.2, 0.01, 0))
+    loads = ao.Prestress(spin=spin, gravity=(0, 0, -9.81), force={"tip": (0, 1.0, 0)})
+    root = ao.Support(at_root)
+    alone = ao.Structure(beams(), THIN_BEAM, [root], attached=mass, prestress=loads)
+    turned = ao.Spin((0, 0, 1), 4 * UNIT, about=(-0.01, -0.2, 0.5))
+    loads = ao.Prestress(spin=turned, gravity=(0, 0, -9.81), force={"b:tip": (-1.0, 0, 0)})
+    part = ao.Structure(beams(), THIN_BEAM, [root])
+    place = ao.Placement(shift=(0, 0, 0.5), angle=np.pi / 2)
+    tip = (0.0, LENGTH, 0.5)
+    both = ao.assemble(
+        {"b": part},
+        [ao.Weld("nut", ("b", tip))],
+        at={"b": place},
+        points={"nut": tip},
+        attached=[ao.PointMass("nut", 0.05)],
+        prestress=loads,
+    )
+    assert both.natural_modes(4).omega == pytest.approx(alone.natural_modes(4).omega, rel=1e-5)
+    R = place.rotation
+    moved = alone.prestress.displacement @ R.T
+    assert both.prestress.displacement[: len(moved)] == pytest.approx(moved, abs=1e-7)
+
+
+def test_a_bolt_is_a_part_of_beam_elements():
+    """A soft beam with a stiff Bolt beside it, and with a beam of ten cells in its place.
+
+    The thrust in the soft one outweighs what the tension stiffens.
+    """
+    reach, square = 0.3, ao.Section.rectangle(SIDE, SIDE)
+    frame = ao.Structure(beams(), ao.Beam(E / 20, 0.3, RHO, square), [ao.Support(at_root)])
+    ends = [("frame", (x, 0, 0)) for x in (0.5, 0.5 + reach)]
+    shank = ao.Beam(E / 2, 0.3, 200.0, square)
+    rod = ao.Structure(beams(10, reach), shank)
+    bolt = ao.Bolt(*ends, shank, name="bolt")
+    welds = [ao.Weld(("rod", end[1]), end) for end in ends]
+    pull = 0.05 * np.pi**2 * EI / reach**2
+    change = []
+    for parts, joints, name in (
+        ({"frame": frame}, [bolt], "bolt"),
+        ({"frame": frame, "rod": rod}, welds, "rod:all"),
+    ):
+        place = {"rod": (0.5, 0, 0)} if "rod" in parts else {}
+        both = [
+            ao.assemble(parts, joints, place, prestress=ao.Prestress(tension={name: tension}))
+            for tension in (pull, -pull)
+        ]
+        pulled, pressed = (part.natural_modes(8).omega ** 2 for part in both)
+        change.append((pulled - pressed) / pressed)
+        stress = both[0].prestress.stress.values.max()
+        assert stress == pytest.approx(pull / SIDE**2, rel=1e-3)
+    assert np.abs(change[1]).max() > 0.01
+    assert change[0] == pytest.approx(change[1], rel=0.05, abs=2e-4)
+
+
+def test_a_bolt_presses_two_plates_together():
+    """The force of the bolt is the thrust through the joint: the mean stress times its area."""
+    tension, side = 5e3, 0.04
+
+    def block():
+        faces = {"lower": (2, at(2, 0.0)), "upper": (2, at(2, 0.01))}
+        return ao.Structure(box((4, 4, 2), (side, side, 0.01), groups=faces), ao.Solid(E, 0.3, RHO))
+
+    shank = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.006))
+    joints = [
+        ao.Tie("bottom:upper", "top:lower"),
+        ao.Bolt("bottom:lower", "top:upper", shank, name="bolt"),
+    ]
+    feet = ao.Support(lambda x: at(2, 0.0)(x) & (at(0, 0.0)(x) | at(0, side)(x)), "z")
+    held = [ao.Support("bottom:lower", ("x", "y")), feet]
+    part = ao.assemble(
+        {"bottom": block(), "top": block()},
+        joints,
+        at={"top": (0, 0, 0.01)},
+        supports=held,
+        prestress=ao.Prestress(tension={"bolt": tension}),
+    )
+    free = part.prestress
+    middle = np.isclose(free.points[:, 2], 0.01) & (free.points[:, 0] > 0)
+    shorter = free.displacement[np.isclose(free.points[:, 2], 0.02), 2].mean()
+    assert shorter < 0
+    assert free.stress.values[middle].mean() == pytest.approx(tension / side**2, rel=0.3)
+    assert free.reserve > 100
+
+
+def test_a_rib_in_tension_stiffens_its_sheet():
+    """A tight stiffener has a reserve and K_σ; in thrust the sheet is softer by as much."""
+    mesh = grouped(rectangle(4, 0.2, 0.1), edges=at(1, 0.05))
+    held = [ao.Support(lambda x: at(0, 0.0)(x) | at(0, 0.2)(x))]
+    omega = []
+    for tension in (-100.0, 0.0, 100.0):
+        loads = ao.Prestress(tension={"rib": tension})
+        part = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, held, prestress=loads)
+        omega.append(part.natural_modes(1).omega[0] ** 2)
+    assert omega[2] - omega[1] == pytest.approx(omega[1] - omega[0], rel=1e-2)
+    assert omega[2] > omega[1]
+
+
+def ritz_blow(speed, ball, stiffness, duration, terms=14):
+    """(deflection of the tip (n,), force (n,)) of a blade without damping, Ritz and DOP853."""
+    x, w = np.polynomial.legendre.leggauss(60)
+    x, w = (x + 1) / 2, w / 2
+    base = [np.polynomial.Legendre.basis(k, domain=[0, 1]) for k in range(terms)]
+    root = np.polynomial.Polynomial([0, 0, 1])
+    shapes = [root * one.convert(kind=np.polynomial.Polynomial) for one in base]
+    y, slope, bend = (np.array([(p.deriv(k) if k else p)(x) for p in shapes]) for k in range(3))
+    N = MASS * speed**2 * (1 - x**2) / 2
+    K = EI * (bend * w) @ bend.T + (slope * N * w) @ slope.T
+    M = MASS * (y * w) @ y.T
+    tip = np.array([p(1.0) for p in shapes])
+    mass, velocity = ball
+    inverse = np.linalg.inv(M)
+
+    def force(state):
+        return stiffness * max(state[2 * terms] - tip @ state[:terms], 0.0) ** 1.5
+
+    def rate(_, state):
+        F = force(state)
+        rise = inverse @ (tip * F - K @ state[:terms])
+        return np.concatenate([state[terms : 2 * terms], rise, [state[-1], -F / mass]])
+
+    start = np.zeros(2 * terms + 2)
+    start[-1] = velocity
+    times = np.linspace(0, duration, 2001)
+    run = solve_ivp(rate, (0, duration), start, "DOP853", times, rtol=1e-8, atol=1e-12)
+    return tip @ run.y[:terms], np.array([force(one) for one in run.y.T])
+
+
+def test_a_ball_on_the_tip_of_a_spinning_blade():
+    speed, ball, duration = 6 * UNIT, (0.1, 1.0), 0.02
+    loads = ao.Prestress(spin=ao.Spin((0, 0, 1), speed))
+    part = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=loads)
+    model = ao.extract(part, ao.Site((LENGTH, 0, 0), (0, 0, -1)), n=20)
+    hit = ao.simulate(model, ao.RigidMass(*ball), ao.Hertz(1e6), duration=duration)
+    deflection, force = ritz_blow(speed, ball, 1e6, duration)
+    assert np.abs(hit.displacement).max() == pytest.approx(np.abs(deflection).max(), rel=5e-3)
+    assert hit.peak_force == pytest.approx(force.max(), rel=1e-2)
+    assert "without Coriolis" in model.info.structure
+
+
+def test_stresses_of_a_blow_are_told_beside_those_of_the_load():
+    """A tight beam: the largest stress is N/A and that of bending, of which a fibre has both."""
+    tension = 2e4
+    material = ao.Beam(E, 0.3, RHO, ao.Section.rectangle(SIDE, SIDE), yield_strength=400e6)
+    loads = ao.Prestress(tension={"all": tension})
+    part = ao.Structure(beams(), material, [PINNED], prestress=loads)
+    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=10)
+    hit = ao.simulate(model, ao.RigidMass(0.01, 0.5), ao.Linear(1e6), duration=2e-3)
+    whole = ao.peak_field(part, hit)
+    times = np.linspace(0, 2e-3, 400)
+    alone = ao.peak_field(part, hit, times=times)
+    bending = np.abs(
+        ao.probe(part, hit, (0.5, 0, 0), "stress", times, fibre=(SIDE / 2, SIDE / 2))[:, 0, 0]
+    ).max()
+    assert whole.values.max() == pytest.approx(tension / SIDE**2 + bending, rel=1e-2)
+    assert alone.values.max() == pytest.approx(whole.values.max(), rel=1e-2)
+    assert whole.margin().exposure == pytest.approx(whole.values.max() / 400e6)
+    assert part.prestress.stress.margin().value == pytest.approx(tension / SIDE**2)
+
+
+def test_without_loads_nothing_changes():
+    part = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)])
+    same = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=ao.Prestress())
+    assert part.prestress is None
+    assert same.prestress.reserve == np.inf
+    assert same.natural_modes(3).omega == pytest.approx(part.natural_modes(3).omega, rel=1e-12)
+
+
+def tight(**options):
+    return ao.Structure(beams(), THIN_BEAM, [PINNED], **options)
+
+
+def test_what_knows_nothing_of_a_prestress_refuses_it():
+    part = tight(prestress=ao.Prestress(tension={"all": 10.0}))
+    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=4)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e6), duration=1e-3)
+    site = ao.Site((0.5, 0, 0), (0, 0, -1))
+    calls = [
+        lambda: ao.extract(part, site, n=4, error="estimate"),
+        lambda: ao.reactions(part, hit, site),
+        lambda: ao.gradient(hit, "peak_force", part=part),
+        lambda: ao.assemble({"part": part}),
+    ]
+    for call in calls:
+        with refused(None, "prestress", ao.InputError):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("loads", "word"),
+    [
+        ({"tension": {"hoop": 1.0}}, "hoop"),
+        ({"tension": {"tip": 1.0}}, "tip"),
+        ({"pressure": {"all": 1.0}}, "force="),
+        ({"force": {"rim": (1.0, 0, 0)}}, "rim"),
+    ],
+)
+def test_loads_that_do_not_fit_are_refused(loads, word):
+    with refused(None, word, ao.InputError):
+        tight(prestress=ao.Prestress(**loads))
+
+
+def test_what_nothing_holds_is_refused():
+    with refused(None, "cannot be tightened", ao.InputError):
+        loads = ao.Prestress(tension={"all": 1.0})
+        ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)], prestress=loads)
+    with refused(None, "rigid-body", ao.InputError):
+        ao.Structure(beams(), THIN_BEAM, prestress=ao.Prestress(gravity=(0, 0, -9.81)))
+
+
+RANKS = """
+import numpy as np
+import antiosc as ao
+from parts import box
+from sheets import at
+groups = {"-x": (2, at(0, 0.0)), "+x": (2, at(0, 0.3)), "+z": (2, at(2, 0.01))}
+mesh = box((12, 2, 2), (0.3, 0.02, 0.01), "tetrahedron", groups=groups)
+spin = ao.Spin((0, 0, 1), 300.0, about=(-0.1, 0.01, 0.005))
+loads = ao.Prestress(
+    spin=spin, gravity=(0, 0, -9.81), pressure={"+z": 1e4}, force={"+x": (0, 0, 5.0)}
+)
+mass = [ao.PointMass((0.3, 0.01, 0.005), 0.01)]
+held = [ao.Support("-x")]
+metal = ao.Solid(70e9, 0.3, 2700.0)
+part = ao.Structure(mesh, metal, held, attached=mass, prestress=loads)
+state = part.prestress
+print(*part.natural_modes(3).omega, state.displacement[:, 2].min(), state.stress.values.max())
+beam = ao.Beam(70e9, 0.3, 2700.0, ao.Section.circle(0.004))
+piece = ao.Structure(mesh, metal, held)
+bolt = ao.Bolt(("p", (0.1, 0.01, 0.01), 8e-3), ("p", (0.2, 0.01, 0.01), 8e-3), beam, name="rod")
+whole = ao.assemble({"p": piece}, [bolt], prestress=ao.Prestress(tension={"rod": 500.0}, spin=spin))
+print(*whole.natural_modes(3).omega, whole.prestress.displacement[:, 2].min())
+"""
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_what_one_finds():
+    one = [np.array(row.split(), float) for row in run_ranks(1, RANKS)[0].splitlines()]
+    for text in run_ranks(2, RANKS):
+        two = [np.array(row.split(), float) for row in text.splitlines()]
+        for a, b in zip(one, two, strict=True):
+            assert b == pytest.approx(a, rel=1e-5)
