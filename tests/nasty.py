@@ -240,6 +240,13 @@ def part() -> Any:
     return ao.Structure(mesh(), alloy, [ao.Support(lambda x: x[0] < 1e-9)])
 
 
+@functools.cache
+def loaded_part() -> Any:
+    held = [ao.Support(lambda x: x[0] < 1e-9)]
+    loads = ao.Prestress(gravity=(0, 0, -9.81))
+    return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), held, prestress=loads)
+
+
 def frf_values() -> Any:
     iw = 2j * np.pi * np.arange(1.0, 41.0)
     return 1 / (1e4 + 4.0 * iw + iw**2)
@@ -421,6 +428,8 @@ OWN: dict[str, dict[str, Any]] = {
     "assemble": {"parts": lambda: {"part": part()}}, "Placement": {},
     "box_mesh": {"lengths": (0.1, 0.05), "size": 0.05},
     "AnisotropicSolid": {"stiffness": 1e9 * np.eye(6)}, "AnisotropicSolid.orthotropic": WOOD,
+    "Spin": {"axis": (0.0, 0.0, 1.0), "omega": 100.0},
+    "Prestress": {}, "PrestressedState": {"structure": lambda: loaded_part()},
     "Tie": {"a": "part:top", "b": "other:low"}, "Rigid": {"group": "part:top"},
     "Mean": {"group": "part:top", "point": "hub"},
     "Weld": ENDS, "Ball": ENDS, "Hinge": ENDS, "Slider": ENDS,

@@ -38,7 +38,7 @@ SLOW = {
     "howto/contact_law",
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
     *("howto/units", "howto/damping", "howto/sweep", "howto/shaking", "howto/export"),
-    "howto/gradient",
+    *("howto/gradient", "howto/loaded_part"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
     *("tutorials/drop", "tutorials/composite", "tutorials/assembly", "tutorials/measured"),
