@@ -19,6 +19,7 @@ from antiosc.app.scene_file.scene import compiled
 from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
 from fmus import OK, Fmu
 from paths import MESHES
+from refusals import refused
 from scene_files import (
     BEAM,
     BRACKET,
@@ -139,6 +140,24 @@ def test_files_go_only_where_they_are_asked_for(tmp_path, capsys, monkeypatch):
     assert [p.name for p in (tmp_path / "scene_out").iterdir()] == ["result.json"]
     assert antiosc("run", path.name, "--out", path.name) == 1
     assert "cannot make the folder" in capsys.readouterr().err
+
+
+LOADED = """\
+[prestress]
+gravity = [0, 0, -9.81]
+force = { clamp = [0, 0, 0] }
+spin = { axis = [0, 0, 1], omega = 20.0, about = [0.1, 0, 0] }
+"""
+
+
+def test_a_scene_has_the_prestress_of_its_part(tmp_path):
+    found = objects(written(tmp_path, BRACKET + LOADED + HIT))
+    state = found.structure.prestress
+    assert state.loads.spin == ao.Spin((0, 0, 1), 20.0, (0.1, 0, 0))
+    assert found.model.info.structure == found.structure.describe()
+    assert "spin of 20 rad/s, without Coriolis" in found.structure.describe()
+    with refused(None, "[prestress] has no place", ao.AntioscError):
+        objects(written(tmp_path, STRIKE + LOADED))
 
 
 def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):

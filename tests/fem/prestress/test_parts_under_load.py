@@ -272,3 +272,17 @@ def test_two_ranks_find_what_one_finds():
         two = [np.array(row.split(), float) for row in text.splitlines()]
         for a, b in zip(one, two, strict=True):
             assert b == pytest.approx(a, rel=1e-5)
+
+
+def test_loads_of_nothing_are_none():
+    spin = ao.Spin((0, 0, 1), 0.0)
+    loads = ao.Prestress(spin=spin, force={"tip": (0, 0, 0)}, tension={"all": 0.0})
+    assert not tight(prestress=loads).prestress.displacement.any()
+
+
+def test_a_rod_too_slender_for_one_element_is_refused():
+    shank = ao.Beam(E, 0.3, RHO, ao.Section.circle(1e-3))
+    frame = ao.Structure(beams(), THIN_BEAM, [ao.Support(at_root)])
+    bolt = ao.Bolt(("f", (0, 0, 0)), ("f", (LENGTH, 0, 0)), shank, name="rod")
+    with refused(None, "slender", ao.InputError):
+        ao.assemble({"f": frame}, [bolt], prestress=ao.Prestress(tension={"rod": 100.0}))

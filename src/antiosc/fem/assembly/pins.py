@@ -403,7 +403,7 @@ class Bolt(Between):
         if self.beam.offset:
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
-    def length(self, layout: Layout) -> float:
+    def _reach(self, layout: Layout) -> float:
         """Distance of its ends, m."""
         a, b = (motion(layout, end).point for end in (self.a, self.b))
         return float(np.linalg.norm(b - a))

@@ -112,18 +112,19 @@ class Prestress(Checked):
         default_factory=dict, metadata=checked_by(_vectors)
     )
 
-    def of_part(self, name: str, R: Array, about: Array) -> Prestress:
-        """The loads on the part `name` of an assembly, in its own axes; tensions are not in it.
 
-        R (3, 3) turns the part in the assembly; `about` (3,) of the spin in the part.
-        """
-        spin = self.spin
-        if spin is not None:
-            spin = Spin(tuple(R.T @ spin.axis), spin.omega, tuple(about))
-        start = f"{name}:"
-        forces = {key: tuple(R.T @ one) for key, one in named_from(start, self.force).items()}
-        pressure = named_from(start, self.pressure)
-        return Prestress(spin, tuple(R.T @ self.gravity), pressure, {}, forces)
+def of_part(loads: Prestress, name: str, R: Array, about: Array) -> Prestress:
+    """The loads on the part `name` of an assembly, in its own axes; tensions are not in it.
+
+    R (3, 3) turns the part in the assembly; `about` (3,) of the spin in the part.
+    """
+    spin = loads.spin
+    if spin is not None:
+        spin = Spin(tuple(R.T @ spin.axis), spin.omega, tuple(about))
+    start = f"{name}:"
+    forces = {key: tuple(R.T @ one) for key, one in named_from(start, loads.force).items()}
+    pressure = named_from(start, loads.pressure)
+    return Prestress(spin, tuple(R.T @ loads.gravity), pressure, {}, forces)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from antiosc.fem.assembly.pins import Bolt, lengthening
 from antiosc.fem.linalg.petsc_algebra import csr, from_csr
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import on_root
-from antiosc.fem.prestress import Preload, Prestress, Spin, named_from
+from antiosc.fem.prestress import Preload, Prestress, Spin, named_from, of_part
 from antiosc.fem.prestress.equilibrium import Loaded, found
 from antiosc.fem.prestress.loaded_part import (
     LoadedPart,
@@ -51,7 +51,7 @@ class LoadedBolt:
     def of(cls, joint: Bolt, layout: Layout, label: str, initial: float) -> LoadedBolt:
         """Of a bolt of an assembly."""
         (elastic,) = joint.elastic(layout, label)
-        length = joint.length(layout)
+        length = joint._reach(layout)
         a, B = lengthening(joint.beam, length)
         return cls(elastic.G, a, B, length, joint.beam.E * joint.beam.section.A, initial)
 
@@ -120,7 +120,7 @@ def _check_names(layout: Layout, loads: Prestress, bolts: Mapping[str, Bolt]) ->
 def _check_slender(layout: Layout, name: str, bolt: Bolt, tension: float) -> None:
     section = bolt.beam.section
     bending = bolt.beam.E * min(section.I, section.side)
-    ratio = abs(tension) * bolt.length(layout) ** 2 / bending
+    ratio = abs(tension) * bolt._reach(layout) ** 2 / bending
     if ratio > SLENDER:
         raise InputError(
             f"the bolt {name!r} is too slender for one element: N L²/EI is {ratio:.3g}, at most "
@@ -230,5 +230,6 @@ def of_member(
 ) -> tuple[Prestress, dict[str, float]]:
     """(loads, strains free of stress by groups) of a part in its own axes."""
     about = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
-    own = loads.of_part(member.name, member.at.rotation, member.at.own(about[None])[0])
+    there = member.at.own(about[None])[0]
+    own = of_part(loads, member.name, member.at.rotation, there)
     return own, named_from(f"{member.name}:", initial)

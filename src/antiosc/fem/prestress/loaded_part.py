@@ -87,9 +87,10 @@ class LoadedPart:
         of_loads = []
         for group, p in loads.pressure.items():
             where = (group, *largest(mesh, group))
-            of_loads.append(-p * pressure_energy(mesh, part.parts, self._u, where))
+            work = pressure_energy(mesh, part.parts, self._u, where)
+            of_loads += [-p * work] if p else []
         self._masses: _SpinningMasses | None = None
-        if loads.spin is not None:
+        if loads.spin is not None and loads.spin.omega:
             spin = spin_energy(mesh, part.parts, self._u, loads.spin, form.density)
             of_loads.append(-spin)
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
@@ -198,6 +199,8 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
         force = np.array(given)
         if np.abs(force[part.mesh.gdim :]).max(initial=0.0):
             raise InputError(f"the force on {group!r} points out of the plane of the part.")
+        if not force.any():
+            continue
         if dim in (part.mesh.tdim, part.mesh.tdim - 1) and dim:
             work = spread(part.mesh, v, force, (group, dim, entities))
             found += compat.assemble_functional(work, part.form.space)[:rows]
