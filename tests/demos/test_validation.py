@@ -16,11 +16,11 @@ import pytest
 import antiosc as ao
 from paths import BENCHMARKS, ROOT
 
-QUICK = {"sdnd101", "sdnd108", "vm65", "sdnl105", "hertz"}
+QUICK = {"sdnd101", "sdnd108", "vm65", "sdnl105", "hertz", "leeb"}
 ALL = [
     *("sdnd101", "sdnd108", "vm65"),
     *("sdnl111", "abaqus_truss", "vm265", "sdnv100", "sdnv100_confined"),
-    *("sdnl104", "sdnl105", "sdnl301", "hertz", "zener", "kharaz"),
+    *("sdnl104", "sdnl105", "sdnl301", "hertz", "zener", "kharaz", "leeb"),
     *("fv2", "fv5", "fv12", "fv16", "fv32", "fv52"),
 ]
 
