@@ -290,3 +290,23 @@ def test_long_records_are_made_triangular_in_parts(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(np.linalg, "qr", lambda a, **k: rows.append(len(a)) or qr(a, **k))
     fit._triangular(A)
     assert max(rows) <= fit.ROWS + 9
+
+
+def test_equations_of_a_fit_are_those_of_the_whole_record(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Block by block, with a slope that is that of the sum of squares."""
+    root = np.array([[1e-5, 0.0], [2e-6, 1e-5]])
+    tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:] ** 2, np.ones(2))
+    modes = Modes(OMEGA, ZETA, B, tail, root)
+    pairs = [(0, 0), (0, 1)]
+    data = Measured(W, noisy(modes.receptance(W, pairs)), pairs, 2, None, 0)
+    weight = 1 / np.abs(data.H)
+    residual = fit.residuals(data, weight, modes)
+    whole = fit._equations(data, weight, modes, residual)
+    monkeypatch.setattr(fit, "ROWS", 37)
+    for block, known in zip(fit._equations(data, weight, modes, residual), whole, strict=True):
+        np.testing.assert_allclose(block, known, rtol=1e-9, atol=1e-9 * np.abs(known).max())
+    turn = 1e-6 * np.random.default_rng(2).standard_normal(len(modes.values)) * modes.values
+    costs = [
+        np.sum(fit.residuals(data, weight, modes.at(modes.values + s * turn)) ** 2) for s in (-1, 1)
+    ]
+    assert (costs[1] - costs[0]) / 4 == pytest.approx(turn @ whole[1], rel=1e-2)

@@ -418,16 +418,18 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     def one(h: float) -> Run:
         return kind(system, laws, h, driven).run(duration, *limits)
 
+    longest = kind.longest(system)
+    first = step or min(assembly.contact_time_estimate / FIRST_STEPS, longest)
+    # a given step may stop at a lower max_steps, soon
+    most = max(settings.max_steps, MAX_STEPS) if step else settings.max_steps
+    if (count := assembly.contact_time_estimate / first) > most:
+        raise InputError(
+            f"{method} {'has' if step else 'needs'} steps of {first:.3g} s, {count:.3g} of them in "
+            f"one contact, more than max_steps = {most}; "
+            f"{'take a longer step, or ' if step else ''}use method='exact'."
+        )
     if step is not None:
         return Converged(one(step), step, 0.0, 0.0, duration)
-    longest = kind.longest(system)
-    first = min(assembly.contact_time_estimate / FIRST_STEPS, longest)
-    if assembly.contact_time_estimate / first > settings.max_steps:
-        raise InputError(
-            f"{method} needs steps of {first:.3g} s,"
-            f" {assembly.contact_time_estimate / first:.3g} of"
-            f" them in one contact, more than max_steps = {settings.max_steps}; use method='exact'."
-        )
     return _converged(one, first, longest, settings)
 
 

@@ -201,7 +201,8 @@ class Search:
                 trial = self.moved(blow, chart, change)
                 return trial, factor * self.residuals(trial, self.at(trial)[2].signals)
 
-            better, damping = lowered(factor[:, None] * J, factor * rest, damping, moved)
+            rows, off = factor[:, None] * J, factor * rest
+            better, damping = lowered(rows.T @ rows, rows.T @ off, off, damping, moved)
             if better is None:
                 break
             trial, new = better

@@ -175,30 +175,38 @@ def refined(
         return trial, residuals(data, weight, trial) + shift
 
     for _ in range(steps):
-        better, damping = lowered(_jacobian(data, weight, modes), residual, damping, moved)
+        equations = _equations(data, weight, modes, residual)
+        better, damping = lowered(*equations, residual, damping, moved)
         if better is None:
             break
         gain = float(residual @ residual - better[1] @ better[1])
         modes, residual = better
         if gain < CONVERGED:
             break
-    J = _jacobian(data, weight, modes)
     lines = 2 * data.H.size
-    residual = residuals(data, weight, modes)[:lines]
-    return modes, J.T @ J, float(residual @ residual) / max(lines - sum(modes.sizes), 1)
+    residual = residuals(data, weight, modes)
+    normal, _ = _equations(data, weight, modes, residual)
+    freedom = max(lines - sum(modes.sizes), 1)
+    return modes, normal, float(residual[:lines] @ residual[:lines]) / freedom
 
 
 def lowered(
-    J: Array, residual: Array, damping: float, moved: Callable[[Array], tuple[T, Array]]
+    normal: Array,
+    slope: Array,
+    residual: Array,
+    damping: float,
+    moved: Callable[[Array], tuple[T, Array]],
 ) -> tuple[tuple[T, Array] | None, float]:
     """What a step of Gauss-Newton moves to, with its residuals, and the damping of the next step.
 
     The step is damped (Levenberg, Marquardt) until the sum of squares is lower; None: it never is.
+
+    normal, slope : J'J and J' residual, of the derivatives J of the residual.
     """
-    normal, cost = J.T @ J, float(residual @ residual)
+    cost = float(residual @ residual)
     diagonal = np.diag(normal)
     size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
-    unit, slope = normal / size / size[:, None], -(J.T @ residual) / size
+    unit, slope = normal / size / size[:, None], -slope / size
     while damping < MOST_DAMPING:
         trial, rest = moved(np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size)
         if float(rest @ rest) < cost:
@@ -227,11 +235,31 @@ def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
     return np.append(whitened(off.reshape(-1)), modes.expected())
 
 
-def _jacobian(data: Measured, weight: Array, modes: Modes) -> Array:
-    """Derivatives of the residuals by `values`."""
-    J = modes.jacobian(data.w, data.pairs)
-    J *= weight[:, :, None]
-    return np.vstack((whitened(J.reshape(-1, J.shape[2])), modes.expected_jacobian()))
+def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> tuple[Array, Array]:
+    """J'J (n, n) and J' residual (n,), of the derivatives J of `residuals` by `values`.
+
+    Block by block of frequencies: between two an interrupt is seen.
+    """
+    lines = 2 * data.H.size
+    off = residual[:lines].reshape(2, *data.H.shape)
+    J = modes.expected_jacobian()
+    normal, slope = J.T @ J, J.T @ residual[lines:]
+    for rows in _blocks(len(data.w)):
+        complex_J = _derivatives(data, weight, modes, rows)
+        J = whitened(complex_J.reshape(-1, complex_J.shape[2]))
+        normal += J.T @ J
+        slope += J.T @ off[:, rows].ravel()
+    return normal, slope
+
+
+def _blocks(count: int) -> list[slice]:
+    """Rows of a record, block by block."""
+    return [slice(first, first + ROWS) for first in range(0, count, ROWS)]
+
+
+def _derivatives(data: Measured, weight: Array, modes: Modes, rows: slice) -> ComplexArray:
+    """Weighted derivatives (rows, M, n) of the receptances by `values`."""
+    return modes.jacobian(data.w[rows], data.pairs) * weight[rows, :, None]
 
 
 def whitened(values: ComplexArray) -> Array:
@@ -512,7 +540,9 @@ def _standing(modes: Modes, spreads: Array) -> BoolArray:
 def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
     """The body with the modes that the residual shows at driving points; None for no such mode."""
     off = weight * (data.H - modes.receptance(data.w, data.pairs))
-    J = modes.jacobian(data.w, data.pairs) * weight[:, :, None]
+    J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
+    for rows in _blocks(len(data.w)):
+        J[rows] = _derivatives(data, weight, modes, rows)
     typical = float(np.median(modes.zeta[: modes.seen])) if modes.seen else TYPICAL
     smooth = np.convolve(np.sum(np.abs(off) ** 2, axis=1), np.ones(5) / 5, mode="same")
     at = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1

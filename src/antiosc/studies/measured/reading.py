@@ -107,9 +107,8 @@ def _function(one: DataSet, scale: float) -> Function:
         count, values = int(one["num_pts"]), np.asarray(one["data"])
         f = np.asarray(one["x"], dtype=float)
         ends = [_end(one, side) for side in ("rsp", "ref")]
-        numerator, denominator = (
-            motion_label(one.get(n)) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")
-        )
+        labels = [one.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
+        numerator, denominator = map(motion_label, labels)
         motion, force = int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
@@ -134,7 +133,7 @@ def _function(one: DataSet, scale: float) -> Function:
         coherence=coherence,
         quantity=MOTIONS.get(motion, by_label),
         factor=factor,
-        label=f"{numerator} / {denominator}",
+        label=" / ".join(str(each or "").strip() for each in labels),
         frequency=f,
         values=values.astype(complex),
     )

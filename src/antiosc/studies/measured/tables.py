@@ -48,7 +48,9 @@ _BRACKETS = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*
 _FUNCTIONS = {"re", "im", "real", "imag", "abs", "mag", "phase", "arg"}
 
 
-#: Units of motions and forces in SI, as `_label` writes them, and what a motion per force is.
+#: Units of forces in N, as `motion_label` writes them: in small letters but for MN.
+FORCE_UNITS = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "MN": 1e6, "lbf": 4.4482216}
+#: Units of motions and forces in SI, as `motion_label` writes them, and what a motion per force is.
 MOTIONS: dict[str, tuple[float, Quantity | None]] = {
     **{name: (f, "accelerance") for name, f in (("m/s2", 1.0), ("mm/s2", 1e-3), ("g", 9.80665))},
     **{name: (9.80665, "accelerance") for name in ("gn", "gs")},
@@ -56,7 +58,7 @@ MOTIONS: dict[str, tuple[float, Quantity | None]] = {
     **{name: (f, "mobility") for name, f in (("m/s", 1.0), ("mm/s", 1e-3), ("in/s", 0.0254))},
     **{name: (f, "receptance") for name, f in (("m", 1.0), ("mm", 1e-3), ("in", 0.0254))},
     **{name: (1e-6, "receptance") for name in ("um", "µm", "μm")},
-    **{name: (f, None) for name, f in (("n", 1.0), ("kn", 1e3), ("mn", 1e-3), ("lbf", 4.4482216))},
+    **{name: (f, None) for name, f in FORCE_UNITS.items()},
 }
 
 
@@ -90,14 +92,16 @@ def unknown_unit(column: Column, known: str) -> InputError:
 
 def motion_label(given: object) -> str:
     """A unit of a motion, or of one per force, in one way of writing."""
-    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).lower().replace("²", "2")
-    text = text.replace("/s/s", "/s2").replace("sec", "s")
+    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).replace("²", "2")
+    mega = text.endswith("MN")
+    text = text.lower().replace("/s/s", "/s2").replace("sec", "s")
+    text = text[:-2] + "MN" if mega else text
     return "" if text in ("none", "unknown") else text
 
 
 def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, Quantity | None]:
     """Factor to SI, None for labels that are not known, and the quantity that they tell."""
-    for name in ("n", "kn", "mn", "lbf"):
+    for name in FORCE_UNITS:
         if not denominator and numerator.endswith(f"/{name}"):
             numerator, denominator = numerator.removesuffix(f"/{name}"), name
     if numerator not in MOTIONS or MOTIONS.get(denominator or "n", (0.0, "mobility"))[1]:
