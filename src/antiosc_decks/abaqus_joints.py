@@ -291,7 +291,9 @@ class _Joints:
                     self.whole.deck.told.append(f"{place}: {len(left)} nodes of the *MPC of type "
                                                 f"{kind} lie on its axis: left out.")  # fmt: skip
             else:
-                read_it = len(nodes) == 2 and self._of_two(kind, nodes, place)
+                led = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
+                alone = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
+                read_it = alone and all([self._of_two(kind, pair, place) for pair in led])
                 place.needs(read_it, f"the *MPC of type {kind} with {len(nodes)} nodes is not "
                             "supported here and would change the result; write it as *EQUATION, or "
                             "remove it.")  # fmt: skip
@@ -308,8 +310,8 @@ class _Joints:
             along = (joints.place(b) - joints.place(a)).tolist()
             joints.equation([(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0))
                              for c in range(3)], place)  # fmt: skip
-        elif kind == "BEAM" and joints.has_rotations[b]:
-            joints.rigid(np.array([a]), b, range(6), {})
+        elif kind == "BEAM" and (joints.has_rotations[b] or not joints.used[b]):
+            joints.rigid(np.array([a]), joints.leader(b), range(6), {})
         else:
             return False
         return True

@@ -23,6 +23,8 @@ BESIDE = {
     "SPRING": ("stiffness", ("SPRINGA", "SPRING1", "SPRING2")),
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
 }
+#: Cards of contact, which one piece alone does without.
+BETWEEN_PIECES = ("*CONTACTPAIR", "*CLEARANCE", "*CONTACT")
 #: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
 NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
@@ -33,7 +35,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     top = whole.instances[""]
     first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
-    whole.account.refuse()
+    whole.account.refuse(BETWEEN_PIECES, alone=whole.deck.piece is not None)
     whole.deck.told += whole.account.unknown(options=True)
     builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
     sections = Sections(whole, builder)
@@ -93,6 +95,11 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
     a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
     if kind == "C" and (a != b).any():
         frames = around_axis(a, b, builder.deck.points[nodes])
+        on = np.linalg.norm(frames[:, 0], axis=1) < 0.5
+        if on.any():  # as good as any, of nodes that are held in both or in none
+            frames[on] = np.roll(_frame(b - a), -1, axis=0)
+            builder.tell_once(f"the radial direction of {on.sum()} nodes on the axis of *TRANSFORM "
+                              f"({card.place}), one across it is taken")  # fmt: skip
     else:
         z = np.cross(a, b) if kind == "R" else np.zeros(3)
         x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
@@ -100,6 +107,14 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
     sound = np.linalg.norm(frames, axis=2).min(initial=1.0) >= 0.5
     card.needs(sound, "*TRANSFORM gives no axes.")
     builder.joints.frames.update(zip(nodes.tolist(), frames, strict=True))
+
+
+def _frame(along: Array) -> Array:
+    """Axes (3, 3), as rows, of which the first is along a direction."""
+    z = along / np.linalg.norm(along)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    return np.stack([z, x, np.cross(z, x)])
 
 
 def _nonstructural(builder: ModelBuilder, card: Card) -> None:

@@ -209,9 +209,11 @@ class Sections:
         name = card.within.spelled(card.option("ELSET"))
         if card.keyword in OF_SHELLS and roles == {"shell"}:
             made = composite or "MATERIAL" in card.options or card.keyword == "SHELLSECTION"
-            card.needs(made, "*SHELL GENERAL SECTION with stiffnesses in place of a MATERIAL is "
-                       "not supported: give MATERIAL= and a thickness, or COMPOSITE.")  # fmt: skip
-            self._shells(card, name, elements)
+            if made:
+                self._shells(card, name, elements)
+            else:
+                given = Family("GivenSheet", self._stiffnesses(card), card.place)
+                self.builder.add_shells(name, elements, given, 0.0, self._zero(card, elements))
             return
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
@@ -299,6 +301,50 @@ class Sections:
         if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
             self.builder.tell_once(f"*NODAL THICKNESS of layers, which have theirs ({card.place})")
 
+    def _stiffnesses(self, card: Card) -> Json:
+        """Of the forces and moments of (ε11, ε22, γ12, κ11, κ22, κ12), in columns to the diagonal.
+
+        The stiffness against transverse shear is that which Abaqus takes where none is given
+        (User's Guide, "Shell section behavior").
+        """
+        values, units = card.numbers(), self.builder.units
+        card.needs(len(values) >= 21, "*SHELL GENERAL SECTION needs MATERIAL=, COMPOSITE or 21 "
+                   f"stiffnesses; it has {len(values)} numbers.")  # fmt: skip
+        card.needs(not card.option("OFFSET"), "OFFSET= is not supported where *SHELL GENERAL "
+                   "SECTION has stiffnesses: they are those about the nodes.")  # fmt: skip
+        whole = symmetric(np.array(values[:21]))
+        scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
+        sound = np.linalg.eigvalsh(whole / np.outer(scale, scale)).min() > 0
+        card.needs(sound, "the stiffness of *SHELL GENERAL SECTION is not positive definite.")
+        A, B, D = whole[:3, :3], whole[:3, 3:], whole[3:, 3:]
+        shear = (A[0, 0] + A[1, 1]) / 6 + A[2, 2] / 3
+        t = math.sqrt(12 * np.trace(D) / np.trace(A)) * units.length
+        per_area = card.option("DENSITY")
+        given = self.builder.density
+        card.needs(per_area or given, "*SHELL GENERAL SECTION has no density (DENSITY=, per area), "
+                   "without which nothing can be struck; give it, or density= in "
+                   "kg/m³.")  # fmt: skip
+        mass = (given or 0.0) * t
+        if per_area:
+            mass = real_number(per_area, card.place) * units.density * units.length
+        line = units.force / units.length
+        return {
+            **{"A": (A * line).tolist(), "B": (B * units.force).tolist()},
+            **{"D": (D * units.force * units.length).tolist()},
+            **{"S": (shear * line * np.eye(2)).tolist(), "thickness": t},
+            **{"mass": mass, "inertia": mass * t**2 / 12},
+        }
+
+    def _zero(self, card: Card, elements: IntArray, steep: float = STEEP) -> Array:
+        """The direction of 0° in each element, of ORIENTATION= or x; z where x is the normal."""
+        name = card.option("ORIENTATION")
+        if name:
+            return self._directions(name, card, elements, card.place)
+        card.refuse_turned()
+        normals = geometry.normals_of(self.whole.deck, elements)
+        across = np.abs(normals[:, :1]) > math.cos(math.radians(steep))
+        return np.where(across, np.eye(3)[2], np.eye(3)[0])
+
     def _by_thickness(self, elements: IntArray, given: float) -> Iterator[tuple[float, IntArray]]:
         """(mean of *NODAL THICKNESS, elements), whether or not the section says so (CalculiX)."""
         if not len(self.thickness):
@@ -323,13 +369,11 @@ class Sections:
         materials = [self._material(*word) for word in words]
         known = [row for row in rows if self.orientations.find(row.word(3), card)]
         name = card.option("ORIENTATION") or (known[0].word(3) if known else "")
-        if name:
+        if name and not card.option("ORIENTATION"):
             axis = self._directions(name, card, elements, card.place)
         else:
-            card.refuse_turned()
             alike = all(one.isotropic is not None for one in materials)
-            across = np.abs(normals[:, :1]) > math.cos(math.radians(45.0 if alike else STEEP))
-            axis = np.where(across, np.eye(3)[2], np.eye(3)[0])
+            axis = self._zero(card, elements, 45.0 if alike else STEEP)
         layers: list[dict[str, float]] = []
         for row, material in zip(rows, materials, strict=True):
             angle = row.real(3) if row not in known else 0.0

@@ -178,25 +178,42 @@ class Constraints:
                     self.equations.append(terms)
 
     def mean(
-        self, follower: int, motions: Motions, nodes: IntArray, weights: Array, place: Place
+        self,
+        follower: int,
+        motions: Motions,
+        nodes: IntArray,
+        weights: Array,
+        place: Place,
+        turning: BoolArray | None = None,
     ) -> None:
-        """Motions of a node follow the weighted mean ones of others (RBE3)."""
+        """Motions of a node follow the weighted mean ones of others (RBE3).
+
+        `turning`: whose rotations count too, with the weight times the square of the mean distance,
+        as in MSC Nastran (Linear Static Analysis User's Guide).
+        """
         x = np.array([self.place(int(node)) for node in nodes])
         w = weights / weights.sum()
         centre = w @ x
         r = x - centre
         J = np.einsum("p,pi,pj->ij", w, r, r)
         J = np.trace(J) * np.eye(3) - J
+        spins = np.zeros(len(nodes))
+        if turning is not None:
+            away = np.linalg.norm(x - self.place(follower), axis=1).mean()
+            spins = w * np.where(turning, away**2 or 1.0, 0.0)
+            J += spins.sum() * np.eye(3)
         values, axes = np.linalg.eigh(J)
         good = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
         inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
-        # θ = J⁻¹ Σ w r × u
+        # θ = J⁻¹ Σ (w r × u + s θ)
         skew = -np.array([lever(arm) for arm in r])
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
+        own = np.einsum("ik,p->ipk", inverse, spins)
         arm = self.place(follower) - centre
         cross = lever(arm)
         led = np.einsum("ij,jpk->ipk", cross, rotations)
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
+        carried = np.einsum("ij,jpk->ipk", cross, own)
         # rotations about the line do not matter for displacements of what lies on it
         unknown = np.abs(cross @ axes[:, ~good]).max(initial=0.0) > 1e-9 * np.abs(r).max()
         known = good.all() or not any(c >= 3 or unknown for c in motions)
@@ -204,12 +221,14 @@ class Constraints:
                     "rotation is not known; take more nodes, or displacements alone at their "
                     "centre.")  # fmt: skip
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
-        for first, table in ((0, displacements), (3, rotations)):
+        for first, table, turned in ((0, displacements, carried), (3, rotations, own)):
             for pivot, along in _directions(self.frames.get(follower), motions, first):
                 followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", along, table)
                 terms = [(follower, first + int(k), float(along[k])) for k in followed]
                 terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
+                spin = np.einsum("i,ipk->pk", along, turned)
+                terms += [(int(nodes[p]), 3 + k, -float(spin[p, k])) for p, k in pairs if spins[p]]
                 self._sum_is_zero(terms, place)
 
     def keep(self, stays: Callable[[list[Term]], bool]) -> int:

@@ -149,7 +149,7 @@ def finished(builder: ModelBuilder) -> Model:
     """The model; MeshError for elements without a section, and families that cannot be joined."""
     _keep(builder, builder.chosen)
     _refuse_uncovered(builder)
-    if builder.truss and any([own.arguments.pop("torsion") for own in builder.families]):
+    if builder.truss and any([own.arguments.pop("torsion", 0.0) for own in builder.families]):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
     _keep(builder, ~join_rods(builder))
     present = {block.role for block in builder.deck.blocks if len(block)}

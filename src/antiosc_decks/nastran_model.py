@@ -134,12 +134,14 @@ class Joints:
         motions = _motions(entry, entry.text(3))
         rows: list[int] = []
         weights: list[float] = []
+        turning: list[bool] = []
         words = entry.words(4)
         k = 0
         while k < len(words) and words[k].upper() not in ("UM", "ALPHA"):
             weight = real_number(words[k], entry.place)
             components = words[k + 1] if k + 1 < len(words) else "nothing"
-            if set(components) & set("456"):
+            turn = set("456") <= set(components)
+            if set(components) & set("456") and not turn:
                 told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
                 self.builder.tell_once(told)
             plain = set(components) - set("456 ") == set("123")
@@ -152,10 +154,13 @@ class Joints:
             own = self._nodes(entry, words[start:k])
             rows += own
             weights += [weight] * len(own)
+            joints = self.builder.joints
+            turning += [turn and joints.used[n] and joints.has_rotations[n] for n in own]
         entry.needs(rows and sum(weights) > 0, "RBE3 names no nodes with weights.")
         entry.needs(reference not in rows, "a GRID of RBE3 cannot follow itself.")
         joints, table = self.builder.joints, np.array(rows, dtype=np.int64)
-        joints.mean(joints.leader(reference), motions, table, np.array(weights), entry.place)
+        leader = joints.leader(reference)
+        joints.mean(leader, motions, table, np.array(weights), entry.place, np.array(turning))
 
     def _mpc(self, entry: Entry) -> None:
         terms: list[Term] = []

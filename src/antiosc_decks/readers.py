@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
@@ -11,7 +12,8 @@ from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import listed
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc_decks import abaqus_assembly, abaqus_model, nastran_mesh, nastran_model
+from antiosc.io.table import FIRST_BYTES
+from antiosc_decks import abaqus_assembly, abaqus_model, ansys, nastran_mesh, nastran_model
 from antiosc_decks.sources import BULK as _BULK, Sources
 
 F = TypeVar("F", abaqus_assembly.Whole, nastran_mesh.NastranDeck)
@@ -42,5 +44,22 @@ def _reader(
 
 ABAQUS = FileReader(_reader(abaqus_assembly.read, abaqus_model.model_of), model=True)
 NASTRAN = FileReader(_reader(nastran_mesh.read, nastran_model.model_of), model=True)
-#: Files of Nastran with endings that other programs use too.
-BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start.decode("latin-1")) is not None)
+#: What the first lines of an input of Ansys Mechanical APDL are known by.
+_APDL = re.compile(r"(?im)^\s*(/prep7|nblock,)")
+
+
+def _start(path: str) -> str:
+    with Path(path).open("rb") as file:
+        return file.read(FIRST_BYTES).decode("latin-1")
+
+
+def _by_content(ask: Request) -> FileMesh:
+    return (ansys.ANSYS if _APDL.search(_start(ask.path)) else NASTRAN).read(ask)
+
+
+#: Files of Nastran, or of Ansys Workbench, with endings that other programs use too.
+BULK = FileReader(
+    _by_content,
+    model=True,
+    matches=lambda start: any(one.search(start.decode("latin-1")) for one in (_BULK, _APDL)),
+)

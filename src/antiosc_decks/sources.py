@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from antiosc.base.errors import MeshError
+from antiosc.base.errors import MeshError, PiecesError
 from antiosc.io.deck import Place
 
 #: What the first lines of Nastran's bulk data are known by.
@@ -76,7 +76,8 @@ class Sources:
         at.needs(inside, f"{named[:80]!r} lies outside the folder {folder!r}, from which "
                  f"{self.name} may include files; name the folder that holds them all by "
                  "root=.")  # fmt: skip
-        at.needs(found, f"there is no file {named[:80]!r} beside {self.name}.")
+        at.needs(found, f"there is no file {named[:80]!r} beside {self.name}: put the file "
+                 "that it includes there.")  # fmt: skip
         at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
         shallow = len(self._open) < DEEPEST_INCLUDE
         at.needs(shallow, f"files include one another more than {DEEPEST_INCLUDE} deep.")
@@ -146,13 +147,23 @@ class Account:
     #: options and fields of cards that are read: what they are, the place of the card, their fate
     options: list[tuple[str, Place, Fate]] = field(default_factory=list)
 
-    def refuse(self) -> None:
-        """MeshError for the first card or option that is refused."""
-        for name, place, fate in (*self.cards, *self.options):
-            if fate.kind == "refused":
-                what = f" is {fate.what}, which" if fate.what else ""
-                told = f"{name}{what} is not supported here and would change the result; remove"
-                raise place.error(f"{told} it from the deck, or model the part without it.")
+    def refuse(self, between: Collection[str] = (), alone: bool = False) -> None:
+        """MeshError for the first card or option that is refused.
+
+        `between`: cards that act between pieces of the part: PiecesError for these, or they are
+        ignored where one piece is read `alone`.
+        """
+        for k, (name, place, fate) in enumerate([*self.cards, *self.options]):
+            if fate.kind != "refused":
+                continue
+            if alone and name in between:
+                self.cards[k] = (name, place, Fate("ignored", "with other pieces"))
+                continue
+            what = f" is {fate.what}, which" if fate.what else ""
+            told = f"{place}: {name}{what} is not supported here and would change the result;"
+            if name in between:
+                raise PiecesError(f"{told} remove it, or read one piece of the part (piece=1).")
+            raise MeshError(f"{told} remove it from the deck, or model the part without it.")
 
     def ignored(self) -> list[str]:
         """Count, name and lines of what is ignored."""

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
+import antiosc as ao
 from antiosc.app import new
 from antiosc.app.new import inspect_part
 from parts import gmsh_session
@@ -22,6 +23,7 @@ pytestmark = pytest.mark.fem
 UNITS = {
     "mm": (1e-3, 210e3, 7.85e-9),
     "m": (1.0, 210e9, 7850.0),
+    "mm-kg": (1e-3, 210e6, 7.85e-6),
     "in": (0.0254, 30.46e6, 7.345e-4),
 }
 SIDES = (0.3, 0.1, 0.05)
@@ -131,3 +133,33 @@ def test_what_was_guessed_is_a_table_and_what_cannot_be_read_writes_nothing(tmp_
     assert antiosc("new", tmp_path / "b.toml", tmp_path / "b.inp") == 1
     assert "next:" not in capsys.readouterr().out
     assert not (tmp_path / "b.toml").exists()
+
+
+def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm", pieces=2)
+    path.write_text(path.read_text() + "*CONTACT PAIR, INTERACTION=I\nA, B\n")
+    with pytest.raises(ao.MeshError, match="piece=1"):
+        ao.read_model(path, unit="mm")
+    found = inspect_part(path)
+    assert found.read == {"unit": "mm", "piece": 1}
+    with pytest.warns(ao.AntioscWarning, match="CONTACTPAIR with other pieces"):
+        ao.read_model(path, unit="mm", piece=1)
+
+
+def test_a_part_of_few_nodes_has_fewer_anti_oscillators_than_dofs(tmp_path):
+    path = tmp_path / "one.inp"
+    nodes = [f"{4 * z + k + 1}, {10 * x}, {10 * y}, {10 * z}"
+             for z in (0, 1) for k, (x, y) in enumerate(CORNERS)]  # fmt: skip
+    cell = ["*ELEMENT, TYPE=C3D8, ELSET=ALL", "1, 1, 2, 3, 4, 5, 6, 7, 8"]
+    path.write_text("\n".join(["*NODE", *nodes, *cell]))
+    found = inspect_part(path)
+    assert found.count == 11  # of four nodes that are not held
+    assert tomllib.loads(new.text("a.toml", "one.inp", found))["extract"]["n"] == 11
+
+
+def test_the_first_reason_is_told_where_no_way_reads_a_file(tmp_path):
+    path = tmp_path / "a.vtu"
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    meshio.Mesh(points, [("quad", [[0, 2, 1, 3]])]).write(path)
+    with pytest.raises(ao.MeshError, match="cross themselves"):  # not that there are no volumes
+        inspect_part(path)

@@ -6,6 +6,7 @@ whose materials are real ones.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import re
 from collections.abc import Iterator
@@ -20,7 +21,6 @@ import antiosc
 from antiosc.app.scene_file.outline import GEOMETRIES
 from antiosc.base.errors import (
     InputError,
-    MeshError,
     PiecesError,
     finite_element_packages,
     warnings_to,
@@ -51,7 +51,7 @@ MODEL_CARD = re.compile(
     rb"^\s*(\*(material|\w+ ?\w* section)\b|mat(1|2|8|9)\b[*,\s]|(mp|mpdata),)", re.I | re.M
 )
 #: Units of decks that are tried.
-UNITS = ("mm", "m", "in")
+UNITS = ("mm", "m", "in", "mm-kg")
 #: Moduli [Pa], densities [kg/m³] and lengths [m] of parts of machines and buildings.
 MODULI, DENSITIES, LENGTHS = (5e8, 1.3e12), (100.0, 25e3), (1e-3, 100.0)
 
@@ -142,14 +142,14 @@ def _of_solids(looked: FileMesh, notes: list[str]) -> list[Read]:
 
 def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read]:
     """(mesh, way) of the first way that gives a mesh; the error of the first if none does."""
-    reason: MeshError | None = None
+    reason: InputError | None = None
     for way in _with_pieces(ways):
         if reason is not None and way.get("of_pieces") and not isinstance(reason, PiecesError):
             continue
         own = {key: value for key, value in way.items() if key != "of_pieces"}
         try:
             return antiosc.read_mesh(str(path), **read, **own), own
-        except MeshError as error:
+        except InputError as error:
             reason = reason or error
     assert reason is not None
     raise reason
@@ -196,7 +196,8 @@ def _of_deck(path: Path) -> ForeignPart:
             continue
         best = _likeliest(structure, unit, "density" in read)
         if best != unit:
-            structure, read = _model(path, best)
+            with contextlib.suppress(InputError):
+                structure, read = _model(path, best)
         members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
         mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
         return ForeignPart(mesh, read, structure, _of_way(read))

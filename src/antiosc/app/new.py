@@ -62,6 +62,8 @@ MOST_TRIED = 40
 ON_PLANE = 1e-6
 #: Thickness of a sheet, and diameter of a bar, over the longest side of the part: guesses.
 THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
+#: Anti-oscillators of a new scene, by family.
+COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
 #: Lowest frequency of a plate of length L that is held at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
 
@@ -79,6 +81,7 @@ class Inspection:
     cells : their number and kind in words.
     where : group that holds it; plane : (point, normal) of nodes that do; neither: it is free.
     point, direction : of the site; radius : of its patch, None for beams and sheets.
+    count : number of anti-oscillators, below that of the dofs.
     points, faces, held : nodes (P, 3), corners (F, k), and which nodes are held, to be drawn.
     of_deck : whether supports and materials are those of a deck.
     notes : what was decided while reading, one sentence each.
@@ -95,6 +98,7 @@ class Inspection:
     point: list[float]
     direction: list[float]
     radius: float | None
+    count: int
     points: Array = field(repr=False)
     faces: IntArray = field(repr=False)
     held: BoolArray = field(repr=False)
@@ -238,10 +242,13 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     radius = radius if family == "Solid" else None
     if structure is not None:
         point, direction, radius = _movable(structure, (point, direction, radius), sites)
+    # each node that is not held has three dofs or more
+    dofs = 3 * int((~held).sum()) if structure is None else structure.dofs
+    count = max(0, min(COUNTS[family], dofs - 1))
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
         family, read, low, high, list(mesh.groups), cells, where, plane,
-        _rounded(point, size), _rounded(direction), radius, x, faces, held,
+        _rounded(point, size), _rounded(direction), radius, count, x, faces, held,
         of_deck=structure is not None,
     )  # fmt: skip
 
@@ -454,6 +461,7 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
         look=found,
         read=dict.fromkeys(keys) | dict(found.read if found else {}),
         family="Solid" if found is None else found.family,
+        count=COUNTS["Solid"] if found is None else found.count,
         point=[0.0, 0.0, 0.1] if found is None else found.point,
         direction=[0.0, 0.0, -1.0] if found is None else found.direction,
         band=_band(LARGEST_BALL if found is None else found.ball),

@@ -28,6 +28,12 @@ from antiosc.io.mesh_files import as_carried, known
 from antiosc.io.neutral import CELLS, FileMesh, IntArray, joined
 from antiosc.io.request import Request
 
+#: What gmsh says of a file without shapes, and what that means.
+EMPTY_BOX = "Empty bounding box"
+NO_SHAPES = (
+    "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
+    "write the assembly with its parts in one file"
+)
 #: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
 SHORTER = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
@@ -261,8 +267,8 @@ def read(ask: Request) -> FileMesh:
             beginning = stream.read(16)
         if not beginning.startswith(HEADERS):
             raise MeshError(
-                f"{ask.name} does not begin as a Gmsh mesh ($MeshFormat): it is another file, or "
-                "it is damaged."
+                f"{ask.name} does not begin as a Gmsh mesh ($MeshFormat): it is one of another "
+                "program (GiD, Fluent, …); write it there as .inp, .bdf, .unv or .med."
             )
         source = Path(shutil.copyfile(source, "mesh.msh"))
     return _through_gmsh(ask, source)
@@ -306,7 +312,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         told: list[str] = []
         names: Names = {}
         if ask.solid:
-            told, names = facets.fill(gmsh, ask, attempt.flat)
+            told, names = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
         elif suffix in CAD:
             names = cad.names_of(gmsh, ask, stated * ask.unit[0])
         if ask.outline:
@@ -322,7 +328,9 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         raise
     except Exception as error:
         reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
-        reason = reason[:200] or "it is damaged"
+        if reason == EMPTY_BOX:
+            reason = NO_SHAPES
+        reason = reason[:200] or "it gives no reason"
         if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
             raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error
         raise MeshError(f"gmsh cannot read {ask.name}: {reason}.") from error

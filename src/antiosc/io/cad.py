@@ -33,6 +33,8 @@ class Attempt:
     healing: Mapping[str, float] = field(default_factory=dict)
     #: whether faces are flat between the corners of the cells
     flat: bool = False
+    #: of a surface of triangles: edges from this angle on are kept, degrees
+    sharp: float = 40.0
     #: whether elements are smaller at the points of `refine`
     refined: bool = True
 
@@ -40,6 +42,10 @@ class Attempt:
     def curved(self) -> bool:
         """Whether it is for surfaces with a curvature."""
         return bool(AROUND.keys() & self.options.keys())
+
+    def suits(self, drawn: bool) -> bool:
+        """Whether it is for CAD files (`drawn`), or for surfaces of triangles."""
+        return self.options != PATCHES if drawn else not self.curved
 
     def prepare(self, gmsh: ModuleType) -> None:
         """Set the options of gmsh."""
@@ -55,6 +61,8 @@ HEALING = {
 #: Elements around a full turn: without them thin curved walls pierce each other.
 AROUND = {"Mesh.MeshSizeFromCurvature": 12.0}
 HXT = {"Mesh.Algorithm3D": 10.0, "Mesh.OptimizeNetgen": 1.0}
+#: Of surfaces of triangles whose sides have no plane parameters: holes that touch the rim.
+PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
 #: In this order; the first is gmsh's usual one. Of 90 CAD files by others 9 need another, most
 #: often elements that follow the curvature.
 ATTEMPTS = (
@@ -67,6 +75,7 @@ ATTEMPTS = (
     Attempt("after repairs by OpenCASCADE", options=AROUND, healing=HEALING),
     Attempt("at a quarter of the element size", share=0.25, options=AROUND),
     Attempt("with flat facets", share=0.5, healing=HEALING, flat=True, refined=False),
+    Attempt("in small patches, which cut sharp edges", options=PATCHES, sharp=180.0),
 )
 
 

@@ -195,6 +195,8 @@ def _corners(
         if shell and side < 2:
             yield block.corners[row]
             continue
+        if block.shape == "line":  # ends of lines are nodes, of which no side is made
+            continue
         known = SIDES.get(block.shape, ())
         number = side - 2 * shell
         if not 0 <= number < len(known):

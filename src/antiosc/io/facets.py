@@ -7,16 +7,17 @@ twice, corners that almost coincide, small holes, and normals to either side.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
-from antiosc.base.errors import MeshError
+from antiosc.base.errors import MeshError, PiecesError
 from antiosc.io.cad import Names
 from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.polygons import triangles_of
 from antiosc.io.request import Request
 
 #: Endings of such files.
@@ -31,8 +32,12 @@ FLAT = 1e-6
 SMALL_HOLE = 0.05
 #: Mean thickness 2 V/A over the size from which a closed surface is that of a solid.
 THICK = 1e-3
+#: Surfaces of few triangles are cut into as many at most.
+MOST_CUT = 4000
 #: More closed surfaces than this are not sorted into bodies and cavities.
 MOST_BODIES = 200
+#: Triangles of a piece by which it is found to lie in another.
+MOST_LOOKED_AT = 40
 #: Corners of the sides of a triangle.
 SIDES = ((0, 1), (1, 2), (2, 0))
 
@@ -211,9 +216,20 @@ def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntAr
 
 def skin_of(ask: Request) -> Skin:
     """The surface in a file, cleaned."""
-    from antiosc.io.mesh_files import content  # which reads by meshio
+    path = Path(ask.path)
+    points, triangles = triangles_of(path.read_bytes(), ask.name) or _by_meshio(path, ask.name)
+    if not len(triangles):
+        raise MeshError(f"{ask.name} holds no triangles.")
+    if not np.isfinite(points[triangles]).all():
+        raise MeshError(f"{ask.name} has corners whose coordinates are not finite.")
+    return cleaned(points, triangles, ask.name)
 
-    mesh = content(Path(ask.path), ask.name)
+
+def _by_meshio(path: Path, name: str) -> tuple[Array, IntArray]:
+    """(points (n, 3), triangles (t, 3)) of a file that meshio reads."""
+    from antiosc.io.mesh_files import content
+
+    mesh = content(path, name)
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
     found = [np.zeros((0, 3), dtype=np.int64)]
@@ -222,12 +238,7 @@ def skin_of(ask: Request) -> Skin:
         if block.type in ("triangle", "quad", "polygon"):
             corners = range(1, data.shape[1] - 1)
             found += [data[:, [0, k, k + 1]] for k in corners]
-    triangles = np.vstack(found)
-    if not len(triangles):
-        raise MeshError(f"{ask.name} holds no triangles.")
-    if not np.isfinite(points[triangles]).all():
-        raise MeshError(f"{ask.name} has corners whose coordinates are not finite.")
-    return cleaned(points, triangles, ask.name)
+    return points, np.vstack(found)
 
 
 def read(ask: Request) -> FileMesh:
@@ -248,10 +259,13 @@ CLOSED = "closed surface"
 # --- Filling --------------------------------------------------------------------------------------
 
 
-def fill(gmsh: ModuleType, ask: Request, flat: bool) -> tuple[list[str], Names]:
+def fill(
+    gmsh: ModuleType, ask: Request, flat: bool, sharp: float = SHARP_ANGLE
+) -> tuple[list[str], Names]:
     """Make solids of the closed surface of a file in gmsh's model: (what was mended, its faces).
 
-    `flat`: its triangles stay the boundary of the cells.
+    `flat`: its triangles stay the boundary of the cells; else edges from `sharp` degrees on are
+    kept.
 
     Raises
     ------
@@ -259,16 +273,23 @@ def fill(gmsh: ModuleType, ask: Request, flat: bool) -> tuple[list[str], Names]:
         A surface that is not closed.
     """
     skin = skin_of(ask)
+    if ask.size is not None:
+        skin = _finer(skin, ask.size / ask.unit[0])
     if not skin.closed:
         raise MeshError(
             f"{ask.name} is not closed: {skin.open_edges} of its edges do not belong to two "
             "triangles; repair the surface (holes, facets twice), or read it as a sheet without "
             "solid=True."
         )
-    bodies = _bodies(skin, ask.name)
+    bodies = _bodies(skin, ask.name, alone=ask.piece is not None)
+    if ask.piece is not None:
+        count, bodies = len(bodies), [_by_volume(skin, bodies, ask.piece, ask.name)]
+        if count > 1:
+            told = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
+            skin.told.append(told)
     surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
     if not flat:
-        gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
+        gmsh.model.mesh.classifySurfaces(math.radians(sharp), True, True, math.pi)
         gmsh.model.mesh.createGeometry()
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
     first = _first_triangles(gmsh, skin, surfaces)
@@ -282,6 +303,27 @@ def fill(gmsh: ModuleType, ask: Request, flat: bool) -> tuple[list[str], Names]:
     gmsh.model.geo.synchronize()
     number = sides(skin)[first] + 1
     return skin.told, {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
+
+
+def _finer(skin: Skin, size: float) -> Skin:
+    """Each triangle cut into four until sides are below `size`, or there are MOST_CUT of them.
+
+    gmsh finds no parameters of a side that is one triangle, and keeps triangles that it cannot
+    mesh anew.
+    """
+    points, triangles, piece = skin.points, skin.triangles, skin.piece
+    while 4 * len(triangles) <= MOST_CUT:
+        ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
+        if np.linalg.norm(np.diff(points[ends], axis=1), axis=2).max() <= size:
+            break
+        edges, middle = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
+        m = len(points) + middle.reshape(3, -1).T  # of the sides 01, 12, 20
+        (a, b, c), (ab, bc, ca) = triangles.T, m.T
+        points = np.vstack([points, points[edges].mean(axis=1)])
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        triangles = np.vstack([np.column_stack(part) for part in parts])
+        piece = np.tile(piece, 4)
+    return replace(skin, points=points, triangles=triangles, piece=piece)
 
 
 def sides(skin: Skin) -> IntArray:
@@ -318,25 +360,55 @@ def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntAr
     return np.asarray(tree.query(np.array(middles))[1])
 
 
-def _bodies(skin: Skin, name: str) -> list[list[int]]:
-    """The pieces around each body: the outer one, then its cavities."""
+def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
+    """The pieces around each body: the outer one, then its cavities.
+
+    `alone`: one of them is wanted, and others may pierce it.
+    """
     count = int(skin.piece.max()) + 1
     if count > MOST_BODIES:
         raise MeshError(
             f"{name} has {count} closed surfaces, more than {MOST_BODIES}: give one body a file."
         )
-    row = np.unique(skin.piece, return_index=True)[1]
-    first = skin.points[skin.triangles[row]].mean(axis=1)
-    inside = np.zeros((count, count), dtype=bool)  # [k, m]: k lies in m
-    for m in range(count) if count > 1 else ():
-        inside[:, m] = np.abs(winding(skin, m, first)) > 0.5
-        inside[m, m] = False
+    inside = _inside(skin, count)
+    if ((inside > 0) & (inside < 1)).any() and not alone:
+        raise PiecesError(
+            f"the closed surfaces of {name} pierce each other: unite its bodies in the program "
+            "that wrote it, or read one of them (piece=1 is the largest)."
+        )
+    inside = inside == 1
     depth = inside.sum(axis=1)
     bodies = {k: [k] for k in range(count) if depth[k] % 2 == 0}
     for k in np.flatnonzero(depth % 2):
         around = np.flatnonzero(inside[k])
-        bodies[int(around[np.argmax(depth[around])])].append(int(k))
+        outer = int(around[np.argmax(depth[around])])
+        bodies.setdefault(outer, [outer]).append(int(k))
     return list(bodies.values())
+
+
+def _inside(skin: Skin, count: int) -> Array:
+    """Share of each piece (k) that lies in another (m), by some points of it (count, count)."""
+    middles = skin.points[skin.triangles].mean(axis=1)
+    found = np.zeros((count, count))
+    order = np.argsort(skin.piece, kind="stable")
+    rows = np.split(order, np.flatnonzero(np.diff(skin.piece[order])) + 1)
+    for m in range(count) if count > 1 else ():
+        own = skin.points[skin.triangles[rows[m]]].reshape(-1, 3)
+        low, high = own.min(axis=0), own.max(axis=0)
+        for k in range(count):
+            some = middles[rows[k][:: max(1, len(rows[k]) // MOST_LOOKED_AT)]]
+            near = some[((some > low) & (some < high)).all(axis=1)]
+            if k != m and len(near):
+                found[k, m] = (np.abs(winding(skin, m, near)) > 0.5).sum() / len(some)
+    return found
+
+
+def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
+    """The pieces around one body, 1 being that of the largest volume."""
+    if piece > len(bodies):
+        raise MeshError(f"{name} has {len(bodies)} bodies; there is no piece {piece}.")
+    volume = np.abs(np.bincount(skin.piece, volumes(skin.points, skin.triangles)))
+    return sorted(bodies, key=lambda body: -volume[body[0]])[piece - 1]
 
 
 def winding(skin: Skin, piece: int, points: Array) -> Array:

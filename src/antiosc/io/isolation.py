@@ -25,6 +25,7 @@ from antiosc.base.errors import (
     AntioscError,
     MeshError,
     MissingDependencyError,
+    PiecesError,
     UnmeshableError,
 )
 from antiosc.base.progress import doing
@@ -111,14 +112,15 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
     if -code in OVERTIME:
         late = UnmeshableError if again else MeshError
         return late(
-            f"reading {name} took longer than a file of its kind and size may take: it is damaged, "
-            "or needs a longer timeout=" + (", or a larger element size." if geometry else ".")
+            f"reading {name} took longer than a file of its kind and size may take: it needs a "
+            "longer timeout=" + (", or a larger element size." if geometry else ".")
         )
     if code < 0:
         kind = UnmeshableError if geometry else MeshError
         return kind(
             f"the reader of {name} broke off ({signal.Signals(-code).name}; it had "
-            f"{memory / 2**30:.1f} GiB): the file is damaged, or cannot be meshed at this size."
+            f"{memory / 2**30:.1f} GiB): "
+            + ("give another element size." if geometry else "write the file anew.")
         )
     return MeshError(f"the reader of {name} ended with code {code} and gave no mesh.")
 
@@ -142,11 +144,11 @@ def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
 def _raise(name: str, head: Json, memory: int) -> None:
     if head["error"] == "MemoryError":
         raise MeshError(
-            f"{name} needs more than {memory / 2**30:.1f} GiB to be read: it is damaged, or too "
-            "large for this machine."
+            f"{name} needs more than {memory / 2**30:.1f} GiB to be read, which this machine "
+            "lacks: make the mesh coarser."
         )
     kinds: dict[str, type[AntioscError]] = {
-        kind.__name__: kind for kind in (MissingDependencyError, UnmeshableError)
+        kind.__name__: kind for kind in (MissingDependencyError, PiecesError, UnmeshableError)
     }
     raise kinds.get(head["error"], MeshError)(head["message"])
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from antiosc.base.errors import MeshError, MissingDependencyError
+from antiosc.io import med
 from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
 from antiosc.io.neutral import (
@@ -164,7 +165,10 @@ FORMATS = {
 def read_by_meshio(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
-    mesh = content(Path(ask.path), name)
+    path, told = Path(ask.path), list[str]()
+    if path.suffix.lower() == ".med":
+        path, told = med.of_one_mesh(path, name)
+    mesh = content(path, name)
     points = np.zeros((len(mesh.points), 3))
     if len(points):
         points[:, : mesh.points.shape[1]] = mesh.points
@@ -180,6 +184,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
+    result.told = told
     return as_carried(result, name)
 
 

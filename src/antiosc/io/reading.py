@@ -295,7 +295,7 @@ def read(
     `options`: others of a `Request`.
     """
     drawn = path.suffix.lower() in CAD
-    whole = drawn and not options.get("fragments")
+    whole = (drawn or options.get("solid")) and not options.get("fragments")
     options |= {
         "piece": piece if whole else None,
         "size": None if size is None else float(size),
@@ -322,7 +322,7 @@ def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> Ra
     `drawn`: the geometry has curvatures; that of triangles has none.
     """
     reason: UnmeshableError | None = None
-    ways = [(k, one) for k, one in enumerate(ATTEMPTS) if drawn or not one.curved]
+    ways = [(k, one) for k, one in enumerate(ATTEMPTS) if one.suits(drawn)]
     for number, attempt in ways:
         try:
             raw = once(number)

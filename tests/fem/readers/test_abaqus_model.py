@@ -121,6 +121,17 @@ def test_supports_in_axes_of_their_own(read, kind):
         np.testing.assert_allclose(np.abs(row @ one), np.linalg.norm(row), rtol=1e-9)
 
 
+def test_a_node_on_the_axis_of_a_cylinder_is_held_across_it(read):
+    a, along = X[2], np.array([1.0, -2.0, 0.5])
+    values = ",".join(map(str, (*a, *(a + along))))
+    cards = f"*NSET,NSET=T\n3\n*TRANSFORM,NSET=T,TYPE=C\n{values}\n*BOUNDARY\n3,1,2\n"
+    model, _ = read(cards)
+    rows = np.array([row_of(terms, COUNT)[2, :3] for terms in model["joints"]["equations"]])
+    assert np.linalg.matrix_rank(rows) == len(rows) == 2
+    np.testing.assert_allclose(rows @ along, 0, atol=1e-12)
+    assert any("1 nodes on the axis" in text for text in model["ignored"])
+
+
 WRONG = {
     "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n7\n4.\n": (3, "motions from 1 to 6"),
     "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,2\n*SPRING,ELSET=S\n\n4.\n": (2, "coincide"),

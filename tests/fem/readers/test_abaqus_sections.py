@@ -332,3 +332,28 @@ def test_what_is_refused(tmp_path, case):
     text, line, word = REFUSED[case]
     with refused(line, word, MeshError):
         read(tmp_path, text)
+
+
+def test_a_general_section_by_its_stiffnesses_is_that_of_its_layers(tmp_path):
+    """Two unlike layers: A = Σ Q t, B = Σ Q z t, D = Σ Q (z² + t²/12) t; in N and mm."""
+    layers = [(2e5, 0.3, 0.4, -0.3), (7e4, 0.2, 0.6, 0.2)]  # E, ν, t, z of the middle
+    Q = [E / (1 - nu**2) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
+         for E, nu, _, _ in layers]  # fmt: skip
+    A = sum(q * t for q, (_, _, t, z) in zip(Q, layers, strict=True))
+    B = sum(q * t * z for q, (_, _, t, z) in zip(Q, layers, strict=True))
+    D = sum(q * t * (z**2 + t**2 / 12) for q, (_, _, t, z) in zip(Q, layers, strict=True))
+    whole = np.block([[A, B], [B, D]])
+    half = [whole[i, j] for j in range(6) for i in range(j + 1)]
+    text = f"{SHEET}*SHELL GENERAL SECTION,ELSET=ALL,DENSITY=4.E-9\n{rows(half)}"
+    (family,) = read(tmp_path, text)[0]["families"]
+    assert family[1] == "GivenSheet"
+    own = family[2]
+    for key, expected in (("A", 1e3 * A), ("B", B), ("D", 1e-3 * D)):
+        small = 1e-9 * np.abs(expected).max()
+        np.testing.assert_allclose(own[key], expected, rtol=1e-9, atol=small)
+    assert own["mass"] == pytest.approx(4.0)  # 4e-9 t/mm² is 4 kg/m²
+    shear = (A[0, 0] + A[1, 1]) / 6 + A[2, 2] / 3
+    np.testing.assert_allclose(own["S"], 1e3 * shear * np.eye(2))
+    for wrong in (text.replace(rows(half), rows(half[:20])), text.replace(",DENSITY=4.E-9", "")):
+        with pytest.raises(MeshError, match=r"21 stiffnesses|no density"):
+            read(tmp_path, wrong)

@@ -93,6 +93,13 @@ def test_shells_have_the_thickness_of_their_section_or_constants(tmp_path, thick
     assert part.mass == pytest.approx(7850 * 2e-3 * (0.1 * 0.05 + 0.05 * 0.05 / 2))
 
 
+def test_an_input_of_workbench_is_read_as_an_archive(tmp_path):
+    points, nodes = brick()
+    text = "/batch\n" + HEAD.format(element=186) + nblock(points) + eblock([nodes]) + MATERIAL
+    (tmp_path / "ds.dat").write_text(text)
+    assert ao.read_model(tmp_path / "ds.dat", unit="mm").mass == pytest.approx(0.157)
+
+
 REFUSED = {
     "contact": (HEAD.format(element=174), MATERIAL, "no elements"),
     "no modulus": (HEAD.format(element=186), "", "no EX"),

@@ -16,6 +16,7 @@ pytest.importorskip("jinja2")
 from antiosc.app.live_meshes import surface
 from antiosc.fem.fields import mesh_fields
 from antiosc.io.facets import SIDES, areas, cleaned, oriented, volumes
+from antiosc.io.polygons import triangles_of
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)
@@ -139,3 +140,49 @@ def test_an_open_surface_is_no_solid(tmp_path):
     with pytest.raises(ao.MeshError, match="is not closed"):
         ao.read_mesh(path, size=0.5, solid=True)
     assert ao.read_mesh(path).cell == "triangle"
+
+
+def test_bodies_that_pierce_each_other_are_told_and_one_alone_is_read(tmp_path):
+    points, triangles = block(2, 10.0)
+    mirrored, far = 10.0 - points, points + 4.3  # each begins within the other
+    both = np.vstack([triangles[:, ::-1], triangles + len(points)])
+    path = write(tmp_path / "two.stl", np.vstack([mirrored, far]), both)
+    with pytest.raises(ao.MeshError, match="piece=1"):
+        ao.read_mesh(path, size=3e-3, unit="mm", solid=True)
+    with pytest.warns(ao.AntioscWarning, match="piece 1 of 2"):
+        mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True, piece=1)
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6, rel=1e-6)
+
+
+def test_a_side_of_one_triangle_is_cut_to_the_size_of_the_elements(tmp_path):
+    points = np.vstack([np.zeros(3), 10 * np.eye(3)])
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    path = write(tmp_path / "corner.stl", points, triangles)
+    mesh = ao.read_mesh(path, size=2e-3, unit="mm", solid=True)
+    assert mesh.n_cells > 100
+    assert len([name for name in mesh.groups if name.startswith("face ")]) == 4
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6 / 6, rel=1e-6)
+
+
+#: A cube of quadrilaterals whose corners have textures of their own.
+OBJ = """\
+# a cube
+v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
+vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt .5 .5
+f 1/1 4/2 3/3 2/4\nf 5/1 6/2 7/5 8/4\nf -8//1 -7//1 -3//1 -4//1\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
+"""
+OFF = "OFF\n# a cube\n8 6 0\n" + "".join(
+    line[2:] + "\n" if line.startswith("v ") else "" for line in OBJ.splitlines()
+) + "4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 1 2 6 5\n4 2 3 7 6\n4 3 0 4 7\n"  # fmt: skip
+
+
+@pytest.mark.parametrize(("ending", "text"), [("obj", OBJ), ("off", OFF)])
+def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
+    path = tmp_path / f"cube.{ending}"
+    path.write_text(text)
+    points, triangles = triangles_of(path.read_bytes(), path.name)
+    assert volumes(points, triangles).sum() == pytest.approx(1.0)
+    assert areas(points, triangles).sum() == pytest.approx(6.0)
+    path.write_text(text.replace("4 0 3 2 1", "4 0 3 2 8").replace("1/1 4/2", "1/1 9/2"))
+    with pytest.raises(ao.MeshError, match="does not hold"):
+        ao.read_mesh(path)

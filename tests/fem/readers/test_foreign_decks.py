@@ -497,3 +497,11 @@ def test_a_cylindrical_orientation_goes_around_its_axis(tmp_path, degrees, axis)
     expected = np.array(axis) / np.linalg.norm(axis)
     np.testing.assert_allclose(arguments["axis"], expected, atol=1e-12)
     assert not any("CalculiX" in text for text in model["ignored"])
+
+
+def test_rods_and_shear_panels_alone_are_a_truss(tmp_path):
+    grids = "GRID,1,,0.,0.,0.\nGRID,2,,30.,0.,0.\nGRID,3,,30.,20.,0.\nGRID,4,,0.,20.,0.\n"
+    rods = "".join(f"CROD,{k},7,{k},{k % 4 + 1}\n" for k in range(1, 5)) + "PROD,7,1,2.,3.\n"
+    model, _ = bdf.read(tmp_path, grids + rods + "CSHEAR,9,8,1,2,3,4\nPSHEAR,8,1,.5\n" + bdf.MAT1)
+    assert [family[1] for family in model["families"]] == ["Truss"]
+    assert len(model["joints"]["springs"]) == 1

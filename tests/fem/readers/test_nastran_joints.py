@@ -290,3 +290,29 @@ def test_three_masses_on_the_axes_of_a_node_are_one(joints):
     M, total = mass_matrix(joints("".join(f"CMASS2,{k},6.,2,{k}\n" for k in (1, 2, 3))))
     np.testing.assert_allclose(M[6:9, 6:9], 6 * np.eye(3), atol=1e-12)
     assert total == pytest.approx(6)
+
+
+def test_rotations_of_nodes_on_a_line_count_with_the_square_of_their_distance(tmp_path):
+    """RBE3, 123456: U and θ that minimise Σ w (u − U − θ × r)² + w L² (φ − θ)²."""
+    line = np.array([0.3, -0.1, 0.2]) * np.arange(1, 4)[:, None]
+    at = np.array([0.5, 0.5, 0.5])
+    grids = "".join(f"GRID,{k},,{','.join(map(str, x))}\n" for k, x in enumerate([*line, at], 1))
+    bars = "MAT1,1,2.+11,,.3,7800.\nPBAR,1,1,1.-4,1.-9,1.-9,2.-9\n"
+    bars += "".join(f"CBAR,{k},1,{k},{k + 1},.1,.2,.9\n" for k in (1, 2))
+    card = "RBE3,9,,4,123456,1.,123456,1,2\n,2.5,123456,3\n"
+    model = bdf.read(tmp_path, grids + bars + card, unit="m")[0]
+    w, r = np.array([1, 1, 2.5]), line - at
+    L = np.linalg.norm(r, axis=1).mean()
+    u = RNG.normal(size=(4, 6))
+    cross = [np.cross(np.eye(3), one).T for one in r]  # θ × r
+    sides = [np.hstack([np.eye(3), one]) for one in cross]
+    sides = [np.vstack([one, L * np.eye(6)[3:]]) for one in sides]
+    given = [np.concatenate([one[:3], L * one[3:]]) for one in u[:3]]
+    root = np.sqrt(np.repeat(w, 6))
+    table, wanted = root[:, None] * np.vstack(sides), root * np.concatenate(given)
+    u[3] = np.linalg.lstsq(table, wanted, rcond=None)[0]
+    equations = model["joints"]["equations"]
+    assert len(equations) == 6
+    for terms in equations:
+        values = [c * u[n if n >= 0 else 3, motion] for n, motion, c in terms]
+        assert abs(sum(values)) < 1e-12 * np.abs(values).sum()

@@ -375,6 +375,7 @@ CASES = {
     "STRAIGHT": ("*MPC\nSTRAIGHT,1,2,3,4,5,6\n", ON_LINE, 8, 8),
     "LINK": ("*MPC\nLINK,2,5\n", POINTS, 1, 1),
     "BEAM": ("*MPC\nBEAM,2,5\n", POINTS, 6, None),
+    "BEAM of a set": ("*NSET,NSET=N\n1,2,3\n*MPC\nBEAM,N,5\n", POINTS, 18, None),
     "RIGID BODY": ("*NSET,NSET=N\n1,2,3\n*RIGID BODY,NSET=N,REF NODE=5\n", POINTS, 18, None),
 }
 

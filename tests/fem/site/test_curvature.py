@@ -172,3 +172,10 @@ def test_the_law_of_a_line_is_the_field_of_its_pressure() -> None:
     depth = line_indentation(force, E, R, L)
     found = [law.force(float(d), 0.0, law.touch(1.0)) for d in depth]
     np.testing.assert_allclose(found, force, rtol=1e-3)
+
+
+def test_a_flat_side_of_one_face_is_flat_and_a_bent_one_is_not_known():
+    part = ao.Structure(ao.box_mesh((0.01, 0.01, 0.01), size=0.01), ao.Solid(**STEEL))
+    found = curvature_at(part, (0.004, 0.005, 0.01), (0.0, 0.0, -1.0))
+    assert found.kind == PLANE
+    np.testing.assert_allclose(found.normal, (0, 0, 1), atol=1e-12)

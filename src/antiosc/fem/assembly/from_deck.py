@@ -132,9 +132,9 @@ def read_model(
         A deck of Abaqus or CalculiX (`.inp`), of Nastran (`.bdf`, `.nas`, `.fem`), or of
         Ansys (`.cdb`).
     unit
-        Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "cm" (cm, N), "in" (inch,
-        pound-force, psi), or metres per unit of length (forces in N). Masses and densities
-        follow: force = mass × length / s².
+        Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "mm-kg" (mm, mN, kg, kPa), "cm"
+        (cm, N), "in" (inch, pound-force, psi), or metres per unit of length (forces in N). Masses
+        and densities follow: force = mass × length / s².
     supports, attached
         More of them than the deck has.
     density

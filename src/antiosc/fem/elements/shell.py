@@ -507,6 +507,8 @@ class GivenSheet(Sheet):
         For sites, m.
     axis, top, offset
         As of `Laminate`.
+    B : array_like (3, 3)
+        Forces of curvatures, and moments of strains, N.
 
     Raises
     ------
@@ -523,6 +525,7 @@ class GivenSheet(Sheet):
     axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION)
     top: Direction | None = field(default=None, metadata=DIRECTION)
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
+    B: ArrayLike = field(default=((0.0,) * 3,) * 3, metadata=checked_by(array, (3, 3)))
 
     @cached_property
     def section(self) -> PlateSection:
@@ -531,7 +534,7 @@ class GivenSheet(Sheet):
         return PlateSection(
             thickness=self.thickness,
             A=A,
-            B=np.zeros((3, 3)),
+            B=np.asarray(self.B),
             D=np.asarray(self.D),
             S=np.asarray(self.S),
             drilling=float(A[2, 2]),

@@ -384,7 +384,10 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     start = _fit_within(
         nodes, normal, min(widest, float(away[cosine < STARTS].min(initial=widest)))
     )
+    basis = np.linalg.svd(normal[None])[2][1:]
     if start is None:
+        if _in_one_plane(smooth.nodes() - x, normal):  # sharp edges all around
+            return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
         raise InputError(
             f"the mesh has {len(nodes)} nodes on the surface around the site, too few for its "
             "curvature: refine it there, or give the radius."
@@ -402,8 +405,8 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
         fit, radius = closer
         if settled:
             break
-    basis = np.linalg.svd(normal[None])[2][1:]
     if fit.flat:
+        basis = np.linalg.svd(normal[None])[2][1:]
         return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
     bend = float(np.abs(fit.values).max())
     turn, before = bend * radius, float(np.abs(start[0].values).max()) * start[1]
@@ -415,6 +418,12 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
         error = max(error, bend)
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
+
+
+def _in_one_plane(nodes: Array, normal: Array) -> bool:
+    """Whether nodes (n, 3) lie on the plane through the origin with this normal."""
+    size = float(np.linalg.norm(nodes, axis=1).max())
+    return bool(np.abs(nodes @ normal).max() <= TOUCH * size)
 
 
 def _sharp(kind: str, x: Array, normal: Array) -> Curvature:

@@ -1,0 +1,51 @@
+"""MED files of Salome and code_aster, cut down to what meshio reads: one mesh, without results."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+#: Group of the meshes, group of the results, names of a node's and of a mesh's dimension.
+MESHES, RESULTS, SPACE, DIMENSION = "ENS_MAA", "CHA", "ESP", "DIM"
+
+
+def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str]]:
+    """(a copy in the working folder with the largest mesh of the file alone, what is left out).
+
+    The file itself where it is no HDF5: meshio says what it is.
+    """
+    try:
+        import h5py
+
+        copy = Path(shutil.copyfile(path, "one.med"))
+        with h5py.File(copy, "r+") as file:
+            return copy, _cut_down(file, name)
+    except (ImportError, OSError, KeyError):
+        return path, []
+
+
+def _cut_down(file: Any, name: str) -> list[str]:
+    """Leave one mesh at one time in an open file; a sentence on others."""
+    if RESULTS in file:
+        del file[RESULTS]
+    meshes = file[MESHES]
+    nodes = {key: _nodes(mesh) for key, mesh in meshes.items()}
+    kept = max(nodes, key=lambda key: nodes[key])
+    for key in set(nodes) - {kept}:
+        del meshes[key]
+    mesh = meshes[kept]
+    mesh.attrs.setdefault(SPACE, mesh.attrs[DIMENSION])
+    steps = [] if "NOE" in mesh else sorted(mesh)
+    for step in steps[1:]:
+        del mesh[step]
+    if len(nodes) < 2:
+        return []
+    sizes = ", ".join(f"{key} of {count} nodes" for key, count in nodes.items())
+    return [f"{name} holds {len(nodes)} meshes ({sizes}); {kept} is read."]
+
+
+def _nodes(mesh: Any) -> int:
+    """Number of nodes of a mesh."""
+    step = mesh if "NOE" in mesh else mesh[sorted(mesh)[0]]
+    return int(step["NOE"]["COO"].attrs["NBR"]) if "NOE" in step else 0

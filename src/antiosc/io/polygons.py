@@ -1,0 +1,97 @@
+"""Text files of polygons: OBJ, OFF and ASCII STL, by their points and faces alone.
+
+meshio refuses OBJ files whose textures have other corners than their faces, as most have, and OFF
+files of polygons.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import MeshError
+from antiosc.io.deck import Place, real_number, whole_number
+from antiosc.io.neutral import IntArray
+
+#: Corner of a facet of an ASCII STL file.
+VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+#: Bytes in which an ASCII STL file names a facet.
+BEGINNING = 4096
+
+
+def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
+    """(points (n, 3), triangles (t, 3)) of the content of a file; None for other formats.
+
+    Raises
+    ------
+    MeshError
+        A line that is none of the format, or a corner that is not there.
+    """
+    if name.lower().endswith(".obj"):
+        return _of_obj(content.decode("latin-1").splitlines(), name)
+    if name.lower().endswith(".off"):
+        return _of_off(content.decode("latin-1").splitlines(), name)
+    if name.lower().endswith(".stl") and b"\0" not in content[:BEGINNING]:
+        return _of_stl(content, name)
+    return None
+
+
+def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
+    """Polygons are cut into triangles from their first corner."""
+    points: list[list[float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for number, line in enumerate(lines, 1):
+        words = line.split("#")[0].split()
+        place = Place(name, number)
+        if words[:1] == ["v"]:
+            place.needs(len(words) > 3, "a point (v) needs three coordinates.")
+            points.append([real_number(word, place) for word in words[1:4]])
+        elif words[:1] == ["f"]:
+            given = [whole_number(word.split("/")[0], place) for word in words[1:]]
+            corners = [c - 1 if c > 0 else len(points) + c for c in given]
+            faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+    return _checked(points, faces, name)
+
+
+def _checked(
+    points: list[list[float]], faces: list[tuple[int, int, int]], name: str
+) -> tuple[Array, IntArray]:
+    """As arrays; MeshError for corners that are not there."""
+    table = np.array(faces, dtype=np.int64).reshape(-1, 3)
+    if len(table) and not 0 <= table.min() <= table.max() < len(points):
+        raise MeshError(f"{name} has faces on points that it does not hold.")
+    return np.array(points).reshape(-1, 3), table
+
+
+def _of_off(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
+    """A header, the numbers of points and faces, the points, and the faces with their sizes."""
+    rows: list[tuple[list[str], Place]] = []
+    for number, line in enumerate(lines, 1):
+        words = line.split("#")[0].split()
+        words = words[1:] if words and words[0].upper().endswith("OFF") else words
+        if words:
+            rows.append((words, Place(name, number)))
+    if not rows or len(rows[0][0]) < 2:
+        raise MeshError(f"{name} does not give its numbers of points and faces: it is no OFF file.")
+    count, faces = (whole_number(word, rows[0][1]) for word in rows[0][0][:2])
+    points = [[real_number(word, place) for word in words[:3]] for words, place in rows[1:][:count]]
+    table = []
+    for words, place in rows[1 + count :][:faces]:
+        corners = [whole_number(word, place) for word in words[1 : 1 + int(words[0])]]
+        table += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+    return _checked(points, table, name)
+
+
+def _of_stl(content: bytes, name: str) -> tuple[Array, IntArray]:
+    corners = VERTEX.findall(content)
+    try:
+        points = np.array(corners, dtype=np.float64).reshape(-1, 3)
+    except ValueError as error:
+        raise MeshError(f"{name} has a corner (vertex) that is no number: {error}.") from error
+    if len(points) % 3:
+        raise MeshError(f"{name} has {len(points)} corners, not three a triangle: it is cut off.")
+    return points, np.arange(len(points)).reshape(-1, 3)
