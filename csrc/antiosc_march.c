@@ -17,3 +17,4 @@
 #include "solve.c"
 #include "stepper.c"
 #include "steps.c"
+#include "stretch.c"

@@ -10,6 +10,12 @@
  *     q' = v + drive(t) - gamma^T F,       delta = beta q + gamma v - offset(t) - R F,
  *     v' = -omega^2 q - 2 d v + load(t) - 2 d drive(t) - (beta - 2 d gamma)^T F.
  *
+ * The last n_stretch rows are no contacts: without gaps and residual compliance, their forces are
+ *
+ *     F_k = sum quadratic_kij delta_i delta_j + sum cubic_kijl delta_i delta_j delta_l
+ *
+ * of the energy sum quadratic delta^3/3 + sum cubic delta^4/4: sheets that stretch as they bend.
+ *
  * delta > 0 is the indentation of a contact, F >= 0 its force by a contact law F(delta, delta').
  * Over a step the force of each row is the parabola through its values at 0, h/2 and h, and the
  * motion under it is exact. The law is met at h/2 and h (collocation at Lobatto's nodes: order 4 for
@@ -44,7 +50,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 8 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 9 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -210,6 +216,8 @@ typedef struct aom_system {
     const double *gamma;             /* [n_rows][n_modes] or NULL; with it each row of loads has
                                         2 n_modes numbers, load and drive. Without aom_gradient,
                                         aom_state_at, and energies of aom_energies. */
+    int n_stretch;                   /* of the last rows, whose forces are polynomials; 0 with gamma */
+    const double *quadratic, *cubic; /* [m][m][m], [m][m][m][m] of these, symmetric in all indices */
 } aom_system;
 
 typedef struct aom_options {

@@ -28,7 +28,7 @@ struct aom_batch {
 
 static aom_system system_of(const aom_batch *b, const aom_impact *s, const aom_contact *contact) {
     return (aom_system){s->n_modes, 1, 1, 1, s->omega, s->decay, s->beta, &s->residual, b->zero,
-                        s->load, &s->gap, contact, b->zero, s->v, 0.0, NULL};
+                        s->load, &s->gap, contact, b->zero, s->v, 0.0, NULL, 0, NULL, NULL};
 }
 
 static int64_t room(int n_modes) {

@@ -953,6 +953,8 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     int m = system->n_rows;
     if (memory == NULL || bytes < aom_gradient_size(st))
         return AOM_SMALL_MEMORY;
+    if (system->n_stretch > 0)
+        return AOM_BAD_SIZE;
     if (system->gamma != NULL && (out->gamma == NULL || out->decay == NULL))
         return AOM_BAD_MODES;
     for (int c = 0; c < system->n_contacts; c++) {

@@ -105,6 +105,7 @@ typedef struct course {
     double time, last_step, step, left; /* left: until the loads change */
     double force_scale, longest, cap;   /* longest step; cap: of the present contact */
     double worked, given, highest, surplus;
+    double stretch_scale; /* [N] that errors of stretching are weighed by */
     double pushed; /* energy that the contacts gave the bodies, of modes with gamma */
     int level, segment, flown_segment;
     bool flying;
@@ -141,6 +142,9 @@ typedef struct workspace {
     nodes *sum;           /* [G] of the forces of a group */
     nodes *before;        /* [m] */
     int *active;          /* [p] */
+    int *unknown;         /* [p + s] rows, s those of stretching */
+    double *correction;   /* [2][p + s] of Newton's method */
+    double *coordinates, *polynomial, *slopes; /* [s], [s], [s][s]: of stretching */
 } workspace;
 
 struct aom_stepper {
@@ -256,6 +260,25 @@ static bool eliminate(double *A, double *b, int n);
 static bool one_force(aom_stepper *st, double h, const influence *local);
 static bool all_forces(aom_stepper *st, const influence *local);
 
+static bool clear_of_touches(aom_stepper *st, int slot);
+static void amplitudes(aom_stepper *st);
+
+/* ---- stretch.c */
+/* The first row of stretching. */
+static int first_stretch(const aom_system *s);
+/* Forces (s,) and slopes (s, s) at coordinates (s,); returns the energy. */
+static double stretch_forces(const aom_system *s, const double *a, double *force, double *slope);
+/* The energy of stretching in the present state; its forces into the workspace. */
+static double stretch_energy(aom_stepper *st);
+/* The scale of the forces grows by what the present state needs. */
+static void scale_stretch(aom_stepper *st);
+/* Forces at the start of a run. */
+static void start_stretch(aom_stepper *st);
+/* clear_of_touches where forces of stretching act on the motion. */
+static bool stretched_clear(aom_stepper *st, int slot);
+/* all_forces with those of stretching, by Newton's method for all of them together. */
+static bool stretched_forces(aom_stepper *st, const influence *local);
+
 /* ---- steps.c */
 static int try_step(aom_stepper *st);
 
@@ -266,18 +289,17 @@ static double polished(double at, const double y[3], const double d[3], double h
 /* ---- flight.c */
 static double acting_now(aom_stepper *st);
 static void free_step(aom_stepper *st, int slot, double h, stages *out);
-static void amplitudes(aom_stepper *st);
 static int touching_now(const aom_stepper *st);
-static bool clear_of_touches(aom_stepper *st, int slot);
 
 /* ---- stepper.c */
 static int start_run(aom_stepper *st, const aom_system *system, const aom_options *options,
                      const double *highest);
 static void write_state(const aom_stepper *st, aom_record *out);
+static bool nothing_touches(const aom_stepper *st);
 
 /* ---- runs.c */
 #define LIGHT 1e-3 /* of the heaviest contact's: the least force, and impulse, that errors are over */
-static aom_difference compare_runs(int m, const int *owner, const aom_record *a,
+static aom_difference compare_runs(int m, int width, const int *owner, const aom_record *a,
                                    const aom_record *b, double tol, row_pair *pairs);
 static double mechanical_energy(int n, const double *x, const double *omega);
 
@@ -319,9 +341,10 @@ static inline bool moves_mode(const aom_system *s, int i, int j) {
 static inline int load_width(const aom_system *s) {
     return s->gamma == NULL ? s->n_modes : 2 * s->n_modes;
 }
-/* The force [N] that errors of a contact's rows are weighed by. */
+/* The force [N] that errors of a contact's rows are weighed by, or those of stretching. */
 static inline double scale_of(const aom_stepper *st, int c) {
-    return larger(st->contacts[c].force_scale, LIGHT * st->now.force_scale);
+    double own = c < st->system.n_contacts ? st->contacts[c].force_scale : st->now.stretch_scale;
+    return larger(own, LIGHT * st->now.force_scale);
 }
 /* The pair of two groups. */
 static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {

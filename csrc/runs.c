@@ -71,6 +71,7 @@ void aom_state_at(const aom_system *system, const aom_record *record, int64_t k,
 
 /* A run as aom_compare walks through it. */
 typedef struct walk {
+    int width;     /* forces of a node */
     int64_t n, node, step; /* nodes, the next one, the start of the present step */
     const double *time, *force;
     double u; /* share of the step that has passed */
@@ -83,7 +84,8 @@ static void walk_to(walk *w, double t) {
     w->u = h > 0.0 ? within((t - start) / h, 0.0, 1.0) : 0.0;
 }
 
-static double walk_force(const walk *w, int m, int i) {
+static double walk_force(const walk *w, int i) {
+    int m = w->width;
     const double *f = w->force + w->step * m + i;
     double f0 = f[0], f1 = f[m], f2 = f[2 * m], u = w->u;
     return f0 + u * ((4.0 * f1 - 3.0 * f0 - f2) + 2.0 * u * (f0 - 2.0 * f1 + f2));
@@ -116,7 +118,7 @@ static double integrals(int m, walk a, walk b, double end, row_pair *rows) {
         walk_to(&a, t);
         walk_to(&b, t);
         for (int i = 0; i < m; i++) {
-            add_node(rows + i, t - before, walk_force(&a, m, i), walk_force(&b, m, i));
+            add_node(rows + i, t - before, walk_force(&a, i), walk_force(&b, i));
             if (rows[i].apart > rows[i].limit && until == end)
                 until = t;
         }
@@ -138,10 +140,10 @@ static double add_difference(const row_pair *row, const row_pair *contact, const
     return tol * tol * size;
 }
 
-aom_difference compare_runs(int m, const int *owner, const aom_record *a, const aom_record *b,
-                            double tol, row_pair *rows) {
-    walk one = {a->n_nodes, 0, 0, a->time, a->force, 0.0};
-    walk two = {b->n_nodes, 0, 0, b->time, b->force, 0.0};
+aom_difference compare_runs(int m, int width, const int *owner, const aom_record *a,
+                            const aom_record *b, double tol, row_pair *rows) {
+    walk one = {width, a->n_nodes, 0, 0, a->time, a->force, 0.0};
+    walk two = {width, b->n_nodes, 0, 0, b->time, b->force, 0.0};
     double end = smaller(a->time[a->n_nodes - 1], b->time[b->n_nodes - 1]);
     aom_difference found = {0.0, 0.0, end};
     row_pair most = {0};
@@ -172,5 +174,5 @@ aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const doubl
                            double *memory) {
     const aom_record a = {.n_nodes = n_a, .time = (double *)time_a, .force = (double *)force_a};
     const aom_record b = {.n_nodes = n_b, .time = (double *)time_b, .force = (double *)force_b};
-    return compare_runs(m, NULL, &a, &b, tol, (row_pair *)memory);
+    return compare_runs(m, m, NULL, &a, &b, tol, (row_pair *)memory);
 }

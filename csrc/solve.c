@@ -37,7 +37,8 @@ static bool highest_forces(const aom_system *system, const aom_record *run, doub
 
 static aom_difference apart(const aom_stepper *st, const aom_record *a, const aom_record *b,
                             double tol) {
-    return compare_runs(st->system.n_rows, st->owner, a, b, tol, st->work.pairs);
+    int width = st->system.n_rows, m = width - st->system.n_stretch;
+    return compare_runs(m, width, st->owner, a, b, tol, st->work.pairs);
 }
 
 /* Begin the next run, in a record that holds neither the best run nor the one before. */

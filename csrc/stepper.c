@@ -4,6 +4,7 @@
 #define GROWTH 1.2 /* of the bodies' energy, beyond what was given and the loads' work */
 #define MOST_MODES 10000000
 #define MOST_ROWS 10000
+#define MOST_STRETCH 64
 
 int aom_version(void) { return AOM_VERSION; }
 
@@ -41,7 +42,9 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
     }
 }
 
-static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, size_t G) {
+static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, size_t G,
+                         size_t s) {
+    size_t n = s > 0 && p + s > G ? p + s : G; /* rows of Newton's method */
     w->force = take(a, m, sizeof(nodes));
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
@@ -53,12 +56,17 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->load_rate = take(a, L, sizeof(double));
     w->offset = take(a, m, sizeof(double));
     w->drift = take(a, m, sizeof(double));
-    w->matrix = take(a, 4 * G * G, sizeof(double));
-    w->rest = take(a, 2 * G, sizeof(double));
+    w->matrix = take(a, 4 * n * n, sizeof(double));
+    w->rest = take(a, 2 * n, sizeof(double));
     w->newton = take(a, p, sizeof(newton_row));
     w->place = take(a, G, sizeof(int));
     w->sum = take(a, G, sizeof *w->sum);
     w->active = take(a, p, sizeof(int));
+    w->unknown = take(a, p + s, sizeof(int));
+    w->correction = take(a, 2 * (p + s), sizeof(double));
+    w->coordinates = take(a, s, sizeof(double));
+    w->polynomial = take(a, s, sizeof(double));
+    w->slopes = take(a, s * s, sizeof(double));
 }
 
 /* The arrays of a stepper behind it in its memory, for so many groups; returns the bytes of all. */
@@ -68,7 +76,7 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
     arena a = {memory, 0};
     aom_stepper *st = take(&a, 1, sizeof *st), unused;
     aom_stepper *to = st == NULL ? &unused : st;
-    lay_out_work(&to->work, &a, (size_t)load_width(system), m, p, G);
+    lay_out_work(&to->work, &a, (size_t)load_width(system), m, p, G, (size_t)system->n_stretch);
     to->spans = take(&a, m, sizeof(row_span));
     to->group = take(&a, m, sizeof(int));
     to->owner = take(&a, m, sizeof(int));
@@ -91,6 +99,8 @@ static size_t lay_out(const aom_system *system, int groups, void *memory) {
 static bool good_sizes(const aom_system *s) {
     return s->n_modes >= 0 && s->n_modes <= MOST_MODES && s->n_contacts >= 1 &&
            s->n_rows >= s->n_contacts && s->n_rows <= MOST_ROWS && s->n_breaks >= 1 &&
+           s->n_stretch >= 0 && s->n_stretch <= MOST_STRETCH &&
+           s->n_stretch <= s->n_rows - s->n_contacts && (s->n_stretch == 0 || s->gamma == NULL) &&
            (double)s->n_modes * s->n_rows < 1e8;
 }
 
@@ -110,6 +120,11 @@ static bool all_good(const double *x, ptrdiff_t n, double least) {
 
 #define ANY (-1.7976931348623157e308)
 
+static bool good_stretch(const aom_system *s) {
+    ptrdiff_t n = s->n_stretch, three = n * n * n;
+    return n == 0 || (all_good(s->quadratic, three, ANY) && all_good(s->cubic, three * n, ANY));
+}
+
 static bool good_modes(const aom_system *s) {
     ptrdiff_t J = s->n_modes, m = s->n_rows;
     for (ptrdiff_t i = 0; i < m; i++)
@@ -118,7 +133,7 @@ static bool good_modes(const aom_system *s) {
     return all_good(s->omega, J, 0.0) && all_good(s->decay, J, 0.0) &&
            all_good(s->beta, m * J, ANY) &&
            (s->gamma == NULL || all_good(s->gamma, m * J, ANY)) && all_good(s->residual, m * m, ANY) &&
-           all_good(s->q, J, ANY) && all_good(s->v, J, ANY);
+           all_good(s->q, J, ANY) && all_good(s->v, J, ANY) && good_stretch(s);
 }
 
 static bool good_loads(const aom_system *s) {
@@ -144,7 +159,7 @@ static bool good_contact(const aom_system *s, const aom_contact *c) {
     if (c->n_tangential == 0)
         return true;
     return c->first_tangential >= s->n_contacts &&
-           c->first_tangential <= s->n_rows - c->n_tangential && c->tangential_stiffness > 0.0 &&
+           c->first_tangential <= s->n_rows - s->n_stretch - c->n_tangential && c->tangential_stiffness > 0.0 &&
            c->tangential_stiffness < INFINITY;
 }
 
@@ -167,6 +182,12 @@ static int check(const aom_system *s, const aom_options *o) {
 }
 
 /* ---- the begin of a run */
+
+/* Energy of the bodies. */
+static double held_energy(aom_stepper *st) {
+    const aom_system *s = &st->system;
+    return mechanical_energy(s->n_modes, st->x, s->omega) + stretch_energy(st);
+}
 
 int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper **made) {
     if (!good_sizes(system))
@@ -305,7 +326,8 @@ int start_run(aom_stepper *st, const aom_system *system, const aom_options *opti
               const double *highest) {
     if (system->n_modes != st->system.n_modes || system->n_rows != st->system.n_rows ||
         system->n_contacts != st->system.n_contacts || system->n_breaks < 1 ||
-        (system->gamma == NULL) != (st->system.gamma == NULL))
+        (system->gamma == NULL) != (st->system.gamma == NULL) ||
+        system->n_stretch != st->system.n_stretch)
         return AOM_BAD_SIZE;
     int status = check(system, options);
     if (status != AOM_DONE)
@@ -336,7 +358,8 @@ int start_run(aom_stepper *st, const aom_system *system, const aom_options *opti
     st->x[2 * J] = 0.0;
     start_rows(st);
     start_contacts(st, highest);
-    st->now.given = st->now.highest = system->stored + mechanical_energy(J, st->x, system->omega);
+    start_stretch(st);
+    st->now.given = st->now.highest = system->stored + held_energy(st);
     return st->law_failed ? AOM_LAW_FAILED : AOM_DONE;
 }
 
@@ -346,7 +369,7 @@ int aom_start(aom_stepper *st, const aom_system *system, const aom_options *opti
 
 /* ---- a step is taken */
 
-static bool nothing_touches(const aom_stepper *st) {
+bool nothing_touches(const aom_stepper *st) {
     for (int c = 0; c < st->system.n_contacts; c++)
         if (st->contacts[c].branch != AOM_APART)
             return false;
@@ -440,7 +463,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
     write_nodes(st, out, h);
     if (st->system.gamma != NULL)
         give(st, h);
-    else if (nothing_touches(st)) /* flight is exact */
+    else if (nothing_touches(st) && st->system.n_stretch == 0) /* flight is exact */
         now->worked = mechanical_energy(J, st->x, st->system.omega) - now->given;
     now->steps++;
     now->idle = 0;
@@ -455,6 +478,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
                                   parabola[2],      motion->depth[1], motion->rate[1],
                                   false, 0.0};
     }
+    scale_stretch(st);
     for (int c = 0; c < st->system.n_contacts; c++) {
         contact_state *contact = st->contacts + c;
         const aom_contact *given = st->system.contacts + c;
@@ -518,6 +542,8 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_
         out->events[out->n_events++] = (aom_event){st->now.time, c, state->branch, rate};
     if (before == AOM_APART)
         begin_contact(st, c, rate, active);
+    else if (st->system.n_stretch > 0 && nothing_touches(st))
+        st->now.cap = st->options.step > 0.0 ? st->options.step : st->options.duration / 16.0;
 }
 
 /* ---- the run */
@@ -531,7 +557,7 @@ static bool grew(aom_stepper *st) {
     }
     double given = now->given + now->worked;
     now->highest = larger(now->highest, given);
-    double surplus = mechanical_energy(st->system.n_modes, st->x, st->system.omega) - given;
+    double surplus = held_energy(st) - given;
     now->surplus = larger(now->surplus, surplus);
     return !(surplus <= (GROWTH - 1.0) * now->highest);
 }
@@ -606,13 +632,13 @@ static int one_step(aom_stepper *st, aom_record *out) {
         write_jump(st, out);
         return st->law_failed ? AOM_LAW_FAILED : AOM_DONE;
     }
-    bool active = !nothing_touches(st);
+    bool touches = !nothing_touches(st), active = touches || st->system.n_stretch > 0;
     if (!active && (!now->flying || now->segment != now->flown_segment))
         amplitudes(st);
     now->flying = !active;
     now->flown_segment = now->segment;
-    st->exit_contact = active ? -1 : touching_now(st);
-    st->exit_bound = active ? NOTHING : HIGH;
+    st->exit_contact = touches ? -1 : touching_now(st);
+    st->exit_bound = touches ? NOTHING : HIGH;
     int index = st->exit_contact >= 0 ? AT_ONCE : try_step(st);
     if (st->law_failed)
         return AOM_LAW_FAILED;
@@ -627,7 +653,7 @@ static int one_step(aom_stepper *st, aom_record *out) {
         bool touch = st->contacts[st->exit_contact].branch == AOM_APART;
         if (touch && now->touches >= st->options.max_contacts)
             return AOM_TOO_MANY_CONTACTS;
-        enter_branch(st, out, active, index == AT_ONCE);
+        enter_branch(st, out, touches, index == AT_ONCE);
     }
     if (st->law_failed)
         return AOM_LAW_FAILED;

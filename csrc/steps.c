@@ -27,7 +27,7 @@ static bool attempt(aom_stepper *st, int index, double h) {
             double u = 0.5 * h * node;
             st->work.force[i].f[node] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }
-    return all_forces(st, local);
+    return st->system.n_stretch > 0 ? stretched_forces(st, local) : all_forces(st, local);
 }
 
 /* Where a branch is left between the start and a stage of the step: the time after the start of
@@ -245,7 +245,7 @@ static int refinement(aom_stepper *st, int index, bool found, bool blind, double
     bool jump = now->step <= 1e-9 * now->cap; /* no smaller step helps */
     *worst = found ? worst_misfit(st) / st->options.rel_tol : INFINITY;
     if (!(*worst > 1.0) || (found && (blind || jump)))
-        return 0;
+        return st->system.n_stretch > 0 && nothing_touches(st) && !stretched_clear(st, index);
     now->refused++;
     return !found || *worst < 16.0 ? 1 : *worst < 128.0 ? 2 : 3;
 }

@@ -32,7 +32,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 8
+VERSION = 9
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
@@ -106,6 +106,7 @@ class System(Structure):
     _fields_ = [
         *_fields("int n_modes, n_rows, n_contacts, n_breaks; pointer omega, decay, beta, residual"),
         *_fields("pointer breaks, loads, offsets, contacts, q, v; double stored; pointer gamma"),
+        *_fields("int n_stretch; pointer quadratic, cubic"),
     ]
 
 

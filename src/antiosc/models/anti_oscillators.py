@@ -39,6 +39,7 @@ from antiosc.models.parameters import (
     checked_at_sites,
     checked_size,
 )
+from antiosc.models.stretch import Stretch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,6 +113,9 @@ class AntiOscillators(ReprMixin, Parameters):
         With `strain_error`, of shells: work [N/m] of the section forces of one shape on what the
         elements' interpolation changes in the strains of the other, of either sign.
 
+    stretch : Stretch, optional
+        Second-order forces of some free modes, by `extract(..., stretch=...)`.
+
     Raises
     ------
     InputError
@@ -122,6 +126,8 @@ class AntiOscillators(ReprMixin, Parameters):
         if self.damping is not None:
             kinds = (Damping, DampingMatrix)
             checks.instance("damping", self.damping, kinds, "a Damping or a DampingMatrix")
+        if self.stretch is not None:
+            checks.instance("stretch", self.stretch, Stretch, "a Stretch, as extract makes it")
         checks.store(self, info=ModelInfo.of(self.info))
         given = self.omega
         if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
@@ -179,6 +185,11 @@ class AntiOscillators(ReprMixin, Parameters):
         n_sites = self.n_sites
         left_out = np.arange(n_sites + n, n_sites + self.n)
         damping = self.damping
+        if self.stretch is not None:
+            raise InputError(
+                "a model that stretches keeps its anti-oscillators: extract it with fewer, or with"
+                " stretch=False."
+            )
         if isinstance(damping, DampingMatrix):
             kept = np.delete(np.arange(damping.n), left_out)
             damping = in_coordinates(damping, np.eye(damping.n)[:, kept])

@@ -40,10 +40,11 @@ from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters
+from antiosc.models.stretch import Count, Stretch
 
 FORMAT = "antiosc-model"
 #: the newest version that is read
-VERSION = 2
+VERSION = 3
 
 #: Most bytes of a file's arrays. Each of a million anti-oscillators takes 8 MB.
 _LARGEST = 2**27
@@ -136,8 +137,14 @@ _SCALARS = {
     "radius": ("m", "radius of the patch over which the site's displacement is averaged"),
 }
 _EVERY = {**_ARRAYS, **_INERTIA, **_SCALARS}
-#: version of the files of models of several sites; those of one site are of version 1
-_SEVERAL = 2
+_STRETCH = {
+    "modes": ("1", "motions that stretch the part, of the free modes of unit mass"),
+    "quadratic": ("SI", "second-order forces f_k = H_kij a_i a_j of modes of unit mass"),
+    "cubic": ("SI", "third-order forces f_k = G_kijl a_i a_j a_l of modes of unit mass"),
+}
+#: version of the files of models of several sites, and of those that stretch; those of one site are
+#: of version 1
+_SEVERAL, _STRETCHES = 2, 3
 
 
 def save(model: Parameters, path: str | os.PathLike[str]) -> None:
@@ -150,9 +157,13 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     }
     if model.inertia is not None:
         arrays |= {name: attrgetter(name)(model) for name in _INERTIA}
+    if model.stretch is not None:
+        arrays |= {f"stretch.{name}": getattr(model.stretch, name) for name in _STRETCH}
+    stretch = None if model.stretch is None else model.stretch.count
     header = {
         "format": FORMAT,
-        "version": _SEVERAL if several else 1,
+        "version": _STRETCHES if model.stretch is not None else _SEVERAL if several else 1,
+        **({} if stretch is None else {"stretch": stretch}),
         "units": {name: unit for name, (unit, _) in _EVERY.items()},
         "meaning": {name: meaning for name, (_, meaning) in _EVERY.items()},
         **{name: _plain(getattr(model, name)) for name in _SCALARS},
@@ -174,6 +185,7 @@ def arguments(path: str | os.PathLike[str]) -> Named:
             "m": None,
             **{name: arrays[name] for name in _ARRAYS if name in arrays},
             "inertia": _inertia(arrays),
+            "stretch": _stretch(arrays, header.get("stretch")),
             "damping": _damping(damping),
             "info": ModelInfo.of(header.get("info", {})),
             "sites": tuple(header.get("sites", ())),
@@ -182,6 +194,14 @@ def arguments(path: str | os.PathLike[str]) -> Named:
         }
     except (InputError, KeyError, TypeError, ValueError) as error:
         raise damaged_file(path, error) from error
+
+
+def _stretch(arrays: Arrays, count: Count | None) -> Stretch | None:
+    """The second-order forces in a model file, if it holds some."""
+    if count is None:
+        return None
+    modes, quadratic, cubic = (arrays[f"stretch.{name}"] for name in _STRETCH)
+    return Stretch(modes, quadratic, cubic, count)
 
 
 def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:

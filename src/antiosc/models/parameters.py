@@ -32,6 +32,7 @@ from antiosc.models.body import Body, ModelInfo
 from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
+from antiosc.models.stretch import Stretch
 
 #: Parameters by name, as they are stored.
 Stored = dict[str, object]
@@ -72,6 +73,7 @@ class Parameters(Body):
     slide: Array | None = None
     strain_error: Array | None = None
     strain_misfit: Array | None = None
+    stretch: Stretch | None = None
 
     @property
     def n(self) -> int:

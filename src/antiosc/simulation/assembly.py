@@ -7,9 +7,9 @@ the depth is found accurately.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from ctypes import byref
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import isfinite, sqrt
 from typing import NamedTuple, TypeAlias, cast
@@ -21,6 +21,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, State
 from antiosc.models.body import is_thin
+from antiosc.models.stretch import Stretch, refuse_stretch
 from antiosc.simulation import scene_parts
 from antiosc.simulation.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
 from antiosc.simulation.march.laws import packed, raise_error
@@ -227,6 +228,7 @@ class Assembly:
     contact_time_estimate : expected time of a contact [s], the shortest.
     turns : whether the rotation of a body is known, and not 0.
     thin : whether a body is of sheets that are held.
+    stretched : of bodies that stretch, the second-order forces that have rows in the march.
     """
 
     parts: Callable[[], Parts]
@@ -237,6 +239,7 @@ class Assembly:
     contact_time_estimate: float
     may_rotate: bool
     thin: bool
+    stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
 
     @cached_property
     def _parts(self) -> Parts:
@@ -290,8 +293,13 @@ class Assembly:
         return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
 
 
-def assemble_scene(scene: SceneParts, duration: float) -> Assembly:
-    """Assemble a scene for integration; InputError for parts that do not fit together."""
+def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) -> Assembly:
+    """Assemble a scene for integration; InputError for parts that do not fit together.
+
+    stretch : whether bodies may stretch; the assembly is that of their linear motion.
+    """
+    if not stretch:
+        refuse_stretch(scene.bodies)
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
     find, ends = scene_parts.find_site, []

@@ -204,24 +204,29 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     model = hit.model
     if not isinstance(model, AntiOscillators):
         raise InputError(NO_ESTIMATE)
-    if model.strain_error is None and model.info.measured is None:
+    given, stretches = model, model.stretch is not None
+    if model.strain_error is None and model.info.measured is None and not stretches:
         raise InputError(NO_ESTIMATE)
     if not hit.contacts:
         bars = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(bars, 0.0, ("The bodies did not touch: nothing has a bar.",))
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
+    if stretches:
+        model = replace(model, stretch=None)
     raw = rerun(model, tol)
     impact = RepeatedImpact(model, raw, rerun, tol)
-    weights = amplitudes(hit)
+    weights = amplitudes(raw)
     mesh, truncated, share, safety, doubts = _mesh(impact, weights)
     noise, band = measured_errors(impact)
     patch, patch_notes = _patch(impact)
     geometry, geometry_notes = _geometry(impact, weights)
     family, model_notes = model_errors(impact)
     law, left_out = law_errors(raw, by_law, tol)
+    finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
-        "mesh": mesh, "truncation": truncated, "time": _time(hit, raw, tol), "patch": patch,
+        "mesh": mesh, "truncation": truncated, "time": _time(hit, finer, tol), "patch": patch,
         "geometry": geometry, "noise": noise, "band": band, "model": family,
+        "stretch": _stretch(hit, given, rerun, tol),
     }  # fmt: skip
     bars = {
         name: ErrorBar(
@@ -231,9 +236,36 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         )
         for name in QUANTITIES
     }
-    band_notes = filter(None, [low_band_message(raw)])
+    linear = LINEAR_BARS if stretches else ""
+    band_notes = filter(None, [low_band_message(raw), linear])
     notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
     return ErrorBudget(bars, share, notes, safety, left_out)
+
+
+#: Two more modes take away at least this share of the error of the second-order forces.
+STRETCH_SAFETY = 2.0
+LINEAR_BARS = (
+    "The part stretches: its bars but time and stretch are those of its linear motion; a bar of the"
+    ' mesh is there with error="estimate".'
+)
+
+
+def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> Shares:
+    """The share of the modes that the second-order forces leave out: m against m + 2."""
+    taken = hit.assembly.stretched.get("structure")
+    if taken is None or model.stretch is None:
+        return parts.NO_ERROR
+    known = {name: hit.error.get(f"stretch {name}") for name in QUANTITIES}
+    if model.stretch.count != "auto":
+        more = min(taken.size + 2, model.stretch.size)
+        known = dict(parts.differences(hit, rerun(with_count(model, more), tol)))
+    return {name: STRETCH_SAFETY * (value or 0.0) for name, value in known.items()}
+
+
+def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
+    """The model whose impacts take so many modes of its second-order forces."""
+    assert model.stretch is not None
+    return replace(model, stretch=replace(model.stretch, count=count))
 
 
 def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
@@ -324,11 +356,11 @@ def _time_errors(hit: History) -> list[float]:
     return [hit.error[name] for name in ("force", "peak") if name in hit.error]
 
 
-def _time(hit: History, finer: History, tol: float) -> dict[str, float]:
+def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
     """The share of the time steps: the estimate of the run, or more if a finer run says so."""
     known = max(_time_errors(hit), default=0.0)
     own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    changed = parts.differences(hit, finer)
+    changed = parts.NO_ERROR if finer is None else parts.differences(hit, finer)
     return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
 
 

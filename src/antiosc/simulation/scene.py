@@ -30,6 +30,7 @@ from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, info_of
 from antiosc.models.motion import Motion
+from antiosc.models.stretch import stretch_of
 from antiosc.simulation.assembly import Assembly, assemble_scene, stiffness_at
 from antiosc.simulation.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.simulation.coarse import coarse_cell
@@ -50,6 +51,7 @@ from antiosc.simulation.reference import (
 )
 from antiosc.simulation.reference_ivp import IVP_METHODS
 from antiosc.simulation.scene_parts import SceneParts, direction_notes, misplaced_ends
+from antiosc.simulation.stretching import stretched
 from antiosc.simulation.truncation import Run, choose_n, truncation_warning
 from antiosc.simulation.two_bodies import Impact, assemble_pair
 
@@ -140,7 +142,7 @@ class Scene(SceneParts):
         bodies, motions = list(self.bodies.values()), list(self.motion.values())
         blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
         doubts = [*plausible.of_model(*bodies), *plausible.warn_each(blows)]
-        assembly = assemble_scene(self, duration)
+        assembly = assemble_scene(self, duration, stretch=True)
         set_initial_forces(assembly)
         history, check = integrate(SceneHistory, assembly, duration, settings)
         for sentence in misplaced_ends(self.contacts, assembly.bodies):
@@ -156,7 +158,33 @@ class Scene(SceneParts):
 def integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """Integrate an assembly; returns the history, and the check result before any warning."""
+    """Integrate an assembly; returns the history, and the check result before any warning.
+
+    With bodies that stretch the linear run comes first (`antiosc.simulation.stretching`).
+    """
+    linear, check = _integrate(kind, assembly, duration, settings)
+    if not any(stretch_of(body.body) is not None for body in assembly.bodies.values()):
+        return linear, check
+    if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
+        raise InputError(
+            'a body that stretches takes method="exact" without step= and without preload; extract'
+            " it with stretch=False for others."
+        )
+    checked = {id(linear.run): check}
+
+    def again(other: Assembly) -> H:
+        found, own = _integrate(kind, other, duration, settings)
+        checked[id(found.run)] = own
+        return found
+
+    history = stretched(linear, again, settings.tol)
+    return history, checked[id(history.run)]
+
+
+def _integrate(
+    kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
+) -> tuple[H, CheckResult]:
+    """Integrate an assembly as it is."""
     step, tol, limits = settings.step, settings.tol, settings.limits
     step = None if step is None else checked_step(step, duration)
     if settings.method == "exact":
@@ -412,7 +440,7 @@ def simulate_impact(
     """Simulate one impact; returns the check result before any warning. `n` as of `simulate`."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
-        assembly = assemble_pair(scene._replace(model=model))
+        assembly = assemble_pair(scene._replace(model=model), stretch=True)
         return integrate(partial(History, budget=budget), assembly, scene.duration, settings)
 
     def rerun(model: AntiOscillators, tol: float) -> History:

@@ -23,6 +23,7 @@ from antiosc.contact.base import Compiled, is_compiled
 from antiosc.models.body import Body, LinearBody, checked_body, is_thin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
+from antiosc.models.stretch import refuse_stretch, stretch_of
 from antiosc.simulation.assembly import Assembly, Parts, expected_contact, without_patch
 from antiosc.simulation.auto_contact import AUTO, LAW, AnyLaw, law_of
 from antiosc.simulation.bodies import (
@@ -120,6 +121,8 @@ class Impact(NamedTuple):
             not is_compiled(self.contact)
             or _has_coupled_damping(self.model)
             or _has_coupled_damping(self.impactor)
+            or stretch_of(self.model) is not None
+            or stretch_of(self.impactor) is not None
         ):
             return None
         still = isinstance(self.gravity, int | float) and self.gravity == 0
@@ -171,8 +174,13 @@ def modal_pair(impact: Impact) -> Pair:
     )
 
 
-def assemble_pair(impact: Impact) -> Assembly:
-    """Assemble "structure" and "impactor" for integration over the duration."""
+def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
+    """Assemble "structure" and "impactor" for integration over the duration.
+
+    stretch : whether they may stretch; the assembly is that of their linear motion.
+    """
+    if not stretch:
+        refuse_stretch({"structure": impact.model, "impactor": impact.impactor})
     model, impactor, contact, duration, _, gravity, gap = impact
     made = modal_pair(impact)
     made.check_span(duration)

@@ -46,6 +46,7 @@ from antiosc.fem.extraction.oscillators import (
     lumped,
     oscillators,
 )
+from antiosc.fem.extraction.stretching import with_stretch
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Functional, Site, functionals
@@ -53,6 +54,7 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Band, ModelInfo
 from antiosc.models.modal import Damping, as_damping
+from antiosc.models.stretch import Count, checked_count
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors
@@ -381,6 +383,7 @@ def extract(
     shapes: bool = True,
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
+    stretch: Count | Literal[False] = False,
 ) -> AntiOscillators: ...
 @overload
 def extract(
@@ -395,6 +398,7 @@ def extract(
     shapes: bool = True,
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
+    stretch: Count | Literal[False] = False,
 ) -> list[AntiOscillators]: ...
 @collective()
 @within_range
@@ -411,6 +415,7 @@ def extract(
     shapes: bool = True,
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
+    stretch: Count | Literal[False] = False,
 ) -> AntiOscillators | list[AntiOscillators]:
     """The anti-oscillator model of a structure at a site, or at several.
 
@@ -448,6 +453,12 @@ def extract(
         Estimate what the mesh leaves out: the model gets its `strain_error`, so that `corrected()`
         and the `error_budget` of a `simulate` are available. Solids, beams, shells of triangles; no
         named sites. It takes at most one further solve (of beams one on a mesh of half the size).
+    stretch : int, "auto" or False
+        Second-order forces of so many modes: a sheet or a beam whose edges are held stretches as it
+        bends, and is stiffer for it; a curved sheet is softer where it is pushed toward flat.
+        "auto": each impact takes as many modes as it needs, none if they do not matter. `stretch`
+        of the model has them; `simulate` and `Scene.run` alone take it. Shell, Laminate, Solid,
+        AnisotropicSolid and Beam, of one mesh.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.
@@ -479,6 +490,7 @@ def extract(
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
     options = _checked_options(structure, n, method, tol, band, accuracy)
+    stretch = checked_count(stretch)
     given = as_damping(damping)
     if given is not None:
         refuse_dampers(structure, "damping=")
@@ -501,6 +513,8 @@ def extract(
         )
         if len(groups) > width:
             log.info("extracted %d of %d sites", len(models), len(groups))
+    if stretch is not False:
+        models = [with_stretch(structure, model, stretch) for model in models]
     if given is not None:
         models = [replace(model, damping=given) for model in models]
     return models if isinstance(site, list | tuple) else models[0]

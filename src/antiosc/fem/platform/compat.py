@@ -6,7 +6,7 @@ file is long because it alone may know versions: a new one is met by reading thi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from ctypes import addressof
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import dolfinx
 import numpy as np
+import scipy.sparse
 import ufl
 from cffi import FFI  # type: ignore[import-untyped]
 from dolfinx import fem
@@ -421,14 +422,8 @@ def assemble(
     return total
 
 
-def strain_matrix(
-    strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
-) -> PETSc.Mat:
-    """S with SᵀS the integral of |strains|² by quadrature of `degree`; columns of `fixed` emptied.
-
-    `strains`: a UFL vector, linear in the trial function; one row for each at each Gauss point.
-    """
-    mesh, size = space.mesh, len(strains)
+def _gauss_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
+    """Vectors at the points of a rule."""
     if DOLFINX < (0, 8):
         element = ufl.VectorElement(
             "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
@@ -439,7 +434,52 @@ def strain_matrix(
         element = basix.ufl.quadrature_element(
             mesh.basix_cell(), value_shape=(size,), degree=degree
         )
-    points = _space_of(mesh, element)
+    return _space_of(mesh, element)
+
+
+class GaussPoints:
+    """The points of a rule on a mesh, of one process; `weight` (n,) are theirs."""
+
+    def __init__(self, mesh: dolfinx.mesh.Mesh, degree: int) -> None:
+        self._mesh, self._degree = mesh, degree
+        self._dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
+        space = _gauss_space(mesh, degree, 1)
+        self.weight = assemble_functional(ufl.TestFunction(space)[0] * self._dx, space)
+
+    def values(self, expression: Expr, size: int) -> Array:
+        """A UFL vector of `size` at the points (n, size)."""
+        space = _gauss_space(self._mesh, self._degree, size)
+        form = ufl.dot(expression, ufl.TestFunction(space)) * self._dx
+        return assemble_functional(form, space).reshape(-1, size) / self.weight[:, None]
+
+    def derivatives(
+        self, ways: Callable[[Expr], Expr], count: int, space: fem.FunctionSpace
+    ) -> scipy.sparse.csr_matrix:
+        """(n count, nodes): `count` derivatives (UFL) of a scalar on the nodes of `space`."""
+        element = space.ufl_element()
+        degree = element.degree() if DOLFINX < (0, 8) else element.degree
+        scalars = lagrange(self._mesh, degree, 0)
+        test = ufl.TestFunction(_gauss_space(self._mesh, self._degree, count))
+        form = ufl.dot(ways(ufl.TrialFunction(scalars)), test) * self._dx
+        matrix = assemble([form], scalars, {}, 0.0)
+        pointers, columns, values = matrix.getValuesCSR()
+        found = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
+        same = np.asarray(scalars.dofmap.list) if DOLFINX >= (0, 6) else scalars.dofmap.list.array
+        own = np.asarray(getattr(space.dofmap.list, "array", space.dofmap.list))
+        if not np.array_equal(np.ravel(same), np.ravel(own)):
+            raise ValueError("the nodes of a scalar and of a vector differ")
+        return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ found
+
+
+def strain_matrix(
+    strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
+) -> PETSc.Mat:
+    """S with SᵀS the integral of |strains|² by quadrature of `degree`; columns of `fixed` emptied.
+
+    `strains`: a UFL vector, linear in the trial function; one row for each at each Gauss point.
+    """
+    mesh, size = space.mesh, len(strains)
+    points = _gauss_space(mesh, degree, size)
     v = ufl.TestFunction(points)
     dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
     S = assemble([ufl.dot(strains, v) * dx], space, fixed, 0.0)

@@ -24,6 +24,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody, SiteModes
+from antiosc.models.stretch import Stretch
 from antiosc.simulation.assembly import Assembly, given_parts
 from antiosc.simulation.bodies import RigidBody, SceneBody
 from antiosc.simulation.histories.energy import Energy, energy_balance
@@ -238,7 +239,15 @@ class History(HistoryResults, OneContact):
         model, own = self.of(body)
         if own.basis is None:
             raise InputError(no_field_message(model))
-        return own.field(self.coordinates(t, body))
+        found = own.field(self.coordinates(t, body))
+        forces = self._stretched(self.name_of(body))
+        if forces is None:
+            return found
+        if forces.shapes is None:
+            raise InputError(no_field_message(model))
+        q = np.atleast_2d(self.at(np.atleast_1d(t))[self.name_of(body)].q)
+        more = forces.pairs(q @ forces.modes) @ forces.shapes.T
+        return found + (more if np.ndim(t) else more[0])
 
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
         """The model of a body, and its form in free modes.
@@ -275,6 +284,15 @@ class History(HistoryResults, OneContact):
         return largest_rotation(self.run, a.system, a.bodies, a.spans)
 
     # -- inside
+
+    def _stretched(self, name: str) -> Stretch | None:
+        """The second-order forces that took part in the motion of a body; None of a linear one."""
+        return self.assembly.stretched.get(name)
+
+    def _stretch_energy(self, name: str, q: Array) -> Array | float:
+        """Energy (n,) [J] of a body beyond its linear one, at its q (n, J)."""
+        forces = self._stretched(name)
+        return 0.0 if forces is None else forces.energy(q @ forces.modes)
 
     @cached_property
     def _record(self) -> Record:  # type: ignore[override]
@@ -345,7 +363,7 @@ class History(HistoryResults, OneContact):
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
         found = {}
-        for (name, body), stretched in zip(a.bodies.items(), springs, strict=True):
+        for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
             j, k = a.spans[name], a.columns[name]
             residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
             found[name] = BodyHistory(
@@ -356,9 +374,10 @@ class History(HistoryResults, OneContact):
                 a=accelerations[:, j],
                 forces=acting[:, k],
                 kinetic=kinetic[:, j].sum(axis=1),
-                strain=strain[:, j].sum(axis=1) + residual,
+                strain=strain[:, j].sum(axis=1) + residual + self._stretch_energy(name, q[:, j]),
                 _columns=columns[:, k],
-                springs=stretched,
+                springs=branches,
+                stretched=name in a.stretched,
             )
         return found
 
@@ -412,9 +431,15 @@ AnyHistory = History | BodyHistory
 def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     if isinstance(history, BodyHistory):
-        model, own = history.placed.body, history.placed.modes
+        model, own, stretched = history.placed.body, history.placed.modes, history.stretched
     else:
         model, own = history.of(body)
+        stretched = history.name_of(body) in history.assembly.stretched
+    if stretched:
+        raise InputError(
+            f"{body!r} stretched in this impact: strains, stresses and files of fields of its"
+            " second-order motion are not recovered; hit.field(t) has its displacements."
+        )
     if own.basis is None:
         raise InputError(no_field_message(model))
     return own

@@ -162,6 +162,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         nodes, between = slice(2 * first, 2 * last + 1), slice(2 * first, 2 * last)
         kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
+        modal[nodes] += a.system.stretch_energy(q)
         part = run_slice(run, first, last)
         if np.any(a.system.loads):
             work[between] = _work(a, part, q, v)
@@ -198,7 +199,8 @@ def energy_gain(a: Assembly, run: Run) -> float:
     doubted = run.gained > 0.1 * GAIN * run.highest
     if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
         return 0.0
-    if system.damped or (a.scene.loads and a.r.any()):
+    stretches = system.cubic is not None
+    if system.damped or stretches or (a.scene.loads and a.r.any()):
         energy = energy_balance(a, run)
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
@@ -233,7 +235,7 @@ def _work_and_losses(
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
-    pressed = np.any(run.force != 0.0, axis=1)
+    pressed = np.any(run.force != 0.0, axis=1)  # a body that stretches is never in flight
     still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
     flight = np.repeat(still, 2)
     change = np.diff(mechanical)

@@ -29,11 +29,22 @@ QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: What a cause adds that does not apply.
 NO_ERROR = dict.fromkeys(QUANTITIES, 0.0)
 #: Causes of error, in the order in which they are told.
-CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "noise", "band", "model", "law")
+CAUSES = (
+    "mesh",
+    "truncation",
+    "time",
+    "patch",
+    "geometry",
+    "noise",
+    "band",
+    "model",
+    "stretch",
+    "law",
+)
 #: Those that no finer model or run changes.
 ASSUMED = ("model", "law")
-#: Those that are told only of models that were measured.
-MEASURED = ("noise", "band")
+#: Those that are told only of models that were measured, and of parts that stretch.
+RARE = ("noise", "band", "stretch")
 
 
 @dataclass(frozen=True)
@@ -51,6 +62,7 @@ class ErrorBar:
     noise, band : of a measured model, of the noise and of the modes above the measured band.
     model : of the element family, such as a beam in place of a solid bar.
     law : of the contact's law and of what it follows from; None: not known.
+    stretch : of the second-order forces of the modes that were left out, where a part stretches.
     """
 
     value: float
@@ -63,6 +75,7 @@ class ErrorBar:
     band: float = 0.0
     model: float = 0.0
     law: float | None = 0.0
+    stretch: float = 0.0
 
     @property
     def numerical(self) -> float:
@@ -123,10 +136,10 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The errors to print; noise and band only of a measured model, the law if it is known."""
+        """The errors to print; noise, band and stretch only where they are, the law if known."""
         bars, without = self.bars.values(), ("law",) if self.law else ()
         known = (c for c in CAUSES if c not in without)
-        return tuple(c for c in known if c not in MEASURED or any(getattr(b, c) for b in bars))
+        return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
 
     @property
     def worst(self) -> float | None:
@@ -362,6 +375,7 @@ class BodyHistory(ReprMixin):
     forces : (n, P) on the columns of its sites, along their directions [N].
     springs : (n, J) modal displacements of the spring of each Maxwell branch of its damping.
     kinetic, strain : (n,) energies [J].
+    stretched : whether second-order forces took part in its motion.
     """
 
     placed: SceneBody
@@ -374,6 +388,7 @@ class BodyHistory(ReprMixin):
     strain: Array
     _columns: Array
     springs: Sequence[Array] = ()
+    stretched: bool = False
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from antiosc.base import march
 from antiosc.contact import ContactLaw, State
 from antiosc.models.damping import StackedModes
+from antiosc.models.stretch import stretch_energy
 from antiosc.simulation.march.laws import packed, raise_error
 
 Array = NDArray[np.float64]
@@ -54,6 +55,7 @@ class System:
     kept : of p contacts what goes on from a run before; None of others.
     first : first-order modes of all bodies, where damping couples modes of one.
     gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
+    quadratic, cubic : (s, s, s), (s, s, s, s) forces of the last s rows: of sheets that stretch.
     block : omega to v in one array, where they already stand so.
     """
 
@@ -78,6 +80,8 @@ class System:
     kept: Sequence[Kept | None] | None = None
     first: StackedModes | None = None
     gamma: Array | None = None
+    quadratic: Array | None = None
+    cubic: Array | None = None
     block: Array | None = field(default=None, init=False)
 
     @property
@@ -136,6 +140,12 @@ class System:
         """
         return np.maximum(SLOWEST * self.speed, self.least_speed)
 
+    def stretch_energy(self, q: Array) -> Array:
+        """Energy (n,) [J] of bodies that stretch, beyond their linear one, at q (n, J)."""
+        if self.quadratic is None or self.cubic is None:
+            return np.zeros(len(q))
+        return stretch_energy(self.quadratic, self.cubic, q @ self.beta[-len(self.cubic) :].T)
+
     def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
         free, rate = self.beta @ q, self.beta @ v
@@ -172,6 +182,8 @@ class Given:
         if s.gamma is not None:
             self.bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
+        if s.cubic is not None:  # the memory of the march is laid out for them
+            self.bodies += len(s.cubic).to_bytes(2, "little")
         row, at = 8 * size, march.address(self.block)
         R = at + (2 + m) * row
         times = R + 8 * m * m
@@ -191,8 +203,10 @@ class Given:
             ]
         )
         self.states = [] if s.kept is None else self._keep(s.kept, s.laws)
+        self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]
+        stretch = 0 if s.cubic is None else len(s.cubic), *map(march.address, self.tensors)
         self.system = march.System(
-            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma
+            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma, *stretch
         )
 
     def _keep(self, kept: Sequence[Kept | None], laws: Sequence[ContactLaw]) -> list[Array]:

@@ -90,6 +90,11 @@ def recorded(hit: object) -> Recorded:
     if not isinstance(hit, History) or run is None or run.exits is None or run.states is None:
         raise InputError(f"hit must be {EXACT}; got {checks.shown(hit)}.")
     a = hit.assembly
+    if a.stretched:
+        raise InputError(
+            f"{next(iter(a.stretched))!r} stretched in this impact: gradients are of linear bodies;"
+            " extract it with stretch=False."
+        )
     given = {each.name: getattr(a, each.name) for each in fields(a)}
     return Recorded(**given | {"parts": lambda: (a.scene, a.bodies)}, run=run)
 

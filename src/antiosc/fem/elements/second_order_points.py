@@ -1,0 +1,227 @@
+"""Second-order strain η at Gauss points, as arrays: what stretching is built of.
+
+At each point n stand the derivatives L (d, b) of the b components of a motion along d ways (the
+axes of a solid, the tangents of a sheet, the line of a beam). The strain is T : L, and
+η(a, b) = V : (L_a L_bᵀ) over the displacements alone; stresses are C ε.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse
+import ufl
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.fem.elements.beam import Beam, tangent
+from antiosc.fem.elements.shell import Sheet, frames, section_fields
+from antiosc.fem.elements.solid import VOIGT, AnisotropicSolid, Solid
+from antiosc.fem.elements.weak_form import coefficient
+from antiosc.fem.platform import compat
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
+    from antiosc.fem.structure.meshed import MeshedStructure
+
+#: Degrees of the rules: the quartic energy of cubic triangles and of straight quadratic simplices
+#: exactly, full Gauss rules elsewhere.
+DEGREES = {"triangle": 8, "tetrahedron": 4}
+OTHERS = 5
+#: (way, way) of the components of η in a plane: 11, 22, 12 + 21.
+IN_PLANE = ((0, 0), (1, 1), (0, 1))
+
+
+@dataclass(eq=False)
+class Points:
+    """The Gauss points of a part.
+
+    Attributes
+    ----------
+    gradient : (n d, nodes) derivatives of functions on the nodes.
+    weight : (n,).
+    strain : T (n, s, d, b), or (1, s, d, b) where all points have one.
+    square : V (s, d, d).
+    stiffness : C (n, s, s).
+    components : b of a node, of which the first `moved` are displacements.
+    held : dofs that are fixed.
+    """
+
+    gradient: scipy.sparse.csr_matrix
+    weight: Array
+    strain: Array
+    square: Array
+    stiffness: Array
+    components: int
+    moved: int
+    held: IntArray
+    _turned: scipy.sparse.csr_matrix = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._turned = self.gradient.T.tocsr()
+
+    def slopes(self, motion: Array) -> Array:
+        """Derivatives (n, d, b) of a motion (dofs,)."""
+        found = self.gradient @ motion.reshape(-1, self.components)
+        return np.asarray(found.reshape(self.weight.size, -1, self.components))
+
+    def stress(self, slopes: Array) -> Array:
+        """C ε (n, s) times the weights."""
+        return self.weighted_stress(np.einsum("nsdb,ndb->ns", self._every(), slopes, optimize=True))
+
+    def weighted_stress(self, strain: Array) -> Array:
+        """C (n, s) times the weights, of a strain."""
+        return np.einsum("nst,nt->ns", self.stiffness, strain) * self.weight[:, None]
+
+    def second(self, a: Array, b: Array) -> Array:
+        """η (n, s) of two motions by their derivatives."""
+        u, v = a[:, :, : self.moved], b[:, :, : self.moved]
+        product = np.einsum("ndi,nei->nde", u, v)
+        return np.einsum("sde,nde->ns", (self.square + self.square.transpose(0, 2, 1)) / 2, product)
+
+    def load(self, strained: Array, pushed: Array) -> Array:
+        """Forces (dofs,) on a motion w of Σ strained·ε(w) + pushed·∇w; stress (n, s), (n, d, b)."""
+        on = np.einsum("nsdb,ns->ndb", self._every(), strained, optimize=True) + pushed
+        found = (self._turned @ on.reshape(-1, self.components)).reshape(-1)
+        found[self.held] = 0.0
+        return np.asarray(found)
+
+    def along(self, stress: Array, slopes: Array) -> Array:
+        """(n, d, b) with which stress·η(a, w) = result·∇w."""
+        both = (self.square + self.square.transpose(0, 2, 1)) / 2
+        result = np.zeros_like(slopes)
+        tension = np.einsum("ns,sde->nde", stress, both)
+        result[:, :, : self.moved] = np.einsum("nde,nei->ndi", tension, slopes[:, :, : self.moved])
+        return result
+
+    def _every(self) -> Array:
+        return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
+
+
+def points_of(part: MeshedStructure) -> Points:
+    """The Gauss points of a part; InputError for a family without second-order strain."""
+    if part.comm.size > 1:
+        raise InputError("stretch= works in one process: extract the model without mpirun.")
+    if part.stiffeners:
+        raise InputError("stretch= does not take a sheet with stiffeners on its edges.")
+    material = part.parts[0][0]  # all are of one family
+    for family, found in _FAMILIES:
+        if isinstance(material, family):
+            return found(part)
+    raise InputError(
+        f"stretch= takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
+        f" {type(material).__name__}."
+    )
+
+
+def _points(
+    part: MeshedStructure,
+    ways: Callable[[Expr], Expr],
+    count: int,
+    strain: Callable[[compat.GaussPoints], Array],
+    square: Array,
+    stiffness: Callable[[compat.GaussPoints], Array],
+    moved: int,
+) -> Points:
+    """The points, with `ways` the `count` derivatives of a scalar (UFL)."""
+    mesh, space = part.mesh, part.form.space
+    at = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
+    return Points(
+        gradient=at.derivatives(ways, count, space),
+        weight=at.weight,
+        strain=strain(at),
+        square=square,
+        stiffness=stiffness(at),
+        components=int(space.dofmap.index_map_bs),
+        moved=moved,
+        held=part.fixed,
+    )
+
+
+def _of_sheets(part: MeshedStructure) -> Points:
+    frame, section = frames(part.mesh, part.parts), section_fields(part.mesh, part.parts)
+    square = np.zeros((3, 2, 2))
+    for s, (d, e) in enumerate(IN_PLANE):
+        square[s, d, e] = square[s, e, d] = 1.0
+
+    def matrix(at: compat.GaussPoints, value: Expr) -> Array:
+        rows = [value[i, j] for i in range(3) for j in range(3)]
+        return at.values(ufl.as_vector(rows), 9).reshape(-1, 3, 3)
+
+    def strain(at: compat.GaussPoints) -> Array:
+        e = at.values(ufl.as_vector([x[i] for x in (frame.e1, frame.e2) for i in range(3)]), 6)
+        e1, e2 = e[:, :3], e[:, 3:]
+        stretch, bend = np.zeros((2, at.weight.size, 3, 2, 6))
+        stretch[:, 0, 0, :3], stretch[:, 1, 1, :3] = e1, e2
+        stretch[:, 2, 0, :3], stretch[:, 2, 1, :3] = e2, e1
+        bend[:, 0, 0, 3:], bend[:, 1, 1, 3:] = e2, -e1
+        bend[:, 2, 0, 3:], bend[:, 2, 1, 3:] = -e1, e2
+        if section.coupling is None:
+            return stretch
+        coupling = matrix(at, section.coupling)
+        return stretch + np.einsum("nst,ntdb->nsdb", coupling, bend)
+
+    def ways(u: Expr) -> Expr:
+        return ufl.dot(frame.along, ufl.grad(u))
+
+    return _points(part, ways, 2, strain, square, lambda at: matrix(at, section.A), 3)
+
+
+def _of_solids(part: MeshedStructure) -> Points:
+    d = part.mesh.gdim
+    pairs = VOIGT if d == 3 else IN_PLANE
+    size = len(pairs)
+    square, strain = np.zeros((size, d, d)), np.zeros((1, size, d, d))
+    for s, (i, j) in enumerate(pairs):
+        square[s, i, j] = square[s, j, i] = 1.0
+        strain[0, s, i, j] = strain[0, s, j, i] = 1.0
+
+    def voigt(solid: Any) -> Array:
+        return np.asarray(solid.voigt if d == 3 else _in_plane(solid))
+
+    C = coefficient(part.mesh, part.parts, voigt)
+
+    def stiffness(at: compat.GaussPoints) -> Array:
+        rows = [C[i, j] for i in range(size) for j in range(size)]
+        return at.values(ufl.as_vector(rows), size**2).reshape(-1, size, size)
+
+    return _points(part, ufl.grad, d, lambda at: strain, square, stiffness, d)
+
+
+def _in_plane(solid: Solid) -> Array:
+    """Forces per width (σ11, σ22, σ12) t of strains (ε11, ε22, γ12)."""
+    nu = solid.nu
+    if solid.plane == "strain":
+        scale = solid.E / ((1 + nu) * (1 - 2 * nu))
+        C = scale * np.array([[1 - nu, nu, 0], [nu, 1 - nu, 0], [0, 0, (1 - 2 * nu) / 2]])
+    else:
+        C = solid.E / (1 - nu**2) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
+    return solid.thickness * C
+
+
+def _of_beams(part: MeshedStructure) -> Points:
+    if any(beam.offset for beam, _ in part.parts):
+        raise InputError("stretch= does not take beams with an offset.")
+    t, moved = tangent(part.mesh), part.mesh.gdim
+    components = int(part.form.space.dofmap.index_map_bs)
+
+    def strain(at: compat.GaussPoints) -> Array:
+        found = np.zeros((at.weight.size, 1, 1, components))
+        found[:, 0, 0, :moved] = at.values(t, moved)
+        return found
+
+    def stiffness(at: compat.GaussPoints) -> Array:
+        EA = coefficient(part.mesh, part.parts, lambda beam: beam.E * beam.section.A)
+        return at.values(ufl.as_vector([EA]), 1)[:, :, None]
+
+    def ways(u: Expr) -> Expr:
+        return ufl.as_vector([ufl.dot(ufl.grad(u), t)])
+
+    return _points(part, ways, 1, strain, np.ones((1, 1, 1)), stiffness, moved)
+
+
+_FAMILIES = ((Sheet, _of_sheets), ((Solid, AnisotropicSolid), _of_solids), (Beam, _of_beams))

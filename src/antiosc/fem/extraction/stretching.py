@@ -1,0 +1,157 @@
+"""The forces of second-order strain in the modes of a model, by static modal derivatives.
+
+With the motion u = Σ a_i φ_i + v, φ_i motions of unit mass and v what follows them statically, the
+energy to fourth order in a is
+
+    ½ aᵀ(φᵀKφ)a + ½ ∫ε(u):C:η(u, u) + ½ vᵀKv + Σ a_i a_j g_ijᵀv + ⅛ ∫η:C:η,
+    g_ijᵀw = ½ ∫ η(φ_i, φ_j):C:ε(w) + ε(φ_i):C:η(φ_j, w) + ε(φ_j):C:η(φ_i, w).
+
+v = -Σ a_i a_j K⁻¹g_ij, less its parts in the φ so that φᵀKv = 0: one solve for each pair, with the
+factor that is there (static modal derivatives: S. Idelsohn, A. Cardona, *Comput. Methods Appl.
+Mech. Eng.* 49 (1985) 253; condensed: J. Hollkamp, R. Gordon, *J. Sound Vib.* 318 (2008) 1139). The
+quadratic forces are g_ijᵀφ_k, symmetric in all three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations_with_replacement, permutations
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.progress import doing
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.stretch import MOST, Count, Stretch
+
+if TYPE_CHECKING:
+    from antiosc.fem.elements.second_order_points import Points
+    from antiosc.fem.structure.meshed import MeshedStructure
+
+#: Static solves of a pair of modes where rigid-body modes are left: the shift of the factor is that
+#: of the lowest elastic mode, and each further solve takes away what it changes.
+SOLVES_OF_FREE = 6
+#: Size of a new direction over that of its vector, below which it is rounding.
+EXHAUSTED = 1e-6
+#: Points whose strains are multiplied at once.
+AT_ONCE = 20_000
+
+
+def checked(structure: Structure, model: AntiOscillators) -> MeshedStructure:
+    """The part of a model that can stretch; InputError for others."""
+    matrices = structure.matrices
+    if not matrices.meshed or matrices.assembled:
+        raise InputError(
+            "stretch= takes a part of one mesh, a Structure(mesh, material, supports); got "
+            f"{structure.describe()}: extract its model with stretch=False."
+        )
+    if model.free_modes.damping is not None:
+        raise InputError("stretch= does not take dampers, nor layers that relax: leave it out.")
+    return cast("MeshedStructure", matrices)
+
+
+def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> AntiOscillators:
+    """The model with the second-order forces of the modes that its sites move most.
+
+    count : how many an impact takes, or "auto". Two more are found, to compare with.
+    """
+    part = checked(structure, model)
+    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
+
+    modes = candidates(model, MOST if count == "auto" else min(count + 2, MOST))
+    body = model.free_modes
+    assert body.shape is not None
+    phi = body.field((body.shape @ modes).T).T
+    with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
+        quadratic, cubic, shapes = tensors(structure, points_of(part), phi)
+    return replace(model, stretch=Stretch(modes, quadratic, cubic, count, shapes))
+
+
+def candidates(model: AntiOscillators, count: int) -> Array:
+    """Orthonormal combinations (J, m) of the free modes that forces on the sites move, m <= count.
+
+    The Krylov space of the flexibility Λ⁻¹ from the static displacements Λ⁻¹b: the local dent of a
+    sheet under its striker, which takes many modes, is the first, and the lowest modes follow.
+    """
+    body = model.free_modes
+    elastic = body.omega > 0
+    if not elastic.any():
+        raise InputError("stretch= needs a model with elastic modes: raise n.")
+    flexible = np.where(elastic, 1 / np.where(elastic, body.omega, 1.0) ** 2, 0.0)[:, None]
+    found, block = np.zeros((len(body.omega), 0)), flexible * body.B
+    while block.shape[1] and found.shape[1] < count:
+        for _ in range(2):
+            size = np.linalg.norm(block, axis=0)
+            block = block - found @ (found.T @ block)
+            block = block[:, np.linalg.norm(block, axis=0) > EXHAUSTED * size]
+        left, sizes, _ = np.linalg.svd(block / np.linalg.norm(block, axis=0), full_matrices=False)
+        block = left[:, sizes > EXHAUSTED * sizes.max(initial=0.0)]
+        found = np.hstack([found, block])
+        block = flexible * block
+    return found[:, :count]
+
+
+def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Array, Array]:
+    """H (m, m, m), G (m, m, m, m) and the second-order displacements (dofs, pairs).
+
+    phi : (dofs, m) motions.
+    """
+    m = phi.shape[1]
+    pairs = list(combinations_with_replacement(range(m), 2))
+    slopes = [points.slopes(mode) for mode in phi.T]
+    stresses = [points.stress(one) for one in slopes]
+    loads = []
+    for i, j in pairs:
+        strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
+        pushed = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])
+        loads.append(points.load(strained, pushed / 2))
+    g = np.column_stack(loads)
+    follows = -_static(structure, g, phi)
+    quartic = _quartic(points, slopes, pairs) + g.T @ follows / 2
+    return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), follows
+
+
+def _static(structure: Structure, g: Array, phi: Array) -> Array:
+    """K⁻¹g without its parts in the motions φ: φᵀK of it is 0."""
+    factor, rigid, k_phi = structure.factorize(), structure.rigid_modes, multiply(structure.K, phi)
+    m_rigid = multiply(structure.M, rigid)
+    g = g - m_rigid @ (rigid.T @ g)
+    found = np.zeros_like(g)
+    for _ in range(SOLVES_OF_FREE if rigid.shape[1] else 1):
+        left = g if not found.any() else g - multiply(structure.K, found)
+        found = found + factor.solve_block(left)
+        found = found - rigid @ (m_rigid.T @ found)
+    return np.asarray(found - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ found))
+
+
+def _quartic(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
+    """⅛ ∫η:C:η of all pairs of pairs."""
+    total = np.zeros((len(pairs), len(pairs)))
+    for begin in range(0, points.weight.size, AT_ONCE):
+        own = slice(begin, begin + AT_ONCE)
+        part = [each[own] for each in slopes]
+        eta = np.array([points.second(part[i], part[j]) for i, j in pairs])
+        stress = np.einsum("nst,pnt,n->pns", points.stiffness[own], eta, points.weight[own])
+        total += np.tensordot(stress, eta, axes=([1, 2], [1, 2]))
+    return total / 8
+
+
+def _cubic_form(found: Array, pairs: list[tuple[int, int]], m: int) -> Array:
+    """H (m, m, m) of φ_kᵀg_ij (m, pairs), made symmetric to the last bit."""
+    H = np.zeros((m, m, m))
+    for n, (i, j) in enumerate(pairs):
+        H[:, i, j] = H[:, j, i] = found[:, n]
+    return np.asarray(sum(H.transpose(order) for order in permutations(range(3)))) / 6
+
+
+def _quartic_form(found: Array, pairs: list[tuple[int, int]], m: int) -> Array:
+    """The symmetric part (m, m, m, m) of Q_(ij)(kl) (pairs, pairs)."""
+    place = np.zeros((m, m), dtype=int)
+    for n, (i, j) in enumerate(pairs):
+        place[i, j] = place[j, i] = n
+    Q = found[place[:, :, None, None], place[None, None]]
+    return np.asarray(sum(Q.transpose(order) for order in permutations(range(4)))) / 24

@@ -1,0 +1,145 @@
+"""Forces of second-order strain in the modes of a model: sheets that stretch as they bend.
+
+Strains are ε(u) + η(u, u)/2. With the amplitudes a of some free modes of unit mass, and all other
+motion following statically, the energy beyond the linear one is
+
+    U(a) = Σ H_kij a_k a_i a_j/3 + Σ G_kijl a_k a_i a_j a_l/4,
+    f_k = Σ H_kij a_i a_j + Σ G_kijl a_i a_j a_l,
+
+H and G symmetric in all their indices (`antiosc.fem.extraction.stretching` finds them).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin
+
+Count = int | Literal["auto"]
+
+#: Modes that a model has forces for, at most; an impact takes two fewer, to compare with.
+MOST = 12
+#: Asymmetry of the tensors over their size.
+ASYMMETRY = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Stretch(ReprMixin):
+    """Second-order forces of a part in m motions, "modes", that its sites cause.
+
+    Attributes
+    ----------
+    modes : (J, m) the motions, orthonormal combinations of the J free modes of unit mass.
+    quadratic, cubic : H (m, m, m) and G (m, m, m, m), of unit modal masses.
+    count : how many of them an impact takes, those that it moves most; "auto": as many as it needs.
+    shapes : (n_dofs, m (m + 1)/2) second-order displacements v_ij of the pairs (0, 0), (0, 1) … of
+        modes: u = Σ a_i φ_i + Σ a_i a_j v_ij; not saved to files.
+    """
+
+    modes: Array
+    quadratic: Array
+    cubic: Array
+    count: Count = "auto"
+    shapes: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        modes = checks.array("modes", self.modes, (None, None))
+        m = modes.shape[1]
+        if m > MOST or not m:
+            raise InputError(f"a Stretch has 1 to {MOST} modes; got {m}.")
+        if np.abs(modes.T @ modes - np.eye(m)).max() > ASYMMETRY:
+            raise InputError("the modes of a Stretch must be orthonormal.")
+        for name, rank in (("quadratic", 3), ("cubic", 4)):
+            tensor = checks.array(name, getattr(self, name), (m,) * rank)
+            turned = np.moveaxis(tensor, 0, -1)
+            if np.abs(tensor - turned).max() > ASYMMETRY * np.abs(tensor).max(initial=0.0):
+                raise InputError(f"{name} must be symmetric in all its indices.")
+            checks.store(self, **{name: checks.read_only(tensor)})
+        if self.count != "auto":
+            checks.store(self, count=checks.whole("count", self.count, least=1))
+        if self.shapes is not None:
+            columns = m * (m + 1) // 2
+            checks.store(self, shapes=checks.array("shapes", self.shapes, (None, columns)))
+        checks.store(self, modes=checks.read_only(modes))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [("modes", str(self.modes.shape[1])), ("taken", str(self.count))]
+
+    @property
+    def size(self) -> int:
+        """Number m of the modes."""
+        return int(self.modes.shape[1])
+
+    def forces(self, a: Array) -> Array:
+        """Modal forces (n, m) [N/kg^1/2] at amplitudes (n, m) [m kg^1/2]."""
+        two = np.einsum("kij,ni,nj->nk", self.quadratic, a, a, optimize=True)
+        return two + np.einsum("kijl,ni,nj,nl->nk", self.cubic, a, a, a, optimize=True)
+
+    def energy(self, a: Array) -> Array:
+        """Energies (n,) [J] at amplitudes (n, m)."""
+        return stretch_energy(self.quadratic, self.cubic, a)
+
+    def pairs(self, a: Array) -> Array:
+        """Amplitudes (n, m (m + 1)/2) of `shapes` at amplitudes (n, m) of the modes."""
+        i, j = np.triu_indices(self.size)
+        return np.asarray(np.where(i == j, 1, 2) * a[:, i] * a[:, j])
+
+    def turned(self, turn: Array) -> Stretch:
+        """The forces in the modes that the columns of `turn` (m, k), orthonormal, combine."""
+        cubic, shapes = self.cubic, self.shapes
+        quadratic = np.einsum("abc,ai,bj,ck->ijk", self.quadratic, turn, turn, turn, optimize=True)
+        for _ in range(4):
+            cubic = np.tensordot(cubic, turn, axes=(0, 0))
+        if shapes is not None:
+            rows, columns = np.triu_indices(self.size)
+            first, second = np.triu_indices(turn.shape[1])
+            pairs = turn[rows][:, first] * turn[columns][:, second]
+            pairs = pairs + turn[columns][:, first] * turn[rows][:, second]
+            shapes = shapes @ (pairs / np.where(rows == columns, 2, 1)[:, None])
+        return Stretch(self.modes @ turn, quadratic, cubic, turn.shape[1], shapes)
+
+
+def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
+    """Energies (n,) [J] of the forces at amplitudes (n, m)."""
+    two = np.einsum("kij,ni,nj->nk", quadratic, a, a, optimize=True) / 3
+    three = np.einsum("kijl,ni,nj,nl->nk", cubic, a, a, a, optimize=True) / 4
+    return np.asarray(np.sum((two + three) * a, axis=1))
+
+
+def checked_count(stretch: object) -> Count | Literal[False]:
+    """The argument `stretch` of `extract`."""
+    if stretch is False or stretch is None:
+        return False
+    if isinstance(stretch, str) and stretch == "auto":
+        return "auto"
+    if isinstance(stretch, bool | str):
+        raise InputError(
+            f'stretch must be a number of modes, "auto" or False; got {checks.shown(stretch)}.'
+        )
+    count = checks.whole("stretch", stretch, least=1)
+    if count > MOST - 2:
+        raise InputError(f"stretch takes at most {MOST - 2} modes; got {count}.")
+    return count
+
+
+def stretch_of(body: object) -> Stretch | None:
+    """The second-order forces of a body, or of the one inside an `Impactor`; None without."""
+    found = getattr(body, "stretch", None) or getattr(getattr(body, "body", None), "stretch", None)
+    return found if isinstance(found, Stretch) else None
+
+
+def refuse_stretch(bodies: Mapping[str, object]) -> None:
+    """InputError for a body that stretches, where only linear ones are taken."""
+    for name, body in bodies.items():
+        if stretch_of(body) is not None:
+            raise InputError(
+                f"{name!r} stretches, which simulate and Scene.run alone take: for this extract it"
+                " with stretch=False."
+            )

@@ -1,0 +1,188 @@
+"""Second-order forces of parts against their whole second-order strain energy and motion."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.base.errors import InputError
+from full_second_order import Full
+from sheets import sheet
+
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+SHELL = ao.Shell(thickness=1e-3, **STEEL)
+LAYER = ao.Layer(130e9, 9e9, 0.3, 5e9, 5e9, 3.5e9, 1600.0, 0.25e-3)
+#: unsymmetric, so that bending stretches the sheet to first order too
+LAMINATE = ao.Laminate([replace(LAYER, angle=a) for a in (0, 90, 0, 45)], axis=(1, 0, 0))
+
+
+def held(mesh, material):
+    """A part held along x = 0, x = 0.3 and, if it has a width, y = 0 and y = 0.2."""
+
+    def rim(x):
+        ends = np.isclose(x[0] * (0.3 - x[0]), 0)
+        return ends | (np.isclose(x[1] * (0.2 - x[1]), 0) if mesh.tdim == 2 else False)
+
+    return ao.Structure(mesh, material, [ao.Support(rim)])
+
+
+def plate(material=SHELL, cell="triangle", n=(6, 4), rise=0.0):
+    """A rectangle, flat or a shallow cap, struck off its centre."""
+
+    def surface(s, t):
+        return 0.3 * s, 0.2 * t, 16 * rise * s * (1 - s) * t * (1 - t)
+
+    site = ao.Site((0.1, 0.1, 16 * rise * 2 / 9 / 4), (0, 0, -1), snap=True)
+    return held(sheet(n, surface, cell), material), site
+
+
+def folded():
+    def surface(s, t):
+        return 0.3 * s, 0.2 * t, 0.05 * (1 - np.abs(2 * s - 1))
+
+    return held(sheet((6, 4), surface), SHELL), ao.Site((0.1, 0.1, 0.033), (0, 0, -1), snap=True)
+
+
+def bar(cells, material, d):
+    """A bar of 0.3 × 0.01 × 0.004 m between two walls."""
+    import dolfinx
+    from mpi4py import MPI
+
+    if d == 3:
+        corners = [(0, 0, 0), (0.3, 0.01, 0.004)]
+        kind = dolfinx.mesh.CellType.hexahedron
+        made = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, cells, kind)
+        site = ao.Site((0.1, 0.005, 0.004), (0, 0, -1), snap=True)
+    else:
+        corners = [(0, 0), (0.3, 0.004)]
+        made = dolfinx.mesh.create_rectangle(MPI.COMM_WORLD, corners, cells)
+        site = ao.Site((0.1, 0.004), (0, -1), snap=True)
+    mesh = ao.read_mesh(made)
+    walls = ao.Support(lambda x: np.isclose(x[0] * (0.3 - x[0]), 0))
+    return ao.Structure(mesh, material, [walls]), site
+
+
+CASES = {
+    "shell": plate,
+    "quadrilaterals": lambda: plate(cell="quadrilateral"),
+    "laminate": lambda: plate(LAMINATE),
+    "cap": lambda: plate(rise=2e-3),
+    "folded": folded,
+    "solid": lambda: bar((12, 2, 1), ao.Solid(**STEEL), 3),
+    "plane stress": lambda: bar((24, 2), ao.Solid(**STEEL, plane="stress", thickness=0.01), 2),
+    "plane strain": lambda: bar((24, 2), ao.Solid(**STEEL, plane="strain"), 2),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_forces_have_the_energy_of_second_order_strain(case):
+    part, site = CASES[case]()
+    model = ao.extract(part, site, n=12, stretch=2)
+    forces, body, full = model.stretch, model.modal(), Full(part, site)
+    phi = body.field((body.shape @ forces.modes).T).T
+    stiffness = forces.modes.T @ (body.omega[:, None] ** 2 * forces.modes)
+    rng = np.random.default_rng(0)
+    for size, close in ((0.02, 1e-3), (0.1, 3e-2)):
+        a = rng.standard_normal((4, forces.size)) * size * 1e-3 / np.abs(phi).max()
+        u = a @ phi.T + forces.pairs(a) @ forces.shapes.T
+        beyond = [full.energy(each) for each in u] - 0.5 * np.einsum("ni,ij,nj->n", a, stiffness, a)
+        found = forces.energy(a)
+        scale = np.abs(found).max()
+        # what is left is of fifth and sixth order
+        assert np.abs(beyond - found).max() < close * scale
+        # and v is what has the least energy
+        for k in range(3):
+            bent = u[0] + 1e-2 * (forces.pairs(a[:1])[0] * rng.standard_normal(forces.pairs(a).shape[1])) @ forces.shapes.T
+            assert full.energy(bent) >= full.energy(u[0]) - 1e-2 * scale, k
+
+
+def test_a_flat_sheet_has_no_quadratic_forces_and_a_beam_the_closed_ones():
+    part, site = plate()
+    forces = ao.extract(part, site, n=12, stretch=2).stretch
+    w = 1e-3
+    assert np.abs(forces.quadratic).max() * w < 1e-6 * np.abs(forces.cubic).max() * w**2
+
+
+def test_a_beam_between_walls_has_the_force_of_woinowsky_krieger():
+    """F = k w (1 + c w²): the shape of its static deflection stretches by ∫w'²/2 = 12/5 w²/L."""
+    mesh = sheet_of_lines(40)
+    section = ao.Section.rectangle(0.01, 0.004)
+    beam = ao.Beam(section=section, orientation=(0, 0, 1), shear=False, **STEEL)
+    part = held(mesh, beam)
+    site = ao.Site((0.15, 0, 0), (0, 0, -1), snap=True)
+    model = ao.extract(part, site, n=12, stretch=1)
+    forces, body = model.stretch, model.modal()
+    one = forces.turned(np.eye(forces.size)[:, :1])
+    seen = float(one.modes[:, 0] @ body.b)
+    L, EA = 0.3, 210e9 * 0.01 * 0.004
+    static = 24 / 5 / L * 0.5  # of ∫w'²/2 for w = 1 in the middle, clamped at both ends
+    energy = EA / (2 * L) * static**2
+    assert one.cubic[0, 0, 0, 0] / seen**4 / 4 == pytest.approx(energy, rel=1e-3)
+
+
+def sheet_of_lines(n):
+    from antiosc.fem.mesh.reading import read_mesh
+    from antiosc.fem.platform import compat
+    from mpi4py import MPI
+
+    x = np.zeros((n + 1, 3))
+    x[:, 0] = np.linspace(0, 0.3, n + 1)
+    cells = np.column_stack([np.arange(n), np.arange(1, n + 1)])
+    made = compat.create_mesh(MPI.COMM_WORLD, x, cells, "interval", 1)
+    return read_mesh(made)
+
+
+@pytest.mark.parametrize(
+    ("case", "blow"),
+    [
+        ("shell", (0.2, 1.5, 1e6, 4e-3)),
+        ("cap", (0.5, 0.5, 1e7, 4e-3)),
+        pytest.param("laminate", (0.1, 1.0, 1e6, 4e-3), marks=pytest.mark.slow),
+        pytest.param("folded", (0.2, 1.5, 1e6, 4e-3), marks=pytest.mark.slow),
+        pytest.param("solid", (0.2, 1.0, 1e6, 4e-3), marks=pytest.mark.slow),
+    ],
+)
+def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
+    part, site = CASES[case]()
+    mass, speed, k, duration = blow
+    _, force, moved = Full(part, site).impact(mass, speed, k, duration, 160)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = ao.extract(part, site, n=24, stretch="auto")
+        ball = ao.RigidMass(mass, velocity=speed)
+        hit = ao.simulate(model, ball, ao.Power(k, 1.5), duration)
+        linear = ao.simulate(replace(model, stretch=None), ball, ao.Power(k, 1.5), duration)
+    assert abs(np.abs(linear.displacement).max() / moved.max() - 1) > 0.04
+    assert hit.peak_force == pytest.approx(force.max(), rel=0.01)
+    assert np.abs(hit.displacement).max() == pytest.approx(moved.max(), rel=0.01)
+
+
+def test_fields_have_the_displacements_of_second_order():
+    part, site = plate()
+    model = ao.extract(part, site, n=24, stretch=4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.5), ao.Power(1e6, 1.5), 3e-3)
+    at = float(hit.time[np.argmax(np.abs(hit.displacement))])
+    u = hit.field(at).reshape(-1, 6)
+    assert np.abs(u[:, 2]).max() > 5e-4
+    assert np.abs(u[:, :2]).max() > 1e-7  # a flat sheet has none to first order
+    with pytest.raises(InputError, match="stretched"):
+        ao.peak_field(part, hit)
+
+
+def test_what_does_not_stretch_refuses_in_a_sentence():
+    part, site = plate()
+    for wrong in (11, "many", 0, True):
+        with pytest.raises(InputError, match="stretch"):
+            ao.extract(part, site, n=12, stretch=wrong)
+    cells = ao.Truss(area=1e-4, **STEEL)
+    truss = ao.Structure(
+        sheet_of_lines(1), cells, [ao.Support(lambda x: np.isclose(x[0], 0)), ao.Support(lambda x: x[0] > 0.2, "yz")]
+    )
+    with pytest.raises(InputError, match="stretch"):
+        ao.extract(truss, ao.Site((0.3, 0, 0), (1, 0, 0)), n=0, stretch="auto")

@@ -1,0 +1,195 @@
+"""Second-order forces in the march: other integrators, energy, and what they refuse."""
+
+from __future__ import annotations
+
+import itertools
+import pickle
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import antiosc as ao
+from antiosc.base.errors import InputError
+from antiosc.models.stretch import Stretch
+from antiosc.simulation.stretching import with_rows
+
+DURATION = 0.008
+BALL = ao.RigidMass(0.3, velocity=1.0)
+LAW = ao.Power(5e8, 1.5)
+
+
+def symmetric(tensor):
+    orders = list(itertools.permutations(range(tensor.ndim)))
+    return sum(tensor.transpose(order) for order in orders) / len(orders)
+
+
+def model(count=3, scale=1.0, size=3, damping=None):
+    """Anti-oscillators with stable second-order forces in some combinations of their modes."""
+    rng = np.random.default_rng(4)
+    linear = ao.AntiOscillators(
+        m0=0.02, k0=3e5, m=[0.08, 0.05, 0.03, 0.02], omega=[900.0, 2500.0, 5200.0, 9100.0],
+        damping=damping,
+    )  # fmt: skip
+    omega = linear.modal().omega
+    modes = np.linalg.qr(
+        rng.standard_normal((omega.size, size)) / (1 + np.arange(omega.size))[:, None]
+    )[0]
+    stretched = rng.standard_normal((6, size, size))
+    stretched = stretched + stretched.transpose(0, 2, 1)
+    cubic = symmetric(np.einsum("pij,pkl->ijkl", stretched, stretched)) * 2e12 * scale**2
+    quadratic = symmetric(rng.standard_normal((size,) * 3)) * 1.5e9 * scale
+    return replace(linear, stretch=Stretch(modes, quadratic, cubic, count))
+
+
+def integrated(body, forces, t_end=DURATION):
+    """The same by DOP853, with force and displacement of the site as functions of time."""
+    modal = body.modal()
+    omega, b, J = modal.omega, modal.b, modal.omega.size
+    decay = np.zeros(J) if modal.decay is None else modal.decay
+
+    def contact(q, w):
+        return 5e8 * max(w - b @ q, 0.0) ** 1.5
+
+    def slope(_, x):
+        q, v, w, s = x[:J], x[J : 2 * J], x[-2], x[-1]
+        F = contact(q, w)
+        f = forces.forces((q @ forces.modes)[None])[0]
+        acceleration = -(omega**2) * q - 2 * decay * v + b * F - forces.modes @ f
+        return np.concatenate([v, acceleration, [s, -F / 0.3]])
+
+    start = np.zeros(2 * J + 2)
+    start[-1] = 1.0
+    t = np.linspace(0, t_end, 4001)
+    x = solve_ivp(slope, (0, t_end), start, "DOP853", t, rtol=1e-8, atol=1e-11).y
+    force = np.array([contact(q, w) for q, w in zip(x[:J].T, x[-2], strict=True)])
+    return t, force, b @ x[:J]
+
+
+@pytest.mark.parametrize("damping", [None, ao.Damping(ratio=0.02)])
+def test_the_march_is_that_of_dop853(damping):
+    body = model(damping=damping)
+    hit = ao.simulate(body, BALL, LAW, DURATION, tol=1e-4)
+    linear = ao.simulate(model(scale=1e-9), BALL, LAW, DURATION)
+    times = np.linspace(0, DURATION, 200)
+    apart = np.abs(hit.force_at(times) - linear.force_at(times))
+    assert apart.max() > 0.1 * hit.peak_force  # they matter
+    assert hit.contact_time < DURATION / 2  # it goes on behind the contact
+    t, force, moved = integrated(body, body.stretch)
+    assert np.abs(hit.force_at(t) - force).max() < 2e-3 * force.max()
+    q = hit.states(t)[0][:, : body.modal().omega.size]
+    assert np.abs(np.abs(q @ body.modal().b) - np.abs(moved)).max() < 1e-3 * np.abs(moved).max()
+
+
+def test_long_steps_keep_the_energy():
+    hit = ao.simulate(model(), BALL, LAW, DURATION)
+    assert hit.energy.drift < 1e-4
+    assert hit.energy.strain.max() > 0
+
+
+def test_a_plate_that_hardly_moves_is_linear_to_the_last_bit():
+    slow = ao.RigidMass(0.3, velocity=1e-4)
+    hit = ao.simulate(model("auto"), slow, LAW, DURATION)
+    linear = ao.simulate(replace(model(), stretch=None), slow, LAW, DURATION)
+    assert not hit.assembly.stretched
+    assert np.array_equal(hit.force, linear.force)
+    assert np.array_equal(hit.time, linear.time)
+
+
+def test_an_automatic_number_states_its_error():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        hit = ao.simulate(model("auto", size=5), BALL, LAW, DURATION)
+    assert 2 < hit.assembly.stretched["structure"].size <= 5
+    bar = hit.error_budget["peak_force"]
+    assert bar.stretch == pytest.approx(2 * hit.error["stretch peak_force"])
+    whole = ao.simulate(model(5, size=5), BALL, LAW, DURATION)
+    assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time
+
+
+def test_the_forces_do_not_depend_on_the_axes_of_their_modes():
+    body = model()
+    turn = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
+    turned = body.stretch.turned(turn)
+    a = np.random.default_rng(2).standard_normal((5, 3)) * 1e-3
+    assert np.allclose(turned.forces(a @ turn), body.stretch.forces(a) @ turn, rtol=1e-10)
+    assert np.allclose(turned.energy(a @ turn), body.stretch.energy(a), rtol=1e-10)
+    step, way = 1e-8, np.eye(3)[1]
+    rise = body.stretch.energy(a + step * way) - body.stretch.energy(a - step * way)
+    assert np.allclose(rise / (2 * step), body.stretch.forces(a)[:, 1], rtol=1e-5)
+
+
+def test_a_scene_of_two_plates_that_stretch():
+    one = model()
+    scene = ao.Scene(
+        {"a": one, "b": ao.RigidMass(0.3, velocity=1.0)},
+        [ao.Contact("a", "b", LAW)],
+    )  # fmt: skip
+    alone = ao.simulate(one, BALL, LAW, DURATION)
+    assert scene.run(DURATION).peak_force == pytest.approx(alone.peak_force, rel=2e-3)
+    both = ao.Scene(
+        {"a": one, "b": ao.Impactor(one), "ball": BALL},
+        [ao.Contact("a", "ball", LAW), ao.Contact("b", "ball", ao.Linear(1e3))],
+    ).run(DURATION)
+    assert set(both.assembly.stretched) == {"a", "b"}
+    assert len(both.assembly.system.cubic) == 6
+
+
+def test_rows_of_the_march_are_sites_displacements():
+    hit = ao.simulate(model(), BALL, LAW, DURATION)
+    a = with_rows(hit.assembly, {})
+    assert len(a.system.beta) == len(hit.assembly.system.beta)
+    own = hit.assembly.system.beta[1:]
+    assert np.allclose(own[:, -1], 0)  # the ball has none
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda body, hit: ao.simulate(body, BALL, LAW, DURATION, method="newmark"),
+        lambda body, hit: ao.simulate(body, BALL, LAW, DURATION, step=1e-5),
+        lambda body, hit: ao.simulate(body, BALL, LAW, DURATION, n=2),
+        lambda body, hit: body.truncated(2),
+        lambda body, hit: ao.gradient(hit, "peak_force"),
+    ],
+)
+def test_what_is_linear_refuses_in_a_sentence(call):
+    body = model()
+    hit = ao.simulate(body, BALL, LAW, DURATION)
+    with pytest.raises(InputError, match="stretch"):
+        call(body, hit)
+
+
+def test_many_impacts_take_them_one_by_one():
+    body = model()
+    speeds = [0.5, 1.0]
+    found = ao.simulate_many(body, [ao.RigidMass(0.3, velocity=v) for v in speeds], LAW, DURATION)
+    own = [ao.simulate(body, ao.RigidMass(0.3, velocity=v), LAW, DURATION) for v in speeds]
+    assert np.allclose(found.peak_force, [one.peak_force for one in own], rtol=1e-9)
+
+
+def test_files_and_pickles_keep_them(tmp_path):
+    body = model("auto")
+    body.save(tmp_path / "m.npz")
+    for again in (ao.AntiOscillators.load(tmp_path / "m.npz"), pickle.loads(pickle.dumps(body))):
+        assert again.stretch.count == "auto"
+        assert np.array_equal(again.stretch.cubic, body.stretch.cubic)
+        assert np.array_equal(again.stretch.modes, body.stretch.modes)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"modes": np.eye(5)[:, :3] * 2}, "orthonormal"),
+        ({"quadratic": np.arange(27.0).reshape(3, 3, 3)}, "symmetric"),
+        ({"cubic": np.full((3, 3, 3, 3), np.nan)}, "finite"),
+        ({"count": 0}, "count"),
+    ],
+)
+def test_numbers_that_are_no_forces_are_told(change, what):
+    good = model().stretch
+    given = {name: getattr(good, name) for name in ("modes", "quadratic", "cubic", "count")}
+    with pytest.raises(InputError, match=what):
+        Stretch(**given | change)
