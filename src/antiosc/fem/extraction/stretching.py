@@ -24,7 +24,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST, Count, Stretch
 
@@ -44,6 +44,7 @@ AT_ONCE = 20_000
 def checked(structure: Structure, model: AntiOscillators) -> MeshedStructure:
     """The part of a model that can stretch; InputError for others."""
     matrices = structure.matrices
+    refuse_prestress(structure, "stretch=")
     if not matrices.meshed or matrices.assembled:
         raise InputError(
             "stretch= takes a part of one mesh, a Structure(mesh, material, supports); got "
