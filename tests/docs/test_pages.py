@@ -37,6 +37,7 @@ BACKWARDS = {"howto/measured"}
 SLOW = {
     "howto/contact_law",
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
+    "howto/thin_sheets",
     *("howto/units", "howto/damping", "howto/sweep", "howto/shaking", "howto/export"),
     *("howto/gradient", "howto/loaded_part"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),

@@ -34,6 +34,8 @@ NEGLIGIBLE = 3e-3
 #: Modes that an automatic choice begins with, and the share of the error that it aims at, at least:
 #: the tensors themselves are within 1e-3 of the full second-order strain.
 FIRST, LEAST_TOL = 2, 2e-3
+#: Change by the last two of them from which a sentence tells it; below, the error budget does.
+TOLD = 1e-2
 #: What decides on their number, and how much more it may change than the force; contact times,
 #: which may jump by a whole touch, do not.
 DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
@@ -142,8 +144,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
             break
         before, count = now, min(count + 2, most)
     now.error.update({f"stretch {name}": value for name, value in changes.items()})
-    if worst > aim:
-        return told(now, _not_enough(count, worst, aim))
+    if worst > max(tol, TOLD):
+        return told(now, _not_enough(count, worst))
     return now
 
 
@@ -172,9 +174,9 @@ def told(history: H, sentence: str) -> H:
     return replace(history, message=f"{history.message} {sentence}")
 
 
-def _not_enough(count: int, worst: float, aim: float) -> str:
+def _not_enough(count: int, worst: float) -> str:
     return (
         f"The second-order forces of {count} modes change the impact by {worst:.2g} from those of"
-        f" {max(count - 2, 1)}, more than {aim:g}: so local or so large a deflection needs an"
+        f" {max(count - 2, 1)}, more than {TOLD:g}: so local or so large a deflection needs an"
         " explicit finite element program."
     )
