@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import charts, surfaces
 from antiosc.base.surfaces import Deformed, deformed_figure
-from antiosc.results import pictures
+from antiosc.results import deformed
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -140,7 +140,7 @@ def test_the_picture_of_a_body_is_at_its_own_largest_motion():
     largest = np.abs(hit.displacement), np.abs(hit.impactor_displacement)
     assert np.argmax(largest[0]) != np.argmax(largest[1])
     for body, expected in zip(("structure", "impactor"), largest, strict=True):
-        assert np.array_equal(pictures._motion(hit, body), expected)
+        assert np.array_equal(deformed._motion(hit, body), expected)
 
 
 def test_each_contact_is_shaded():

@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.app import live
+from antiosc.app import live_data
 
 ALUMINIUM = parts.ALUMINIUM
 SECTION = ao.Section.rectangle(0.01, 0.01)
@@ -66,7 +66,7 @@ def test_the_page_has_the_stress_of_peak_field(family):
     make, site = FAMILIES[family]
     part = make()
     hit = ao.simulate(ao.extract(part, site, n=2), ao.RigidMass(0.02, 1.0), ao.Hertz(1e7), 2e-3)
-    data = live.data_of_history(hit, part, {})["part"]
+    data = live_data.data_of_history(hit, part, {})["part"]
     count = len(data["points"])
     assert data["faces"].max() == count - 1
     assert data["faces"].shape[1] == 3

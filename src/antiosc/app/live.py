@@ -397,32 +397,6 @@ def _accuracy(budget: ErrorBudget | None) -> str:
 STEEL = 7850.0
 
 
-def data_of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
-    """The data of a map, on every rank; None for one that the page cannot strike anew."""
-    from antiosc.app import live_meshes
-
-    struck = live_meshes.sites_of_map(found, structure)
-    if struck is None:
-        return None
-    return {"engine": engine(), "blow": struck[0], "sites": struck[1]}
-
-
-def data_of_history(
-    hit: History, structure: Structure | None, budget: ErrorBudget | None
-) -> Data | None:
-    """The data of an impact, on every rank; None for one that the page cannot repeat."""
-    own = blow_of_history(hit, budget)
-    if own is None:
-        return None
-    part = None
-    if structure is not None:
-        from antiosc.app import live_meshes
-
-        part = live_meshes.of_structure(structure, hit)
-    place = striker_place(hit, own) if part is not None else None
-    return {"engine": engine(), "blow": own, "part": part, "place": place}
-
-
 def caption(data: Data) -> str:
     """What the picture of the set-up shows, in words."""
     text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."

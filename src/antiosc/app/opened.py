@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 import antiosc
-from antiosc.app import live, new, report, results
+from antiosc.app import live, live_data, new, report, results
 from antiosc.app.live import Data
 from antiosc.app.scene_file import run
 from antiosc.app.scene_file.build import Evaluation
@@ -392,7 +392,7 @@ class Opened:
             direction=None if source.look.family == "Solid" else asked.direction,
             radius=blow.model.patch_radius,
         )
-        data = live.data_of_map(found, blow.structure)
+        data = live_data.data_of_map(found, blow.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
         return {"map": data, "verdict": live.headline_of_map(found).sentences}

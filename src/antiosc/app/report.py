@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import antiosc
-from antiosc.app import info, live
+from antiosc.app import info, live, live_data
 from antiosc.app.live import Data
 from antiosc.app.results import (
     advice_of,
@@ -246,12 +246,12 @@ def _uncommented(scene: str) -> str:
 def _live(found: Results) -> tuple[Data | None, live.Headline | None]:
     """What the page strikes anew, and its first screen; None for scenes, sweeps and falls."""
     if found.map is not None:
-        return live.data_of_map(found.map, found.structure), live.headline_of_map(found.map)
+        return live_data.data_of_map(found.map, found.structure), live.headline_of_map(found.map)
     hit = found.history
     if hit is None or isinstance(hit, SceneHistory):
         return None, None
     budget = error_budget(hit)
-    data = live.data_of_history(hit, found.structure, budget)
+    data = live_data.data_of_history(hit, found.structure, budget)
     worst = ((data or {}).get("part") or {}).get("worst")
     stresses = found.stresses or {}
     return data, live.headline_of_history(hit, found.structure, budget, stresses, worst)

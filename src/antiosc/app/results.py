@@ -34,7 +34,8 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of, site_points
-from antiosc.results.pictures import MAP_QUANTITIES, plot_deformed, plot_map
+from antiosc.results.deformed import plot_deformed
+from antiosc.results.pictures import MAP_QUANTITIES, plot_map
 from antiosc.simulation.bodies import GRAVITY
 from antiosc.simulation.histories import History, SceneHistory
 from antiosc.simulation.histories.parts import CAUSES, QUANTITIES, ErrorBudget

@@ -189,7 +189,7 @@ class FirstOrder:
     ----------
     omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
     at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
-    brake : (J, 2 I) what the damping takes from their accelerations.
+    deceleration : (J, 2 I) what the damping takes from their accelerations.
     inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
     at_springs : of each branch (J, 2 I) the displacements q - z of its spring by (a, b).
     """

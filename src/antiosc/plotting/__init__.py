@@ -22,7 +22,8 @@ from antiosc.base.charts import (
     running_mean,
     save_figure,
 )
-from antiosc.results.pictures import plot_deformed, plot_map
+from antiosc.results.deformed import plot_deformed
+from antiosc.results.pictures import plot_map
 
 __all__ = [
     "legend_below",

@@ -20,13 +20,10 @@ from antiosc.base.errors import InputError
 from antiosc.base.surfaces import Deformed
 from antiosc.base.texts import ReprMixin
 from antiosc.models import model_file
-from antiosc.simulation.histories import History, SceneHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
-
-    from antiosc.fem.structure.structure import Structure
 
 
 #: The format of the file, and the largest array that is loaded, bytes.
@@ -298,95 +295,6 @@ def plot_map(
     surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
-
-
-def plot_deformed(
-    structure: Structure,
-    history: History,
-    path: str | os.PathLike[str] | None = None,
-    time: float | None = None,
-    *,
-    body: str = "structure",
-    point: Sequence[float] | None = None,
-    direction: Sequence[float] | None = None,
-    view: Sequence[float] | None = None,
-    field: str | None = None,
-) -> Figure | Path:
-    """The deformed part at one time; displacements are magnified and coloured by their magnitude.
-
-    Parameters
-    ----------
-    structure, history, body
-        As for `write_series`.
-    path : str or Path, optional
-        As for `plot_history`.
-    time : float, optional
-        In s; default: where the displacement of the site is largest, of a scene where the largest
-        contact force is.
-    point, direction : sequence of 3 floats, optional
-        An arrow that ends at `point` (m) shows the impact.
-    view : (elevation, azimuth), optional
-        From where it is seen, degrees: 90 is from above, azimuth 0 from +x and 90 from +y.
-    field : str, optional
-        What colours it in place of the displacement: a quantity of `peak_field`, as "von_mises".
-
-    Raises
-    ------
-    InputError
-        A model without shapes, or extracted from another structure; a mesh of lines.
-    """
-    seen_from = None if view is None else checks.array("view", view, (2,))
-    arrow = _arrow(point, direction)
-    found = deformed(structure, history, time, body, field)
-    mark = None if field is None else int(np.argmax(found.values))
-    figure = surfaces.deformed_figure(
-        found, arrow=arrow, view=seen_from, mark=mark, shown=path is None
-    )
-    return figure_or_path(figure, path)
-
-
-def deformed(
-    structure: Structure,
-    history: History,
-    time: float | None,
-    body: str,
-    field: str | None = None,
-) -> Deformed:
-    """The surface of a part at one time; arguments as of `plot_deformed`."""
-    from antiosc.results.fields import nodal_motion, skin
-    from antiosc.results.peaks import peak_field
-
-    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
-    history.of(body)
-    if time is None:
-        time = float(history.time[np.argmax(_motion(history, body))])
-    if field is not None:
-        peak = peak_field(structure, history, field, [time], body=body)
-        moved = nodal_motion(structure, history, time, body=body)
-        return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", moved)
-    points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
-    largest = float(np.linalg.norm(moved, axis=1).max())
-    return Deformed.of(points, faces, moved, largest)
-
-
-def _arrow(
-    point: Sequence[float] | None, direction: Sequence[float] | None
-) -> tuple[Array, Array] | None:
-    """Point and direction of the arrow of the impact, if they are given."""
-    if (point is None) != (direction is None):
-        raise InputError("the arrow of the impact needs both point and direction.")
-    if point is None or direction is None:
-        return None
-    tip = np.array(checks.coordinates("point", point))
-    return tip, np.array(checks.coordinates("direction", direction))
-
-
-def _motion(history: History, body: str) -> Array:
-    """What is largest at the time of the picture: the motion of the site, or the contact forces."""
-    if isinstance(history, SceneHistory):
-        return np.asarray(np.abs(history.run.force).max(axis=1))
-    impactor = body == "impactor"
-    return np.abs(history.impactor_displacement if impactor else history.displacement)
 
 
 def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:

@@ -226,7 +226,7 @@ class Assembly:
     laws : of the contacts, freed from the compliance of patches; `notes` say so.
     system : what the march takes.
     contact_time_estimate : expected time of a contact [s], the shortest.
-    turns : whether the rotation of a body is known, and not 0.
+    may_rotate : whether the rotation of a body is known, and not 0.
     thin : whether a body is of sheets that are held.
     stretched : of bodies that stretch, the second-order forces that have rows in the march.
     """

@@ -51,7 +51,7 @@ class Pair:
 
     Attributes
     ----------
-    given, asked, modes : the structure and the impactor, as given and as they are read.
+    given, checked, modes : the structure and the impactor, as given and as they are read.
     block : omega, decay, beta, r, the time 0, load, the gap, q and v as a `System` has them.
     omega, decay, beta, v, load : (J,) of both, in the block; `r` [m/N] the residual compliance.
     mobilities : inverse [1/kg] of the inertia that each puts behind the contact.

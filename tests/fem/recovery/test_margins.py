@@ -18,7 +18,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.recovery import Place
 from antiosc.fem.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.results.pictures import deformed
+from antiosc.results.deformed import deformed
 from sheets import sheet as mapped
 from static_loads import held
 
