@@ -107,6 +107,7 @@ class ModelInfo(ReprMixin):
     points : places [m] of named sites.
     checks : measured errors of the modes, relative.
     seconds : times of the steps of the extraction [s].
+    solver : how K was solved: by a factor or by iterations, and how accurately.
     band : of an extraction with a band.
     inside_element : whether the site lies inside an element of a beam.
     model : data of the error of beam theory, or a sentence why there is none.
@@ -142,6 +143,7 @@ class ModelInfo(ReprMixin):
     points: Mapping[str, Sequence[float]] | None = None
     checks: Mapping[str, float] | None = None
     seconds: Mapping[str, float] | None = None
+    solver: str | None = None
     band: Band | None = None
     inside_element: bool | None = None
     model: BeamSection | str | None = None

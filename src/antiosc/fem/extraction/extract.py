@@ -199,6 +199,7 @@ def _info(structure: Structure, known: Found, kept: Kept, options: ExtractOption
         rigid_modes=int(structure.rigid_modes.shape[1]),
         rigid_share=known.static.share,
         checks=measured,
+        solver=structure.factorize().told,
         **structure.matrices.plausibility,
     )
 

@@ -10,14 +10,19 @@ from antiosc.fem.linalg.algebra import by_scipy
 from antiosc.fem.linalg.solver import Choice, Solver
 
 
-def solver_for(A: Matrix, choice: Choice, motions: Callable[[], Array]) -> Solver:
-    """The solver of A that `choice` names; "auto": direct if its factor fits in memory.
+def solver_for(
+    A: Matrix,
+    choice: Choice,
+    motions: Callable[[], Array],
+    coarser: Callable[[], Matrix | None] = lambda: None,
+) -> Solver:
+    """The solver of A that `choice` names; "auto": by forecasts of memory and time.
 
-    `motions` gives rigid-body motions (rows of this rank, r) for a multigrid. A SciPy matrix is
-    always solved directly.
+    `motions` gives rigid-body motions (rows of this rank, r) and `coarser` an interpolation from a
+    coarse space for a multigrid. A SciPy matrix is always solved directly.
     """
     if by_scipy(A):
         return scipy_factors.factorize(A)
-    from antiosc.fem.linalg import solver_choice  # needs PETSc
+    from antiosc.fem.linalg import multigrid, solver_choice  # need PETSc
 
-    return solver_choice.solver_for(A, choice, motions)
+    return solver_choice.solver_for(A, choice, multigrid.Levels(motions, coarser))

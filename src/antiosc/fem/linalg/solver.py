@@ -87,6 +87,11 @@ class Solver(ABC):
             )
         return X[:, 0] if r.ndim == 1 else X
 
+    @property
+    def told(self) -> str:
+        """What it is."""
+        return "factor"
+
     def force_sizes(self, R: Array) -> Array:
         """Norms of forces, vectors as columns, in which residuals are compared."""
         return norms(self.comm, R)

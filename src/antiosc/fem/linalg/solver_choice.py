@@ -1,9 +1,10 @@
 """Solvers of PETSc matrices: their choice by memory, factors over ranks, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
-memory, conjugate gradients with algebraic multigrid are used, which take about forty times as long
-for each solve (benchmarks/speed/multigrid.md). If their matrices do not fit either, an
-OutOfMemoryError says so before they are made.
+memory, or takes longer than the solves of a model, conjugate gradients are used
+(`antiosc.fem.linalg.multigrid`): preconditioned by two levels on quadratic solids, by algebraic
+multigrid elsewhere. If their matrices do not fit either, an OutOfMemoryError says so before they
+are made.
 
 A factor over several ranks: the interface Γ is the smallest set of nodes that separates the parts
 of the ranks. Each rank factors its interior and Γ by CHOLMOD, Γ last: with L_Γ the block of Γ in
@@ -34,7 +35,6 @@ two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness fro
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
@@ -47,11 +47,11 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 from antiosc.base import process
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, NotConvergedError
-from antiosc.base.process import allocation_failed
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, dense, lower, multiply, watch
+from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver, TwoLevels
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, dense, lower, multiply
 from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
 from antiosc.fem.platform import agree, on_root, warn
 
@@ -304,8 +304,6 @@ def _cover(pairs: IntArray) -> IntArray:
     return np.concatenate([left[~reached[:n]], right[reached[n:source]]])
 
 
-#: PETSC_ERR_MEM
-PETSC_NO_MEMORY = 55
 #: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
 #: gather on one rank exceed it at times.
 WORKSPACE = 60
@@ -344,43 +342,6 @@ class OnOneRank(Factorization):
 def analysed(A: PETSc.Mat) -> Analysis:
     """The symbolic factor of a matrix on one rank."""
     return Analysis(lower(csr(A)), A.getBlockSize())
-
-
-class PetscSolver(Solver):
-    """A solver of PETSc's."""
-
-    def _set_up(self) -> None:
-        self._ksp = PETSc.KSP().create(self.A.getComm())
-        watch(self._ksp)
-        self._ksp.setOperators(self.A)
-        self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
-        try:
-            self._choose()
-            self._ksp.setUp()
-        except PETSc.Error as error:
-            if error.ierr == PETSC_NO_MEMORY:
-                raise allocation_failed(f"the solver of {self.A.getSize()[0]} dofs") from error
-            raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
-        self._b, self._x = self.A.createVecs()
-
-    @abstractmethod
-    def _choose(self) -> None:
-        """Set the type of the PETSc solver."""
-
-    def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
-        self._ksp.solve(r, x)
-        reason = self._ksp.getConvergedReason()
-        if reason < 0:
-            raise NotConvergedError(SINGULAR.format(f"PETSc reason {reason}"))
-
-    def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k), one by one."""
-        X = np.empty(R.shape, order="F")
-        for k in range(R.shape[1]):
-            self._b.setArray(R[:, k])
-            self._solve_vector(self._b, self._x)
-            X[:, k] = self._x.array_r
-        return X
 
 
 class Distributed(PetscSolver, Factorization):
@@ -444,8 +405,8 @@ class ByPetsc(PetscSolver, Factorization):
 
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
-#: Bytes of the multigrid for each entry of A: its levels, and the products while they are made
-#: (6.5 at 55 000 dofs of quadratic tetrahedra, 7.3 at 265 000: benchmarks/multigrid.py).
+#: Bytes of the iterative solvers for each entry of A: their levels, and the products while they are
+#: made (2 to 12 at 22 000 to 174 000 dofs of quadratic solids: benchmarks/large_parts.py).
 MULTIGRID = 20.0
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
@@ -453,86 +414,86 @@ ANALYSIS = 20.0
 SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
+#: Dofs from which times are compared too; below, a factor is faster.
+LARGE = 200_000
+#: Least ratio of the times for which iterations are chosen: thin and nearly incompressible parts
+#: need more of them than the forecast knows.
+FAR_LONGER = 2.0
+#: Solves that a model of twenty anti-oscillators needs, and iterations of one by two levels.
+SOLVES, CYCLES = 25, 14
+#: Operations of a factor over entries^1.5 (plates 0.12, cubes 0.15) and for each second; seconds of
+#: a solve for each of its entries, and of an iteration for each entry of A.
+OPERATIONS, RATE, SECONDS_PER_ENTRY, SECONDS_PER_CYCLE = 0.15, 3e10, 1e-9, 8e-9
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
-#: Relative residual of an iterative solve, and the most iterations for it. What it leaves of Z up
-#: to the fifth antiresonance stands in benchmarks/speed/multigrid.md.
-ITERATION_RESIDUAL, ITERATIONS = 1e-8, 2000
 
 
-class Multigrid(PetscSolver):
-    """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
+def solver_for(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
+    """The solver of A that `choice` names; "auto": by forecasts of memory and time.
 
-    backward_error = 100 * ITERATION_RESIDUAL  # in its own norm the residual is larger
-
-    def __init__(self, A: PETSc.Mat, motions: Array) -> None:
-        basis = []
-        for column in motions.T:
-            x = A.createVecRight()
-            x.setArray(column)
-            basis.append(x)
-        if basis:
-            for k, x in enumerate(basis):  # PETSc wants them orthonormal
-                for other in basis[:k]:
-                    x.axpy(-x.dot(other), other)
-                x.normalize()
-            A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
-        super().__init__(A)
-
-    def _choose(self) -> None:
-        self._ksp.setType(PETSc.KSP.Type.CG)
-        self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
-        self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
-        # Without options the graph of the first level is not squared: its levels had 4.3 times the
-        # entries of A in place of 1.2 (PETSc 3.18).
-        self._ksp.setFromOptions()
-
-
-def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
-    """The solver of A that `choice` names; "auto": direct if its factor fits in memory.
-
-    `motions` gives rigid-body motions (rows of this rank, r) for the multigrid. Where A's product
-    is by strains the solver of its entries is refined to that accuracy.
+    `levels` tells what a multigrid needs of the part. Where A's product is by strains the solver of
+    its entries is refined to that accuracy.
     """
     if by_strains(A):
-        return Refined(A, lambda matrix: _of_entries(matrix, choice, motions))
-    return _of_entries(A, choice, motions)
+        return Refined(A, lambda matrix: _of_entries(matrix, choice, levels))
+    return _of_entries(A, choice, levels)
 
 
-def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
+def _of_entries(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     if choice == "iterative":
-        return _iterative(A, motions)
-    if BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free:
+        return _iterative(A, levels)
+    fits = BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free
+    if fits and (choice == "direct" or rows < LARGE):
         return factorize(A)
     process.require(ANALYSIS * _entries(A), f"any solver of {rows} dofs", SMALLER_MESH, free)
     plan = Plan(A)
     need = BYTES * plan.entries
-    if need <= process.MEMORY_SHARE * free:
+    fits = need <= process.MEMORY_SHARE * free
+    if fits and (choice == "direct" or not _slow(A, plan.entries, levels)):
         return plan.factorize()
     what = f"the factor of {rows} dofs"
     if choice == "direct":
         process.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
     del plan  # its analysis has copies of A
-    solver = _iterative(A, motions)
-    warn(
-        A.getComm().tompi4py(),
-        f"{process.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
-        "with multigrid), which takes about forty times as long for each solve; a coarser mesh "
-        "or order=1 may fit.",
-    )
+    solver = _iterative(A, levels)
+    if not fits:
+        warn(
+            A.getComm().tompi4py(),
+            f"{process.shortage(what, need, free)}: an iterative solver is used (conjugate "
+            "gradients with multigrid), whose solves take ten times as long or more; a coarser "
+            "mesh or order=1 may fit.",
+        )
     return solver
 
 
-def _iterative(A: PETSc.Mat, motions: Callable[[], Array]) -> Solver:
+def _iterative(A: PETSc.Mat, levels: Levels) -> Solver:
     """The iterative solver, or OutOfMemoryError before its matrices are made."""
     process.trim_heap()
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)
-    return Multigrid(A, motions())
+    coarser = levels.coarser()
+    if coarser is None:
+        return Multigrid(A, levels.motions())
+    return TwoLevels(A, levels.motions(), coarser, factorize)
+
+
+def _slow(A: PETSc.Mat, entries: float, levels: Levels) -> bool:
+    """Whether a factor with so many entries takes far longer than two levels."""
+    slow = seconds_direct(entries) > FAR_LONGER * seconds_iterative(A)
+    return slow and levels.coarser() is not None
+
+
+def seconds_direct(entries: float) -> float:
+    """Forecast for a factor with so many entries and `SOLVES` solves."""
+    return OPERATIONS * entries**1.5 / RATE + SOLVES * entries * SECONDS_PER_ENTRY
+
+
+def seconds_iterative(A: PETSc.Mat) -> float:
+    """Forecast for `SOLVES` solves of a compact part by two levels."""
+    return SOLVES * CYCLES * _entries(A) * SECONDS_PER_CYCLE
 
 
 def _entries(A: PETSc.Mat) -> float:

@@ -242,6 +242,19 @@ def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpa
     return _space(mesh, "Lagrange", degree, size)
 
 
+def from_linear(space: fem.FunctionSpace) -> PETSc.Mat:
+    """The interpolation of a blocked Lagrange space from the linear one of its mesh."""
+    linear = lagrange(space.mesh, 1, space.dofmap.index_map_bs)
+    if DOLFINX < (0, 8):
+        make = dolfinx.cpp.fem.petsc.interpolation_matrix
+        matrix = make(linear._cpp_object, space._cpp_object)
+    else:
+        matrix = fem.petsc.interpolation_matrix(linear, space)
+    matrix.assemble()
+    matrix.setAttr("keep", (linear, space))
+    return matrix
+
+
 def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> fem.Function:
     """A function with one value (`size` = 0) or vector (`size` components) per cell."""
     return fem.Function(_space(mesh, "DG", 0, size))

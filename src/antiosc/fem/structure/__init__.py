@@ -455,6 +455,10 @@ class StructureMatrices:
         """
         return np.zeros((algebra.rows(self.K), 0))
 
+    def coarser(self) -> Matrix | None:
+        """The dofs of this rank from those of a coarser space; None where none is known."""
+        return None
+
     def factored(self) -> tuple[Solver, float]:
         """(solver of K + sM, s): from the first shift on, until s fits the first elastic ω²."""
         shift = self.first_shift
@@ -474,7 +478,7 @@ class StructureMatrices:
     def _solver_of(self, shift: float) -> Solver:
         A = algebra.sum_of(self.K, shift, self.M)
         algebra.free_when_dropped(A)
-        return solver_for(A, self.solver, lambda: self.rigid_motions)
+        return solver_for(A, self.solver, lambda: self.rigid_motions, self.coarser)
 
     @property
     def mass(self) -> float:

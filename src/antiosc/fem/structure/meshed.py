@@ -29,6 +29,7 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.multigrid import without
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
@@ -243,6 +244,14 @@ class MeshedStructure(StructureMatrices):
     @property
     def rigid_motions(self) -> Array:
         return support.motions(self.form, self.K)
+
+    def coarser(self) -> PETSc.Mat | None:
+        """Of a quadratic solid: its dofs from those of linear elements, fixed ones zero."""
+        if self.kind.name != "solid" or self.form.degree != 2:
+            return None
+        rows = compat.local_size(self.form.space)
+        fixed = np.isin(np.arange(rows), self.fixed)
+        return without(compat.from_linear(self.form.space), fixed)
 
     @property
     def mass(self) -> float:

@@ -1,0 +1,122 @@
+"""Conjugate gradients with two levels, against a factor of the same matrix."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+import parts
+from antiosc.fem.linalg import multigrid, solver_choice
+from antiosc.fem.linalg.multigrid import Levels, TwoLevels, at_vertices
+from mpi import START, run_ranks
+
+TIP = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
+HEEL = ao.Site((0.05, 0.021, 0.04), (0.0, 0.0, -1), radius=0.032)
+ORTHOTROPIC = ao.AnisotropicSolid.orthotropic(
+    E=(140e9, 10e9, 9e9), nu=(0.3, 0.25, 0.3), G=(5e9, 6e9, 3e9), rho=1600.0
+)
+SPRING = ao.Spring((0.2, 0.05, 0.04), {"z": 1e12})
+MASS = ao.PointMass((0.1, 0.05, 0.04), mass=30.0)
+
+
+def made(solver: str, **given) -> ao.Structure:
+    cell = given.pop("cell", "tetrahedron")
+    material = given.pop("material", ao.Solid(**{**parts.STEEL, "nu": given.pop("nu", 0.3)}))
+    held = [ao.Support(name) for name in given.pop("supports", ["left"])]
+    mesh = parts.box((6, 3, 2), cell=cell)
+    return ao.Structure(mesh, material, held, solver=solver, **given)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"cell": "hexahedron"},
+        {"supports": []},
+        {"nu": 0.499},
+        {"material": ORTHOTROPIC},
+        {"attached": [SPRING, MASS]},
+        {"attached": [SPRING], "supports": []},
+    ],
+    ids=["tetrahedra", "hexahedra", "free", "nu", "orthotropic", "attached", "on a spring"],
+)
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
+def test_models_are_those_of_a_factor(given):
+    direct, iterative = made("direct", **given), made("iterative", **given)
+    assert type(iterative.factorize()) is TwoLevels
+    sites = {"tip": TIP, "heel": HEEL}
+    if "material" in given:  # the half-space of a patch is not known
+        sites = {name: replace(site, radius=None) for name, site in sites.items()}
+    a, b = (ao.extract(part, sites, n=12) for part in (direct, iterative))
+    assert a.info.solver == "factor"
+    assert "two levels" in b.info.solver
+    for share in (0.1, 0.7, 1.3):
+        Z, found = (np.asarray(m.dynamic_stiffness(share * a.omega[1])) for m in (a, b))
+        assert np.linalg.norm(found - Z) <= 1e-6 * np.linalg.norm(Z)
+
+
+def test_rigid_motions_are_those_of_the_coarse_level():
+    part = made("iterative", supports=[])
+    P, motions = part.matrices.coarser(), part.matrices.rigid_motions
+    coarse, fine = P.createVecs()
+    for column, own in zip(at_vertices(P, motions).T, motions.T, strict=True):
+        coarse.setArray(column)
+        P.mult(coarse, fine)
+        np.testing.assert_allclose(fine.array_r, own, atol=1e-12)
+
+
+def test_held_dofs_stay(monkeypatch):
+    part = made("iterative")
+    P = part.matrices.coarser()
+    coarse, fine = P.createVecs()
+    coarse.set(1.0)
+    P.mult(coarse, fine)
+    owned = part.fixed[part.fixed < part.rows]
+    assert not fine.array_r[owned].any()
+    # with a coarse level that is not factored
+    x = np.random.default_rng(0).standard_normal(part.rows)
+    exact = part.factorize().solve(x)
+    monkeypatch.setattr(multigrid, "FACTORED", 0)
+    levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.coarser)
+    found = solver_choice.solver_for(part.K, "iterative", levels).solve(x)
+    np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
+
+
+def test_linear_elements_have_no_coarse_level():
+    assert made("auto", order=1).matrices.coarser() is None
+
+
+def test_the_faster_solver_is_taken(monkeypatch):
+    monkeypatch.setattr(solver_choice, "LARGE", 1)
+    part = made("auto")
+    assert type(part.factorize()) is solver_choice.OnOneRank
+    monkeypatch.setattr(solver_choice, "RATE", 1.0)
+    part = made("auto")
+    assert type(part.factorize()) is TwoLevels
+
+
+OVER_RANKS = """
+from antiosc.fem.linalg import multigrid
+
+site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
+found = []
+for most in (150_000, 0):
+    multigrid.FACTORED = most
+    for held in ([ao.Support("left")], []):
+        mesh = parts.box((6, 3, 2), cell="tetrahedron")
+        part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
+        model = ao.extract(part, site, n=8)
+        Z = model.dynamic_stiffness(np.array([0.1, 0.7, 1.3]) * model.omega[1])
+        found.append(["two levels" in model.info.solver, *np.real(Z)])
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.mpi
+def test_over_ranks():
+    one, two = (json.loads(run_ranks(n, START + OVER_RANKS, alone=True)[0]) for n in (1, 2))
+    assert all(line[0] for line in two)
+    np.testing.assert_allclose(two, one, rtol=1e-6)
