@@ -441,6 +441,12 @@ OWN: dict[str, dict[str, Any]] = {
         "material": lambda: ao.Solid(70e9, 0.3, 2700.0),
         "supports": lambda: [ao.Support(lambda x: x[0] < 1e-9)],
     },
+    "tradeoff": {
+        "source": mesh, "site": place, "tol": 0.5, "limit": 0.1,
+        "contact": lambda: ao.Hertz(1e9), "duration": 1e-4,
+        "material": lambda: ao.Solid(70e9, 0.3, 2700.0),
+        "supports": lambda: [ao.Support(lambda x: x[0] < 1e-9)],
+    },
     "advise": {"part": (0.3, 0.2, 0.01), "E": 70e9, "rho": 2700.0},
     "extract": {"site": place}, "full": {"site": place}, "superposition": {"site": place},
     "impact_map": {

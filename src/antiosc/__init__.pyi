@@ -318,5 +318,8 @@ from antiosc.studies.measured.reading import (
 from antiosc.studies.striking import (
     strike as strike,
 )
+from antiosc.studies.tradeoff import (
+    tradeoff as tradeoff,
+)
 
 __version__: str

@@ -29,7 +29,7 @@ MESHED = {"howto/open", "howto/deck", "howto/drop", "howto/damping"}
 #: The first programs of these pages are jobs that an engineer does: so many lines at most.
 JOBS = {
     *("howto/drop", "tutorials/composite", "howto/shaking", "howto/sweep", "assemblies"),
-    *("howto/map", "matrices", "howto/damping", "howto/measured", "howto/export"),
+    *("howto/tradeoff", "howto/map", "matrices", "howto/damping", "howto/measured", "howto/export"),
 }
 LONGEST_JOB = 15
 #: The first program of this page reads what the second one makes.
@@ -39,7 +39,7 @@ SLOW = {
     *("first_impact", "limits", "howto/find", "howto/map", "howto/stress", "howto/measured"),
     "howto/thin_sheets",
     *("howto/units", "howto/damping", "howto/sweep", "howto/shaking", "howto/export"),
-    *("howto/gradient", "howto/loaded_part"),
+    *("howto/gradient", "howto/loaded_part", "howto/tradeoff"),
     *("api/measured", "api/drops", "howto/chance", "howto/drop", "howto/report", "errors"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),
     *("tutorials/drop", "tutorials/composite", "tutorials/assembly", "tutorials/measured"),

@@ -24,6 +24,7 @@ COMMANDS = {
     "sweep": "simulate the impact for each value of the section [sweep]",
     "monte-carlo": "simulate the impact for random values, of the section [monte_carlo]",
     "map": "simulate the impact at every point of the section [map]",
+    "tradeoff": "error against seconds and memory of the impact of a scene file",
     "export": "write the impact of a scene file for another program: FMU, C, MuJoCo, Modelica",
     "schema": "print the JSON schema of scene files, for editors",
 }
@@ -120,6 +121,10 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
             )
+        if name == "tradeoff":
+            sought = "relative error of interest (default: tol of [strike], or 0.02)"
+            command.add_argument("--tol", type=float, metavar="TOL", help=sought)
+            command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
         if name in ("run", "sweep", "monte-carlo", "map"):
             _results(command)
         if name == "monte-carlo":

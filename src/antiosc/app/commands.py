@@ -104,6 +104,43 @@ def _export(options: Namespace) -> int:
     return 0
 
 
+#: Tolerance of a trade-off if neither the command nor [strike] has one.
+USUAL_TOL = 0.02
+
+
+def _tradeoff(options: Namespace) -> int:
+    """Print error against seconds and memory for the impact of a scene file, and draw it."""
+    scene = compiled(read(options.file))
+    given = {**_one_impact(scene, options.file)}
+    if options.tol is not None:
+        given["tol"] = options.tol
+    with run.collected_warnings(scene.warnings):
+        found = Evaluation(scene.document)(Call(antiosc.tradeoff, given))
+    say(found.summary())
+    for sentence in scene.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    if options.chart is not None:
+        say(f"wrote {found.plot(options.chart)}")
+    return 0
+
+
+def _one_impact(scene: Compiled, path: str) -> Table:
+    """The arguments of `tradeoff` for [strike], or for a meshed part and [simulate]."""
+    if scene.striking and scene.history is not None:
+        return scene.history.arguments
+    model, history = scene.model, scene.history
+    if model is None or history is None or model.name != "extract":
+        raise InputError(
+            f"{path} has no impact to compare: a trade-off needs [strike], or [simulate] on a part"
+            " with a mesh and one site."
+        )
+    asked = history.arguments
+    shared = ("impactor", "contact", "duration", "initial_velocity", "gravity", "gap")
+    kept = {name: asked[name] for name in shared if name in asked}
+    site = model.arguments["site"]
+    return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **kept}
+
+
 def _schema(_options: Namespace) -> int:
     say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
     return 0
@@ -240,4 +277,11 @@ def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     return rows
 
 
-_OTHERS = {"new": _new, "open": _open, "check": _check, "export": _export, "schema": _schema}
+_OTHERS = {
+    "new": _new,
+    "open": _open,
+    "check": _check,
+    "tradeoff": _tradeoff,
+    "export": _export,
+    "schema": _schema,
+}

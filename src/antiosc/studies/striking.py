@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypedDict
+from typing import Any, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -151,6 +151,36 @@ def strike(
         No material, or one of a family without an error estimate; what `extract` and `simulate`
         refuse.
     """
+    shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+    run = partial(simulated, impactor, contact, duration, shared)
+    return struck(source, site, impactor, run, tol, material, supports, order, limit)
+
+
+def simulated(
+    impactor: LinearBody,
+    contact: AnyLaw,
+    duration: float,
+    shared: dict[str, Any],
+    model: AntiOscillators,
+    error: float,
+) -> History:
+    """The impact on a model, to a tolerance: a `Run` from the fifth argument on."""
+    return simulate(model, impactor, contact, duration, tol=error, **shared)
+
+
+def struck(
+    source: str | Path | Mesh | Structure,
+    site: Site,
+    impactor: LinearBody,
+    run: Run,
+    tol: float,
+    material: Material | None,
+    supports: Sequence[Support],
+    order: int,
+    limit: float | None,
+    seen: Seen | None = None,
+) -> History:
+    """What `strike` answers; `seen` is told of the answer of every mesh, and of its site."""
     started = time.perf_counter()
     tol = checks.tolerance(tol)
     order = checks.whole("order", order, least=1, most=2)
@@ -158,15 +188,10 @@ def strike(
         limit = checks.positive("limit", limit, "s")
     checks.instance("site", site, Site, "a Site(point, direction)")
     material = _material_of(source, material, supports)
-
-    def run(model: AntiOscillators, error: float) -> History:
-        return simulate(
-            model, impactor, contact, duration, tol=error,
-            initial_velocity=initial_velocity, gravity=gravity, gap=gap,
-        )  # fmt: skip
-
     if isinstance(source, Structure):
         answer = answered(source, site, run, tol, FIRST_N)
+        if seen is not None:
+            seen(answer, site)
         told = (
             ""
             if answer.budget.numerical <= tol
@@ -183,6 +208,8 @@ def strike(
         answer = answered(structure, site, run, tol, n)
         answer = changed_since(answer, before) if mesh.tdim == 1 else compared(answer, before)
         before = answer
+        if seen is not None:
+            seen(answer, site)
         records.append(record(answer))
         log.info("strike: %s", records[-1])
         told, ratio = "", np.ones(0)
@@ -272,7 +299,7 @@ class Answer:
 def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
     """Extract and simulate, with more anti-oscillators where the truncation asks for them."""
     started = time.perf_counter()
-    accuracy = float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
+    accuracy = accuracy_of_steps(tol)
     most = min(MOST_N, structure.dofs - 1)
     n = min(n, most)
     while True:
@@ -283,12 +310,28 @@ def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> 
         if left <= _truncation_goal(budget, tol) or n >= most or model.n < n:
             break
         n = int(np.clip(_enough(model, run, left, tol), n + n // 2, min(3 * n, most)))
-    if model.strain_misfit is not None:  # a shell's corrected model is not always nearer
-        seconds = time.perf_counter() - started
-        return Answer(structure, hit, hit, budget, n, seconds)
-    soft = run(model.corrected(), accuracy)
-    seconds = time.perf_counter() - started
-    return Answer(structure, hit, soft, budget.of_corrected(soft), n, seconds)
+    return corrected(structure, hit, run, accuracy, n, started)
+
+
+def accuracy_of_steps(tol: float) -> float:
+    """The tolerance of the time integration."""
+    return float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
+
+
+def corrected(
+    structure: Structure, hit: History, run: Run, accuracy: float, n: int, started: float
+) -> Answer:
+    """The answer to the run of a raw model whose work began at `started`."""
+    model, budget = hit.model, hit.error_budget
+    soft = hit
+    if model.strain_misfit is None:  # a shell's corrected model is not always nearer
+        soft = run(model.corrected(), accuracy)
+        budget = budget.of_corrected(soft)
+    return Answer(structure, hit, soft, budget, n, time.perf_counter() - started)
+
+
+#: Is told of an answer and its site.
+Seen: TypeAlias = Callable[[Answer, Site], None]
 
 
 def compared(answer: Answer, before: Answer | None) -> Answer:

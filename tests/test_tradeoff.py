@@ -1,0 +1,137 @@
+"""`tradeoff`: its bars hold, its members are those of a direct calculation, the best is chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.app.cli import main
+from antiosc.studies.tradeoff import BRACKET, Member, Tradeoff
+from parts import STEEL, plate
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning"),
+]
+SHEET = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+HELD = [ao.Support("left")]
+SITE = ao.Site((0.25, 0.1), (0, -1), radius=0.012)
+IMPACT = (ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3)
+TOL = 0.02
+
+
+@pytest.fixture(scope="module")
+def tried() -> Tradeoff:
+    mesh = plate((6, 2), (0.3, 0.1), "triangle")
+    return ao.tradeoff(mesh, SITE, *IMPACT, tol=TOL, material=SHEET, supports=HELD, order=1)
+
+
+def test_bars_hold_against_another_mesh(tried):
+    part = ao.Structure(plate((48, 16), (0.3, 0.1)), SHEET, HELD)
+    true = ao.simulate(ao.extract(part, SITE, n=60), *IMPACT, tol=1e-6)
+    dofs = [one.dofs for one in tried.table]
+    assert dofs == sorted(dofs)
+    assert len(set(dofs)) > 1
+    finest = tried.table[-1]
+    assert finest.bar <= BRACKET * TOL
+    assert finest.difference == 0.0
+    for one in tried.table:
+        error = abs(one.peak_force / true.peak_force - 1)
+        assert error <= one.bar
+        assert error <= one.difference + finest.bar
+
+
+def test_members_are_what_extract_and_simulate_give():
+    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+    found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
+    assert len({one.n for one in found.table}) == len(found.table) > 1
+    for one in found.table:
+        model = ao.extract(part, SITE, n=one.n, error="estimate").corrected()
+        hit = ao.simulate(model, *IMPACT, tol=1e-4)
+        assert hit.peak_force == pytest.approx(one.peak_force, rel=2e-3)
+        assert one.dofs == part.dofs
+        assert one.size == pytest.approx(np.sqrt(0.03 / 48))
+
+
+def some(*each: tuple[float, float]) -> Tradeoff:
+    """Members with these seconds and bars."""
+    one = Member("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
+    table = tuple(replace(one, seconds=seconds, bar=bar) for seconds, bar in each)
+    return Tradeoff(table, 0.01, None)  # type: ignore[arg-type]
+
+
+def test_the_best_and_the_front():
+    found = some((1.0, 0.1), (2.0, 0.2), (3.0, 0.04), (4.0, 0.01), (9.0, 0.02))
+    assert found.best(tol=0.05).seconds == 3.0
+    assert found.best(seconds=3.5).bar == 0.04
+    assert [one.seconds for one in found.front] == [1.0, 3.0, 4.0]
+    with pytest.raises(ao.InputError, match="no member has a bar"):
+        found.best(tol=0.001)
+    with pytest.raises(ao.InputError, match="no member takes"):
+        found.best(seconds=0.5)
+    for given in ({}, {"tol": 0.1, "seconds": 1.0}):
+        with pytest.raises(ao.InputError, match="one of tol and seconds"):
+            found.best(**given)
+
+
+def test_picture_and_table(tried, tmp_path):
+    assert tried.plot(tmp_path / "chart.png").stat().st_size > 1000
+    assert len(tried.summary().splitlines()) == len(tried.table) + 1
+
+
+SCENE = """
+[geometry]
+source = "PLATE"
+
+[material]
+kind = "Solid"
+E = 70e9
+nu = 0.33
+rho = 2700.0
+
+[[supports]]
+where = "clamp"
+
+[sites.tip]
+point = [0.020, 0.040, 0.075]
+direction = [0, -0.6, -0.8]
+radius = 12e-3
+snap = true
+
+[impactor]
+kind = "RigidMass"
+mass = 0.5
+velocity = 1.0
+
+[contact]
+kind = "Linear"
+stiffness = 1e6
+"""
+BLOW = {"strike": "duration = 2e-4\ntol = 0.9", "simulate": "duration = 2e-4"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("section", ["strike", "simulate"])
+def test_of_a_scene_file(section, tmp_path, capsys):
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    text = SCENE.replace("PLATE", str(bracket)) + f"\n[{section}]\n{BLOW[section]}\n"
+    (tmp_path / "scene.toml").write_text(text)
+    chart = tmp_path / "chart.png"
+    given = ["tradeoff", str(tmp_path / "scene.toml"), "--tol", "0.9", "--chart", str(chart)]
+    assert main(given) == 0
+    assert chart.exists()
+    assert "to finest" in capsys.readouterr().out
+
+
+def test_a_scene_without_one_impact_is_refused(tmp_path, capsys):
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    text = SCENE.partition("[impactor]")[0].replace("PLATE", str(bracket))
+    (tmp_path / "scene.toml").write_text(text + "[extract]\nn = 3\n")
+    assert main(["tradeoff", str(tmp_path / "scene.toml")]) == 1
+    assert "needs [strike], or [simulate]" in capsys.readouterr().err
