@@ -15,6 +15,7 @@ from antiosc.contact.line import line_indentation, line_law
 from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.curvature import curvature_at
+from mpi import START, run_ranks
 from parts import STEEL
 from sheets import sheet
 
@@ -179,3 +180,37 @@ def test_a_flat_side_of_one_face_is_flat_and_a_bent_one_is_not_known():
     found = curvature_at(part, (0.004, 0.005, 0.01), (0.0, 0.0, -1.0))
     assert found.kind == PLANE
     np.testing.assert_allclose(found.normal, (0, 0, 1), atol=1e-12)
+
+
+def test_a_flat_place_beside_a_fillet_is_flat(tmp_path: Path) -> None:
+    """A fit as wide as the part takes in nodes of the fillet, and has a hollow of 0.1 m."""
+    shape = "Box(1) = {0, 0, 0, 0.06, 0.04, 0.03}; v() = Fillet{1}{9, 10, 11, 12}{0.004};"
+    mesh = replace(meshed(tmp_path, shape, 0.003, 1), cad=None)
+    part = ao.Structure(mesh, ao.Solid(**STEEL))
+    for site in ((0.01, 0.0, 0.02), (0.02, 0.0, 0.01), (0.03, 0.008, 0.03)):
+        found = curvature_at(part, site)
+        assert (found.kind, found.error) == (PLANE, 0.0)
+
+
+RANKS = (
+    START
+    + """
+from antiosc.fem.site.curvature import curvature_at
+
+mesh = ao.read_mesh(sys.argv[1], size=0.006)
+part = ao.Structure(mesh, ao.Solid(**parts.STEEL))
+for site in ((0.01, 0.0, 0.022), (0.0, 0.01, 0.03), (0.003, 0.0, 0.05), (0.01, 0.0, 0.05)):
+    found = curvature_at(part, site)
+    print(found.kind, *(np.round([*found.values, *found.point, found.length], 9) + 0.0))
+"""
+)
+
+
+@pytest.mark.mpi
+def test_curvature_on_two_ranks_is_that_on_one(tmp_path: Path) -> None:
+    shape = "Cylinder(1) = {0, 0, 0, 0, 0, 0.05, 0.01};"
+    path = tmp_path / "part.geo"
+    path.write_text(f'SetFactory("OpenCASCADE"); {shape}')
+    (alone,), both = (run_ranks(n, RANKS, str(path)) for n in (1, 2))
+    assert both == [alone, alone]
+    assert [line.split()[0] for line in alone.splitlines()] == [LINE, LINE, PLANE, EDGE]

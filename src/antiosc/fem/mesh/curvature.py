@@ -416,6 +416,8 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     error = max(_spread(fit, smaller, larger), 2 * fit.deviation, _cut_off(fit, bend * radius))
     if bend * radius > UNRESOLVED:
         error = max(error, bend)
+    if error > bend / 2 and _flat_within(nodes, normal, radius):
+        return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
 
@@ -424,6 +426,16 @@ def _in_one_plane(nodes: Array, normal: Array) -> bool:
     """Whether nodes (n, 3) lie on the plane through the origin with this normal."""
     size = float(np.linalg.norm(nodes, axis=1).max())
     return bool(np.abs(nodes @ normal).max() <= TOUCH * size)
+
+
+def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
+    """Whether the nodes within a smaller radius, enough for a fit, lie on a plane: a flat place
+    beside a rounded edge."""
+    while True:
+        radius /= OTHER
+        fit = _fit(nodes, normal, radius)
+        if fit is None or fit.flat:
+            return fit is not None
 
 
 def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
