@@ -15,6 +15,7 @@ pytest.importorskip("jinja2")
 import antiosc as ao
 from antiosc.app import new
 from antiosc.app.new import inspect_part
+from antiosc.fem.mesh.surface import Faces
 from parts import gmsh_session
 from scene_files import antiosc
 
@@ -163,3 +164,19 @@ def test_the_first_reason_is_told_where_no_way_reads_a_file(tmp_path):
     meshio.Mesh(points, [("quad", [[0, 2, 1, 3]])]).write(path)
     with pytest.raises(ao.MeshError, match="cross themselves"):  # not that there are no volumes
         inspect_part(path)
+
+
+def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
+    path = tmp_path / "groove.geo"
+    path.write_text(
+        'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n'
+        "Cylinder(2) = {0.02, 0, 0.02, 0, 0.03, 0, 0.008};\n"
+        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};\n"
+        'Physical Volume("all") = {3};\n'
+    )
+    mesh = ao.read_mesh(path, size=4e-3)
+    down = np.array([0.0, 0.0, -1.0])
+    hollow, flat = (np.array([0.02, 0.015, 0.012]), np.array([0.005, 0.015, 0.02]))
+    sites = iter([(hollow, down, 1e-3), (flat, down, 1e-3)])
+    found = [x.tolist() for x, _, _ in new._outside_hollows(mesh, Faces(mesh, False), sites)]
+    assert found == [flat.tolist(), hollow.tolist()]

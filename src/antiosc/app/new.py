@@ -52,6 +52,8 @@ RADIUS, LARGEST_RADIUS = 0.4, 0.02
 #: 1 m/s touches steel over 0.05 of its radius, plastics over 0.11, and the patch must be 1.7 times
 #: as wide. Of a deck the material may be any.
 LARGEST_BALL, BALL_OVER_PATCH = 0.01, {False: 10.0, True: 5.0}
+#: Hollow curvature over that of the ball from which a surface is no place for a contact at a point.
+HOLLOW = 0.5
 #: Which way is up, for a sheet in any plane.
 UP = np.array([0.1, 0.2, 1.0])
 #: Distance from the edge of a side, over the size of the part, from which more room is no merit.
@@ -238,6 +240,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
             (point, direction, _radius(inside, edge, longest, meshed))
             for point, direction, inside, edge in there
         )
+    if family == "Solid":
+        sites = _outside_hollows(mesh, outer, sites)
     point, direction, radius = next(sites)
     radius = radius if family == "Solid" else None
     if structure is not None:
@@ -251,6 +255,26 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         _rounded(point, size), _rounded(direction), radius, count, x, faces, held,
         of_deck=structure is not None,
     )  # fmt: skip
+
+
+def _outside_hollows(
+    mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
+) -> Iterator[tuple[Array, Array, float | None]]:
+    """Sites of a solid, those into which the ball would fit last."""
+    from antiosc.fem.mesh.curvature import curvature
+
+    some = list(islice(sites, MOST_TRIED))
+    hollow = []
+    for site in some:
+        try:
+            bend = float(np.min(curvature(mesh, outer, site[0], site[1]).values))
+        except InputError:  # not known
+            bend = 0.0
+        if bend < -HOLLOW / LARGEST_BALL:  # nan of edges is not
+            hollow.append(site)
+        else:
+            yield site
+    yield from chain(hollow, sites)
 
 
 def _movable(

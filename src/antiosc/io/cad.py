@@ -63,8 +63,9 @@ AROUND = {"Mesh.MeshSizeFromCurvature": 12.0}
 HXT = {"Mesh.Algorithm3D": 10.0, "Mesh.OptimizeNetgen": 1.0}
 #: Of surfaces of triangles whose sides have no plane parameters: holes that touch the rim.
 PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
-#: In this order; the first is gmsh's usual one. Of 90 CAD files by others 9 need another, most
-#: often elements that follow the curvature.
+#: In this order; the first is gmsh's usual one. Of 91 CAD files by others at a twentieth of their
+#: length 78 were meshed by it, 3 by elements that follow the curvature; 8 held no shapes, and 2
+#: took more than 200 s.
 ATTEMPTS = (
     Attempt("as it is"),
     Attempt("with elements that follow the curvature", options=AROUND),
