@@ -260,7 +260,7 @@ def _with_member(answer: Answer) -> tuple[Answer, Member]:
         dofs=structure.dofs,
         n=answer.n,
         step=answer.hit.step,
-        seconds=structure.seconds["assembly"] + answer.seconds,
+        seconds=max(structure.comm.allgather(structure.seconds["assembly"] + answer.seconds)),
         gigabytes=(MATRIX_BYTES * stored + FACTOR_BYTES * entries) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
