@@ -265,7 +265,8 @@ def test_two_ranks_find_what_one_finds():
     assert two == pytest.approx(one, rel=1e-5)
 
 
-#: Memory after each of some structures, which are dropped, in units of one's K and M.
+#: Growth of the memory by each of some structures, which are dropped, in units of one's K and M.
+#: The median: a leak is there each time (2.3 where the structures stay), a pool that grows is not.
 GROWTH = """
 import json, resource
 
@@ -276,7 +277,7 @@ for _ in range(8):
     size = 2 * 12 * part.K.getInfo(part.K.InfoType.LOCAL)["nz_used"]
     del part
     peaks.append(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-print(json.dumps((peaks[-1] - peaks[2]) / size))
+print(json.dumps(float(np.median(np.diff(peaks[2:]))) / size))
 """
 
 
@@ -284,7 +285,7 @@ print(json.dumps((peaks[-1] - peaks[2]) / size))
 @pytest.mark.mpi
 def test_memory_does_not_grow():
     for text in run_ranks(2, START + GROWTH, alone=True):
-        assert json.loads(text) < 1.5
+        assert json.loads(text) < 0.3
 
 
 def test_a_stiff_plate_on_springs_heaves_as_one_mass():
