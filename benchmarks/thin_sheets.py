@@ -169,7 +169,7 @@ def random_sheets(count: int) -> None:
     rng, held = np.random.default_rng(7), 0
     for number in range(count):
         part, site, mass, speed, k, duration, h = random_sheet(rng)
-        _, force, moved = Full(part, site).impact(mass, speed, k, duration, 400)
+        _, force, moved = Full(part, site).impact(mass, speed, k, duration, 1000)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model = ao.extract(part, site, n=40, stretch="auto")

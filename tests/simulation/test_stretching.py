@@ -109,6 +109,14 @@ def test_an_automatic_number_states_its_error():
     assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time
 
 
+def test_a_part_with_two_modes_takes_both_and_says_nothing():
+    body = model("auto", size=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hit = ao.simulate(body, BALL, LAW, DURATION)
+    assert hit.assembly.stretched["structure"].size == 2
+
+
 def test_the_forces_do_not_depend_on_the_axes_of_their_modes():
     body = model()
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
