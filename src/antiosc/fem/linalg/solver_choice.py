@@ -406,7 +406,8 @@ class ByPetsc(PetscSolver, Factorization):
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
 #: Bytes of the iterative solvers for each entry of A: their levels, and the products while they are
-#: made (multigrid 6 to 7: benchmarks/multigrid.py; two levels about twice that: benchmarks/large_parts.py).
+#: made (multigrid 6 to 7: benchmarks/multigrid.py; two levels about twice that:
+#: benchmarks/large_parts.py).
 MULTIGRID = 20.0
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
