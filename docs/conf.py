@@ -14,7 +14,7 @@ import antiosc
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
-generated = import_module("generated")
+generated, theme = (import_module(name) for name in ("generated", "theme"))
 
 project = "antiosc"
 author = "antiosc developers"
@@ -28,6 +28,7 @@ html_title = f"antiosc {version}"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 html_show_copyright = False
+html_show_search_summary = False  # browsers fetch no text of pages that are files
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 napoleon_google_docstring = False
@@ -64,6 +65,7 @@ def _lists(app: Any, name: str, source: list[str]) -> None:
         source[0] = generated.with_other_pages(source[0])
     elif name == "live":
         source[0] = source[0].replace("%REPORT", generated.embedded(app.outdir))
+    source[0] = generated.with_words(name, source[0])
     if not name.startswith("demos/"):
         source[0] = generated.of_this_folder(source[0])
 
@@ -88,8 +90,14 @@ def _with_mathjax(app: Any, error: Exception | None) -> None:
             shutil.copyfile(source, target)
 
 
+def _mended(app: Any, error: Exception | None) -> None:
+    if error is None and app.builder.format == "html":
+        theme.mend(Path(app.outdir, "_static"))
+
+
 def setup(app: Any) -> None:
     generated.demo_pages(HERE / "demos")
     app.connect("source-read", _lists)
     app.connect("autodoc-process-docstring", _plain, priority=400)
     app.connect("build-finished", _with_mathjax)
+    app.connect("build-finished", _mended)

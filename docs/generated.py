@@ -40,6 +40,7 @@ PICTURES = {
         "local_quantities": ["../speed/local_quantities.png"],
         "opened_part": ["opened_part.png"],
         "plate_impact": ["plate_impact.png"],
+        "speed_chart": ["speed_chart.png"],
         "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
         "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
         "stiffened_panel": ["stiffened_panel.png"],
@@ -47,6 +48,27 @@ PICTURES = {
         "tube_between_stops": ["tube_between_stops.png"],
         "work_precision": ["work_precision.png", "work_precision_contacts.png"],
     },
+}
+#: page -> words that people look for, which its text does not have, or has among many others
+WORDS = {
+    "api/structures": ("node id", "node number", "bolt", "screw"),
+    "api/models": ("npz", "save a model", "load a model"),
+    "api/simulation": ("golf ball", "tennis ball", "hail", "IK08 hammer", "headform", "pendulum"),
+    "howto/deck": ("node ids of a deck", "inp", "bdf", "cdb", "Ansys", "Abaqus", "Nastran"),
+    "howto/drop": ("drop test", "free fall", "tumble"),
+    "howto/open": ("GUI", "STEP", "STL", "CAD", "without programming"),
+    "howto/shaking": ("earthquake", "shaker", "random vibration"),
+    "howto/measured": ("impact hammer", "modal test", "uff"),
+    "howto/contact_law": ("coefficient of restitution", "dent", "plasticity"),
+    "howto/stress": ("safety factor", "yield"),
+    "howto/units": ("inch", "tonne", "millimetre"),
+    "howto/export": ("FMU", "Simulink", "Modelica", "Matlab"),
+    "howto/cluster": ("MPI", "slurm", "parallel"),
+    "howto/chance": ("Monte Carlo", "uncertainty", "sensitivity"),
+    "install": ("pip", "conda", "docker"),
+    "results": ("csv", "srs", "shock response spectrum", "ParaView", "vtu"),
+    "speed": ("benchmark", "time step", "stability"),
+    "theory": ("model reduction", "Craig-Bampton"),
 }
 #: the scene whose report stands in the pages
 REPORTED = ROOT / "demos/scenes/step.toml"
@@ -99,29 +121,26 @@ def api_pages() -> list[str]:
 
 
 def with_names(index: str) -> str:
-    """The index of the API with its table of all names, the page and first sentence of each."""
-    files = sorted((HERE / "api").glob("*.md"))
-    pages = {path.stem: path.read_text(encoding="utf-8") for path in files}
-    del pages["index"]
-    of = {name: page for page, text in pages.items() for name in api(listed_modules(text))}
-    rest = next(page for page, text in pages.items() if "%API rest" in text)
-    rows = [
-        f"| [`{name}`]({of.get(name, rest)}.md) | {first_sentence(name, module)} |"
-        for name, module in sorted(public_names().items(), key=lambda pair: pair[0].lower())
-    ]
-    return "\n".join([index.split("| name |")[0] + "| name | |", "|---|---|", *rows, ""])
+    """The index of the API with its table of all names, by page."""
+    order = re.findall(r"^(\w+)$", index.partition("toctree}")[2].partition("```")[0], re.MULTILINE)
+    texts = {page: (HERE / f"api/{page}.md").read_text(encoding="utf-8") for page in order}
+    own = {page: api(listed_modules(text)) for page, text in texts.items()}
+    listed = {name for names in own.values() for name in names}
+    rest = next(page for page, text in texts.items() if "%API rest" in text)
+    own[rest] = [*own[rest], *(name for name in public_names() if name not in listed)]
+    titles = {page: f"[{titled(text)}]({page}.md)" for page, text in texts.items()}
+    rows = [f"| {titles[page]} | {coded(names)} |" for page, names in own.items()]
+    return "\n".join([index.split("| page |")[0] + "| page | |", "|---|---|", *rows, ""])
 
 
-def first_sentence(name: str, module: str) -> str:
-    """Of the docstring of a public name."""
-    path = ROOT / "src" / module.replace(".", "/")
-    file = path.with_suffix(".py")
-    file = file if file.is_file() else path / "__init__.py"
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    kinds = (ast.FunctionDef, ast.ClassDef)
-    found = [node for node in tree.body if isinstance(node, kinds) and node.name == name]
-    text = next(filter(None, map(ast.get_docstring, reversed(found))), name)  # of a type: its name
-    return re.split(r"\n\n|(?<=\.)\s", text)[0].replace("\n", " ").replace("|", "\\|")
+def titled(text: str) -> str:
+    """The title of a page."""
+    return text.partition("\n")[0].strip("# ")
+
+
+def coded(names: list[str]) -> str:
+    """Names as code."""
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def with_other_pages(index: str) -> str:
@@ -130,6 +149,13 @@ def with_other_pages(index: str) -> str:
     pages = [path.stem for path in sorted(HERE.glob("*.md"))]
     others = [page for page in pages if page not in listed and page != "index"]
     return index.replace("%PAGES", "\n".join(others))
+
+
+def with_words(page: str, text: str) -> str:
+    """A page with the words by which it is also looked for, as entries of the index."""
+    words = WORDS.get(page, ())
+    entries = [f"```{{index}} single: {word}\n```\n" for word in words]
+    return "\n".join([*entries, text]) if words else text
 
 
 def plain(lines: list[str]) -> None:

@@ -10,9 +10,12 @@ import re
 import shutil
 import subprocess
 import threading
+import time
 from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote, urldefrag
+from urllib.parse import quote, unquote, urldefrag
+
+from webdriver import Browser
 
 TELEPHONE = 390  # width in pixels
 
@@ -91,6 +94,29 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
         pass
 
 
+def searched(folder: Path, words: list[str]) -> tuple[dict[str, str], list[str], str]:
+    """The first page that a search finds for each word, what the console says, and the theme.
+
+    The theme is the one after a click on its button.
+    """
+    first = {}
+    with Browser() as browser:
+        for word in words:
+            browser.address(f"{(folder / 'search.html').as_uri()}?q={quote(word)}", 1300)
+            for _ in range(200):
+                first[word] = browser.run(FIRST)
+                if first[word]:
+                    break
+                time.sleep(0.05)
+        said = browser.said()
+        for name in ("index.html", "guide.html", "api/index.html"):
+            browser.address((folder / name).as_uri(), 1300)
+            said += browser.said()
+        browser.run("document.querySelector('.content .theme-toggle').click()")
+        return first, said, browser.run("return document.body.dataset.theme")
+
+
+FIRST = "return document.querySelector('#search-results li a')?.getAttribute('href') || ''"
 PROBE = f"""<!doctype html><body><pre id="out">{{}}</pre><script>
 const names = NAMES, found = {{}};
 function next() {{

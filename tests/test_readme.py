@@ -17,11 +17,11 @@ from paths import ROOT, demo
 
 def programs() -> list[str]:
     """The program of README, then those of the guide that go on from it."""
-    pages = [ROOT / "README.md", ROOT / "docs" / "guide.md"]
-    texts = [page.read_text(encoding="utf-8") for page in pages]
+    pages = ("README.md", "docs/guide.md", "docs/several.md")
+    texts = [(ROOT / page).read_text(encoding="utf-8") for page in pages]
     found = [re.findall(r"```python\n(.*?)```", text, re.DOTALL) for text in texts]
     assert found[1][0] == found[0][0]
-    return found[1]
+    return found[1] + found[2]
 
 
 def run(program: str, folder: Path, monkeypatch) -> dict[str, Any]:

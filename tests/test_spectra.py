@@ -205,3 +205,16 @@ def test_the_force_of_an_impact_has_its_impulse_at_zero():
     model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
     hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 1e-3)
     assert ao.spectrum(hit.time, hit.force).amplitude[0] == pytest.approx(hit.impulse, rel=1e-3)
+
+
+def test_a_spectrum_begins_at_10_hz_where_a_short_blow_is_its_velocity(tmp_path):
+    t, a = half_sine()
+    found = ao.srs(t, a, Q=1e4)
+    assert found.frequency[0] == pytest.approx(10.0)
+    change = 2 * WIDTH * 500 / np.pi  # of the velocity: the integral of the half sine
+    assert found.maximax[0] == pytest.approx(2 * np.pi * 10 * change, rel=1e-3)
+    assert f"{found.maximax.max():.4g}" in str(found)
+    assert found.plot(tmp_path / "srs.svg").stat().st_size > 0
+    assert ao.srs(100e3 * t, a).frequency[0] == pytest.approx(0.01)  # a signal of 100 s
+    fine = ao.srs(1e-4 * t, a)  # samples of 1 ns: a period of 10 Hz would have 10^8
+    assert fine.frequency[0] > 10

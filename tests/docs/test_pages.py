@@ -14,6 +14,7 @@ import pytest
 
 import antiosc as ao
 import html_pages
+import webdriver
 from paths import BENCHMARKS, DEMOS, ROOT
 
 DOCS = ROOT / "docs"
@@ -55,6 +56,15 @@ def programs(page: str) -> list[str]:
 DEEP = {"howto/gradient", "howto/sweep", "tutorials/composite"}
 
 
+#: What people look for, and the page that a search finds first.
+SOUGHT = {
+    "node id": "api/structures",
+    "npz": "api/models",
+    "golf ball": "api/simulation",
+    "GUI": "howto/open",
+}
+
+
 def marked(page: str):
     marks = [pytest.mark.fem] * (page not in LIGHT) + [pytest.mark.slow] * (page in SLOW)
     marks += [pytest.mark.filterwarnings("ignore:.*deflects by")] * (page in DEEP)
@@ -94,7 +104,7 @@ def same_numbers(said: str) -> None:
 
 def test_no_page_with_a_program_is_left_out():
     """Pages of other rooms have their own tests; all others stand in the lists above."""
-    elsewhere = {"assemblies", "closed_forms", "guide", "matrices", "results"}
+    elsewhere = {"assemblies", "closed_forms", "guide", "matrices", "results", "several"}
     with_programs = {
         str(path.relative_to(DOCS).with_suffix(""))
         for folder in (DOCS, DOCS / "howto", DOCS / "api", DOCS / "tutorials")
@@ -106,7 +116,8 @@ def test_no_page_with_a_program_is_left_out():
 
 
 def test_every_public_name_stands_in_a_program_that_is_run():
-    pages = [*sorted(LIGHT | MESHED | SLOW), "guide", "assemblies", "matrices", "closed_forms"]
+    pages = [*sorted(LIGHT | MESHED | SLOW), "guide", "several", "assemblies"]
+    pages += ["matrices", "closed_forms"]
     text = "\n".join(program for page in pages for program in programs(page))
     text += (ROOT / "README.md").read_text(encoding="utf-8")
     assert [name for name in ao.__all__ if not re.search(rf"\bao\.{name}\b", text)] == []
@@ -208,3 +219,10 @@ def test_the_pages_are_built_without_a_warning_and_can_be_read(tmp_path: Path):
     assert [name for name, page in seen.items() if page["missing"]] == []
     assert [name for name, page in seen.items() if page["text"] < 100] == []
     assert [n for n, page in seen.items() if page["width"] > html_pages.TELEPHONE] == []
+    if webdriver.MISSING:
+        return
+    first, said, theme = html_pages.searched(built, [*SOUGHT])
+    assert said == []
+    assert theme in ("light", "dark")
+    for word, page in SOUGHT.items():
+        assert first[word].startswith(page), word

@@ -13,6 +13,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.app import set_up
+from antiosc.app.scene_file.build import Evaluation
+from antiosc.app.scene_file.document import read as read_document
+from antiosc.app.scene_file.scene import compiled
 from antiosc.base.errors import InputError
 from paths import ROOT
 from webdriver import MISSING, Browser
@@ -177,11 +180,66 @@ def test_beams_sheets_and_decks_are_struck(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("striker", [*set_up.STRIKERS])
+@pytest.mark.parametrize("striker", ["ball", "mass", "hammer"])
 def test_every_striker_strikes(opened, striker):
     setup = asked(opened)
     setup["striker"] |= {"kind": striker}
     assert call(opened, "blow", setup)["blow"]["computed"]["peak_force"] > 0
+
+
+def test_a_patch_that_is_too_small_for_the_force_grows(opened):
+    setup = asked(opened)
+    small = call(opened, "blow", setup)["site"]["radius"]
+    setup["striker"] |= {"kind": "hammer"}
+    assert call(opened, "blow", setup)["site"]["radius"] > small
+    with pytest.raises(ao.AccuracyError, match="radius of at least"):  # one that is given is kept
+        call(opened, "blow", {**setup, "radius": small})
+
+
+@pytest.fixture
+def block(tmp_path):
+    """A block of few elements, as a mesh file in metres."""
+    gmsh = pytest.importorskip("gmsh")
+    path = tmp_path / "block.msh"
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 0.06, 0.04, 0.02)
+        gmsh.model.occ.synchronize()
+        for name in ("MeshSizeMin", "MeshSizeMax"):
+            gmsh.option.setNumber(f"Mesh.{name}", 0.02)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of a mesh that is coarse
+def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(block):
+    from antiosc.app.opened import Opened
+
+    opened = Opened(block)
+    setup = asked(opened, direction=[-1, 0, 0])
+    setup["striker"] |= {"kind": "floor", "height": 0.2, "floor": "concrete C30/37"}
+    told = call(opened, "settle", setup)
+    impacts = told["fall"]["impacts"]
+    first = told["fall"]["turns"][impacts[0]["frame"]]
+    assert first @ [1, 0, 0] == pytest.approx([0, 0, -1], abs=0.05)  # the base's end is below
+    assert impacts[0]["place"][2] == pytest.approx(0, abs=1e-4)
+    assert impacts[0]["curve"]["force"].max() == pytest.approx(impacts[0]["peak_force"], rel=1e-3)
+    names = opened.calls["save"]({})["names"]
+    call(opened, "write", setup, agreed=names)
+    scene, page = (block.with_name(name) for name in names)
+    again = compiled(read_document(scene))
+    fall = Evaluation(again.document)(again.fall)
+    peaks = fall.impacts.column("peak_force")
+    assert peaks == pytest.approx([one["peak_force"] for one in impacts], rel=1e-6)
+    assert "falls from" in page.read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="no map"):
+        call(opened, "map", setup)
+    opened.close()
 
 
 WRONG = [
@@ -190,6 +248,7 @@ WRONG = [
     {"radius": "big"}, {"material": "unobtainium"}, {"material": "/etc/passwd"}, {"material": 3},
     {"damping": 2.0}, {"finer": "yes"}, {"thickness": 0}, {"striker": {"kind": "bomb"}},
     {"striker": {"mass": 0.0}}, {"striker": {"path": "x"}}, {"striker": []}, {"point": [9, 9, 9]},
+    {"striker": {"kind": "floor", "height": 0}}, {"striker": {"floor": "lava"}},
 ]  # fmt: skip
 
 

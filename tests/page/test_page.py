@@ -195,3 +195,38 @@ def test_the_page_lives_without_webgl(browser, tmp_path, monkeypatch):
     page = ao.write_report(tmp_path / "flat.html", hit)
     same(opened(browser, page)["cells"], hit)
     assert browser.run("return document.body.className") == "live flat"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, tmp_path, width):
+    ends = [(x, y, z) for x in (-0.06, 0.06) for y in (-0.03, 0.03) for z in (-0.01, 0.01)]
+    sites = {f"corner{k}": (end, (0, 0, 1)) for k, end in enumerate(ends)}
+    box = ao.RigidBody(0.2, (1e-4, 2e-4, 3e-4), sites)
+    steel = ao.Solid(E=210e9, nu=0.3, rho=7850.0)
+    fall = ao.drop(box, 0.3, tilt=(10, 5, 0), floor=ao.Floor(steel), until=3)
+    page = ao.write_report(tmp_path / "fall.html", fall)
+    assert opened(browser, page, width)["width"] <= width
+    assert browser.run(DRAWN) > 0.05
+    peaks = fall.impacts.column("peak_force")
+    assert browser.run("return page.impact") == peaks.argmax()
+    told = browser.run("return [...document.querySelectorAll('#numbers [data-value]')]"
+                       ".map((cell) => Number(cell.dataset.value))")  # fmt: skip
+    assert told == pytest.approx(peaks, rel=1e-9)
+    for k, one in enumerate(fall.impacts):
+        low = browser.run(
+            """document.querySelectorAll("#numbers button")[arguments[0]].click();
+            const points = page.view.meshes.get("part").points;
+            const heights = Array.from(points).filter((_, i) => i % 3 === 2);
+            return [page.data.time[page.frame], Math.min(...heights)];""",
+            k,
+        )
+        assert low == pytest.approx([one.time, 0.0], abs=1e-4)  # it stands on the floor there
+    browser.run(
+        """const kind = document.getElementById("kind");
+        kind.value = "whole";
+        kind.dispatchEvent(new Event("change"));
+        page.pick(...page.view.seen(page.data.impacts[0].place).slice(0, 2));"""
+    )
+    assert browser.run("return page.impact") == 0
+    assert browser.said() == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import socket
 import time
@@ -182,3 +183,16 @@ def test_more_connections_than_it_serves_are_closed(served, monkeypatch):
 def test_it_listens_on_this_machine_alone(served):
     assert served.server_address[0] == "127.0.0.1"
     assert len(served.token) >= 32
+
+
+def test_a_request_waits_while_a_solver_holds_the_interpreter(served, monkeypatch):
+    """SLEPc keeps Python's lock for many seconds on a busy machine: nobody is late meanwhile."""
+    monkeypatch.setattr(server._Request, "timeout", 10.0)
+    whole = request(served)
+    with socket.create_connection(("127.0.0.1", served.server_port), timeout=10) as line:
+        line.sendall(whole[:40])
+        time.sleep(0.2)
+        ctypes.PyDLL(None).usleep(1_500_000)  # with the lock, longer than PATIENCE
+        time.sleep(0.3)
+        line.sendall(whole[40:])
+        assert status(line.recv(65536)) == OK

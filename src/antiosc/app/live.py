@@ -39,7 +39,7 @@ Data: TypeAlias = dict[str, Any]
 
 FOLDER = Path(__file__).with_name("page")
 #: In the order in which they need each other.
-SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page")
+SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page", "fall")
 #: What begins: the page of a report, whose data lie in it, or that of `antiosc open`.
 REPORT, OPEN = "start", "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
@@ -399,6 +399,8 @@ STEEL = 7850.0
 
 def caption(data: Data) -> str:
     """What the picture of the set-up shows, in words."""
+    if "fall" in data:
+        return "Drag to turn; red: the impacts, click one."
     text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
     place = data.get("place")
     if place and place["radius"] and not data["blow"]["radius"]:

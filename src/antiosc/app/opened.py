@@ -15,19 +15,17 @@ import json
 import re
 import threading
 import tomllib
-from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import antiosc
-from antiosc.app import live, live_data, new, report, results
+from antiosc.app import falls, live, live_data, new, report, results
+from antiosc.app.kept import FreeModes, Kept
 from antiosc.app.live import Data
 from antiosc.app.scene_file import run
 from antiosc.app.scene_file.build import Evaluation
@@ -37,11 +35,12 @@ from antiosc.app.scene_file.document import (
     SceneFileError,
     read as read_document,
 )
-from antiosc.app.scene_file.scene import Compiled, by_strengths, compiled
+from antiosc.app.scene_file.scene import Compiled, by_strengths, compiled, worst_by_strengths
 from antiosc.app.set_up import (
-    COUNT,
     DURATION,
     FIRST,
+    FLOOR,
+    FLOORS,
     HAMMERS,
     MATERIALS,
     STRIKERS,
@@ -50,29 +49,27 @@ from antiosc.app.set_up import (
     Table,
     face_of,
     read,
+    rounded_up,
     scene_of,
     toml,
 )
 from antiosc.base import checks, progress
-from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, InputError, warnings_to
+from antiosc.base.errors import AntioscError, InputError, RangeError, warnings_to
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import ModelInfo, info_of
-from antiosc.models.free_modes import from_free_modes
+from antiosc.models.body import info_of
+from antiosc.simulation.auto_contact import AUTO
 from antiosc.simulation.histories import History
 
 if TYPE_CHECKING:
     from antiosc.fem.site import Site
     from antiosc.fem.structure.structure import Structure
+    from antiosc.studies.drops.fall import Fall, WorstField
 
-T = TypeVar("T")
 #: A step of an answer: the set-up, and what else the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
 #: Structures, and models, that are kept; tabs whose latest call is known.
-STRUCTURES, MODELS, TABS = 2, 50, 100
-#: Free modes that are known after each round of the search between the calls of the page.
-ROUNDS = (10, 20, 40)
+STRUCTURES, MODELS, FALLS, TABS = 2, 50, 10, 100
 #: How often the duration is doubled while striker and part still touch at its end.
 LONGER = 5
 #: The line of a scene before a sentence.
@@ -80,70 +77,6 @@ LINE = re.compile(r"^\S+\.toml:\d+: ", re.MULTILINE)
 #: Sections of a scene that say what the structure is, and what more its model depends on.
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
-
-
-class Kept(OrderedDict[str, T]):
-    """The last results by the text of what they were made from."""
-
-    def __init__(self, most: int) -> None:
-        super().__init__()
-        self._most = most
-
-    def of(self, key: str, make: Callable[[], T]) -> T:
-        """The result for a key, made where it is not known."""
-        if key not in self:
-            self[key] = make()
-            while len(self) > self._most:
-                self.popitem(last=False)
-        self.move_to_end(key)
-        return self[key]
-
-
-class FreeModes:
-    """Free modes of a structure, found in rounds, and models at any site from them."""
-
-    def __init__(self, structure: Structure) -> None:
-        from antiosc.fem.extraction.eigenmodes import ModeSolver
-
-        self._structure, self._solver = structure, ModeSolver(structure)
-        #: numbers of modes of the rounds that are left
-        self.left = list(ROUNDS)
-        self._known: tuple[Array, Array] | None = None
-
-    def search(self) -> bool:
-        """One more round; whether another is left."""
-        count = self.left[0]
-        try:
-            modes = self._solver.lowest(count)
-        finally:
-            self.left.pop(0)
-        rigid = self._structure.rigid_modes
-        omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
-        self._known = omega, np.column_stack([rigid, modes.phi])
-        return bool(self.left) and not modes.complete
-
-    def model(self, site: Site) -> AntiOscillators | None:
-        """The model of a site, without shapes and bars, by one solve; None before a round."""
-        from antiosc.fem.linalg.algebra import multiply
-        from antiosc.fem.site import functional
-
-        if self._known is None:
-            return None
-        structure, (omega, phi) = self._structure, self._known
-        seen = functional(structure, site)
-        y = structure.factorize().solve_block(seen.b[:, None])[:, 0]
-        inertia = float(y @ multiply(structure.M, y))
-        of_site = seen.b @ phi, float(seen.b @ y), inertia
-        found = from_free_modes(omega, *of_site, COUNT, structure.shift, "krylov")
-        assert seen.point is not None
-        assert seen.direction is not None
-        return replace(
-            found,
-            local_compliance=seen.local_compliance,
-            radius=seen.radius,
-            direction=seen.direction,
-            info=ModelInfo(point=seen.point.tolist(), direction=seen.direction.tolist()),
-        )
 
 
 class Blow(NamedTuple):
@@ -155,6 +88,19 @@ class Blow(NamedTuple):
     model: AntiOscillators
     hit: History
     settled: bool
+
+
+class Dropped(NamedTuple):
+    """A fall, and the scene that it is of."""
+
+    sections: Table
+    scene: Compiled
+    fall: Fall
+
+    @property
+    def worst(self) -> WorstField | None:
+        """The largest stress of the criterion that it exposes most."""
+        return None if self.fall.body.structure is None else worst_by_strengths(self.fall)
 
 
 class Opened:
@@ -174,6 +120,7 @@ class Opened:
         self._structures: Kept[Structure] = Kept(STRUCTURES)
         self._models: Kept[AntiOscillators] = Kept(MODELS)
         self._modes: Kept[FreeModes] = Kept(STRUCTURES)
+        self._falls: Kept[Dropped] = Kept(FALLS)
         self._source: Source | None = None
         self._first: Data = {}
         self._doing = ""
@@ -289,6 +236,7 @@ class Opened:
             "strikers": STRIKERS,
             "striker_materials": MATERIALS,
             "hammers": HAMMERS,
+            "floors": FLOORS,
             "geometry": geometry,
             "saves": self._given is None,
             "engine": live.engine(),
@@ -337,9 +285,9 @@ class Opened:
 
         `quickly`: by a model from free modes, if they are known.
         """
-        source = self._source
-        if source is None:
-            raise InputError("the part is not open yet.")
+        source = self._opened()
+        if asked.striker.kind == FLOOR:
+            raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
         duration = source.look.duration if source.look.family == "Shell" else DURATION
         for _ in range(LONGER):
             sections = scene_of(source, asked, duration)
@@ -347,7 +295,11 @@ class Opened:
             structure = self._structure(scene)
             fast = self._from_modes(scene) if quickly else None
             model = fast or self._extracted(scene)
-            hit: History = _evaluation(scene, model=model)(scene.history)
+            try:
+                hit: History = _evaluation(scene, model=model)(scene.history)
+            except RangeError as error:
+                asked = _with_larger_patch(asked, error)
+                continue
             if not hit.contacts or hit.contacts[-1][1] < hit.time[-1]:
                 break
             duration *= 2
@@ -355,12 +307,33 @@ class Opened:
         self.site = scene.model.arguments["site"].made
         return Blow(sections, scene, structure, model, hit, fast is None)
 
+    def _opened(self) -> Source:
+        if self._source is None:
+            raise InputError("the part is not open yet.")
+        return self._source
+
+    def _dropped(self, asked: SetUp) -> Dropped:
+        """The fall of a set-up."""
+        sections = scene_of(self._opened(), asked, DURATION)
+
+        def dropped() -> Dropped:
+            scene = self._compiled(sections)
+            evaluate = _evaluation(scene, structure=self._structure(scene))
+            return Dropped(sections, scene, evaluate(scene.fall))
+
+        return self._falls.of(toml(sections), dropped)
+
     # -- the steps of an answer
 
     def _blow(self, asked: SetUp, _: Table) -> Data:
+        if asked.striker.kind == FLOOR:
+            return _told_of_fall(self._dropped(asked), None)
         return _told(self._struck(asked, quickly=True))
 
     def _settle(self, asked: SetUp, _: Table) -> Data:
+        if asked.striker.kind == FLOOR:
+            one = self._dropped(asked)
+            return _told_of_fall(one, one.worst)
         return _told(self._struck(asked))
 
     def _fields(self, asked: SetUp, _: Table) -> Data:
@@ -378,8 +351,7 @@ class Opened:
 
     def _map(self, asked: SetUp, values: Table) -> Data:
         """The blow of the striker at all points of a face, or of the part."""
-        blow, source = self._struck(asked), self._source
-        assert source is not None
+        blow, source = self._struck(asked), self._opened()
         where = values.get("where")
         if where is not None:
             where = face_of(source, where).get("where")
@@ -387,7 +359,7 @@ class Opened:
             blow.structure,
             where,
             blow.hit.impactor,
-            blow.hit.assembly.laws[0],
+            AUTO,
             float(blow.hit.run.time[-1]),
             direction=None if source.look.family == "Solid" else asked.direction,
             radius=blow.model.patch_radius,
@@ -406,16 +378,20 @@ class Opened:
         names = _free_names(self._path)
         if self._given is not None or values.get("agreed") != names:
             raise InputError("the files to be written are not those that were agreed to.")
-        blow = self._struck(asked)
+        fell = asked.striker.kind == FLOOR
+        one = self._dropped(asked) if fell else self._struck(asked)
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
-                stream.write(toml(blow.sections))
+                stream.write(toml(one.sections))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
-        found = run.Results(compiled=compiled(read_document(scene)), title=blow.sections["title"])
-        found.structure, found.model, found.history = blow.structure, blow.model, blow.hit
-        found.impactor, found.stresses = blow.hit.impactor, _strengths(blow)
+        found = run.Results(compiled=compiled(read_document(scene)), title=one.sections["title"])
+        if isinstance(one, Dropped):
+            found.structure, found.fall, found.worst = one.fall.body.structure, one.fall, one.worst
+        else:
+            found.structure, found.model, found.history = one.structure, one.model, one.hit
+            found.impactor, found.stresses = one.hit.impactor, _strengths(one)
         report.write_page(found, page)
         return {"written": names}
 
@@ -432,6 +408,13 @@ def _evaluation(scene: Compiled, **known: object) -> Evaluation:
     for name, made in known.items():
         evaluate.know(getattr(scene, name), made)
     return evaluate
+
+
+def _with_larger_patch(asked: SetUp, error: RangeError) -> SetUp:
+    """The set-up with a patch that carries the force; the error, where one is given."""
+    if error.radius is None or asked.radius is not None:
+        raise error
+    return replace(asked, radius=rounded_up(error.radius))
 
 
 def _strengths(blow: Blow) -> dict[str, Any]:
@@ -463,6 +446,17 @@ def _told(blow: Blow) -> Data:
         "dofs": blow.structure.dofs,
         "site": {"point": info.point, "direction": info.direction, "radius": site.radius},
         "python": repr(site),
+    }
+
+
+def _told_of_fall(one: Dropped, worst: WorstField | None) -> Data:
+    """A fall as the page takes it, with its headline."""
+    head = falls.headline_of_fall(one.fall, worst)
+    return {
+        **falls.data_of_fall(one.fall, worst),
+        "settled": worst is not None,
+        "about": head.about,
+        "verdict": head.sentences,
     }
 
 

@@ -33,12 +33,13 @@ from antiosc.app.results import (
     with_prefixes,
 )
 from antiosc.app.scene_file.run import Results, on_first
-from antiosc.app.scene_file.scene import by_strengths
+from antiosc.app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc.app.scene_file.schema import Output
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.process import loading
 from antiosc.simulation.histories import History, SceneHistory
+from antiosc.studies.drops.fall import Fall
 from antiosc.studies.map_results import ImpactMap
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ def checked(path: str) -> Path:
 
 def write_report(
     path: str | os.PathLike[str],
-    result: History | ImpactMap,
+    result: History | ImpactMap | Fall,
     structure: Structure | None = None,
     *,
     title: str | None = None,
@@ -150,13 +151,13 @@ def write_report(
     """Write a report: one HTML file that opens anywhere, without network or server.
 
     The page repeats an impact of `simulate` or `strike`, and those of a map at each site, with
-    sliders of mass, speed, stiffness, gap and damping.
+    sliders of mass, speed, stiffness, gap and damping; a fall is shown on its path.
 
     Parameters
     ----------
     path : str or Path
         The file, named .html.
-    result : History or ImpactMap
+    result : History, ImpactMap or Fall
     structure : Structure, optional
         The structure from which the model was extracted; of `strike` its own. With it the page
         shows the part in 3-D, its motion and its stress; of a map the part behind its points.
@@ -169,7 +170,7 @@ def write_report(
         For another kind of result, or a file that cannot be written.
     """
     target = checked(os.fspath(checks.path("path", path)))
-    checks.instance("result", result, (History, ImpactMap), "a History or an ImpactMap")
+    checks.instance("result", result, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
     if structure is not None:
         from antiosc.fem.structure.structure import Structure
 
@@ -177,6 +178,10 @@ def write_report(
     found = Results(title=target.stem if title is None else checks.text("title", title))
     if isinstance(result, ImpactMap):
         found.map, found.structure = result, structure
+    elif isinstance(result, Fall):
+        found.fall, found.structure = result, result.body.structure
+        if found.structure is not None:
+            found.worst = worst_by_strengths(result)
     else:
         found.history = result
         found.structure = result.structure if structure is None else structure
@@ -244,7 +249,12 @@ def _uncommented(scene: str) -> str:
 
 
 def _live(found: Results) -> tuple[Data | None, live.Headline | None]:
-    """What the page strikes anew, and its first screen; None for scenes, sweeps and falls."""
+    """What the page turns or strikes anew, and its first screen; None for scenes and sweeps."""
+    fall = found.fall
+    if fall is not None and hasattr(fall, "episodes"):
+        from antiosc.app import falls  # it may need the finite-element packages
+
+        return falls.data_of_fall(fall, found.worst), falls.headline_of_fall(fall, found.worst)
     if found.map is not None:
         return live_data.data_of_map(found.map, found.structure), live.headline_of_map(found.map)
     hit = found.history

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from antiosc.results.peaks import PeakField
     from antiosc.studies.chance.sample import Sample
     from antiosc.studies.drops.drop import Drops
+    from antiosc.studies.drops.fall import Fall
 
 
 #: Most curves of one chart.
@@ -579,7 +580,7 @@ def _fall(found: Results) -> Presentation:
     fall, worst, peaks = found.fall, found.worst, found.peaks or {}
     single, status = hasattr(fall, "summary"), getattr(fall, "status", "")
     table = dict(fall.impacts.columns()) if single else _quantiles(fall, QUANTITIES | {"lost": "J"})
-    asked = found.compiled.document.data.get("accelerometers", {})
+    asked = found.compiled.document.data.get("accelerometers", {}) if peaks else {}
     rows = [
         (
             f"accelerometer {name}",
@@ -605,9 +606,24 @@ def _fall(found: Results) -> Presentation:
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
-        sections={"Fall": [table, rows, status, *(fall.notes if single else [])]},
+        sections={"Fall": [narrow_table(fall) if single else table, rows, status]},
         pictures=pictures,
     )
+
+
+def narrow_table(fall: Fall) -> Columns:
+    """The impacts of a fall in columns that fit on a sheet of paper."""
+    each = fall.impacts
+    before, after = (each.column(f"speed_{when}") for when in ("before", "after"))
+    return {
+        "impact": np.arange(1, len(each) + 1),
+        "time (s)": each.column("time"),
+        "at": [placed(one.place) for one in each],
+        "peak force (N)": each.column("peak_force"),
+        "contact time (s)": each.column("contact_time"),
+        "before, after (m/s)": [f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)],
+        "lost (J)": each.column("lost"),
+    }
 
 
 def _blow(found: Results) -> Presentation:

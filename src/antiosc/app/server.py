@@ -113,16 +113,19 @@ class _Request(BaseHTTPRequestHandler):
 
     def handle_one_request(self) -> None:
         """End the connection of a request that comes in drops."""
-        late = threading.Timer(PATIENCE, self._hang_up)
-        late.daemon = True
-        late.start()
-        self._arrived = late.cancel
+        arrived = threading.Event()
+        threading.Thread(target=self._hang_up_unless, args=(arrived,), daemon=True).start()
+        self._arrived = arrived.set
         try:
             super().handle_one_request()
         finally:
-            late.cancel()
+            arrived.set()
 
-    def _hang_up(self) -> None:
+    def _hang_up_unless(self, arrived: threading.Event) -> None:
+        """Hang up after PATIENCE, of which one POLL passes while PETSc holds the interpreter."""
+        for _ in range(round(PATIENCE / POLL)):
+            if arrived.wait(POLL):
+                return
         with contextlib.suppress(OSError):  # it may have ended meanwhile
             self.connection.shutdown(socket.SHUT_RDWR)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
@@ -18,7 +18,9 @@ from antiosc.simulation.bodies import IMPACTORS
 #: A table of a scene.
 Table = dict[str, Any]
 
-STRIKERS = ("ball", "mass", "hammer")
+#: What falls on the part, and what the part falls on.
+FLOOR = "floor"
+STRIKERS = ("ball", "mass", "hammer", FLOOR)
 #: Hammers of IEC 60068-2-75 with a tip of steel.
 HAMMERS = tuple(name for name, one in IMPACTORS.items() if name[:2] == "IK" and one.steel)
 #: Radius of a patch over the size of the faces there, which resolve it; by how much a finer mesh
@@ -31,6 +33,13 @@ COUNT, COUNT_OF_SHEET = 20, 100
 #: Materials by name that are the same in all directions; the first of a new part, of a ball.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 FIRST, FIRST_OF_BALL = "steel S235", "bearing steel 100Cr6"
+#: Floors by name: rigid, or a half-space of a material; their friction; impacts and free modes of a
+#: fall, as in the pages about drops.
+RIGID_FLOOR = "rigid"
+FLOORS = (RIGID_FLOOR, *MATERIALS)
+FRICTION, IMPACTS, MODES = 0.3, 3, 20
+#: Inclination of a fall on a face [degree]: none lands quite flat, on all its vertices at once.
+TILT = (2.0, 1.0, 0.0)
 #: Duration of the impact on a solid or a bar [s].
 DURATION = 1e-3
 
@@ -61,7 +70,7 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Striker:
-    """What strikes: a ball, a mass with a spherical tip, or a hammer."""
+    """What strikes: a ball, a mass with a spherical tip, a hammer, or the floor under a fall."""
 
     kind: str = "ball"
     #: m: of the ball, of the tip
@@ -74,12 +83,18 @@ class Striker:
     material: str = FIRST_OF_BALL
     #: of a hammer, whose speed is that of its test
     name: str = HAMMERS[0]
+    #: m, of a fall; the site's direction points up
+    height: float = 1.0
+    #: material of the floor
+    floor: str = RIGID_FLOOR
 
     def __post_init__(self) -> None:
         checks.choice("the striker", self.kind, STRIKERS)
         checks.choice("the hammer", self.name, HAMMERS)
         checks.choice("the striker's material", self.material, MATERIALS)
-        for name, unit in (("radius", "m"), ("mass", "kg"), ("speed", "m/s")):
+        checks.choice("the floor", self.floor, FLOORS)
+        lengths = (("radius", "m"), ("height", "m"))
+        for name, unit in (*lengths, ("mass", "kg"), ("speed", "m/s")):
             checks.positive(name, getattr(self, name), unit)
 
 
@@ -143,7 +158,10 @@ def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
 
 def scene_of(source: Source, asked: SetUp, duration: float) -> Table:
     """The sections of the scene of a set-up; `duration` of the impact [s]."""
-    look = source.look
+    look, title = source.look, f"An impact on {source.name}"
+    if asked.striker.kind == FLOOR:
+        part = _part(source, replace(asked, finer=False))
+        return {"title": f"A fall of {source.name}", **part, "drop": _drop(asked), "worst": {}}
     site: Table = {"point": list(asked.point), "direction": list(asked.direction), "snap": True}
     if look.family == "Solid":
         finer = FINER if asked.finer and source.geometry else 1.0
@@ -152,13 +170,12 @@ def scene_of(source: Source, asked: SetUp, duration: float) -> Table:
     if asked.damping:
         extract["damping"] = asked.damping
     return {
-        "title": f"An impact on {source.name}",
+        "title": title,
         **_part(source, asked),
         "supports": [dict(face_of(source, name)) for name in asked.held],
         "sites": {"struck": site},
         "extract": {**extract, "error": "estimate"},
         "impactor": _striker(asked.striker),
-        "contact": _contact(asked),
         "simulate": {"duration": duration},
     }
 
@@ -196,10 +213,17 @@ def _striker(one: Striker) -> Table:
     return {"kind": "named_impactor", "name": one.name}
 
 
-def _contact(asked: SetUp) -> Table:
-    """Hertz's law of the tip on a plane of the part's material."""
-    own = materials.record(asked.material or FIRST)
-    return {"kind": "impactor.hertz", "E": own.E, "nu": own.nu}
+def _drop(asked: SetUp) -> Table:
+    """[drop]: the place that was clicked leads the way."""
+    one = asked.striker
+    floor: Table = {"friction": FRICTION}
+    if one.floor != RIGID_FLOOR:
+        own = materials.record(one.floor)
+        known = {name: getattr(own, name) for name in ("E", "nu", "rho", "yield_strength")}
+        floor["material"] = {name: value for name, value in known.items() if value is not None}
+    down = [-c for c in asked.direction]
+    rest: Table = {"until": IMPACTS, "modes": MODES, "damping": asked.damping, "floor": floor}
+    return {"height": one.height, "toward": down, "tilt": list(TILT), **rest}
 
 
 def toml(sections: Mapping[str, Any]) -> str:
@@ -211,7 +235,7 @@ def toml(sections: Mapping[str, Any]) -> str:
         if isinstance(value, list):
             for one in value:
                 lines += ["", f"[[{name}]]", *_lines(one)]
-        elif all(isinstance(one, Mapping) for one in value.values()):
+        elif value and all(isinstance(one, Mapping) for one in value.values()):
             for key, one in value.items():
                 lines += ["", f"[{name}.{key}]", *_lines(one)]
         else:

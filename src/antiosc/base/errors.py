@@ -51,6 +51,12 @@ class AccuracyError(AntioscError, ArithmeticError):
     """A result failed its check, or lies outside the range of validity of its theory."""
 
 
+class RangeError(AccuracyError):
+    """A force exceeds the range of its law; `radius` [m] of a patch that is enough, if one is."""
+
+    radius: float | None = None
+
+
 class NotDifferentiableError(AccuracyError):
     """A result has no derivative where it was asked for; the message states why."""
 

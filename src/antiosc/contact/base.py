@@ -109,17 +109,25 @@ class ContactLaw(ABC):
             return (
                 f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
             )
-        # the patch's compliance goes with 1/radius, the contact's at most with 1/F^growth
-        if radius is None:
+        enough = self.enough_radius(peak, radius)
+        if enough is None:
             remedy = "use a larger patch radius"
         else:
-            enough = 1.05 * radius * (peak / self.valid_force) ** self.growth
             remedy = f"extract with a site radius of at least {enough:.3g} m (now {radius:g} m)"
         return (
             f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, up to which"
             f" {self.theory} without the patch's own compliance holds (contact radius below 0.58"
             f" of the patch radius); {remedy}"
         )
+
+    def enough_radius(self, peak: float, radius: float | None) -> float | None:
+        """Radius [m] of a patch for a peak force above `valid_force`; None: no patch, or no help.
+
+        The patch's compliance goes with 1/radius, the contact's at most with 1/F^growth.
+        """
+        if radius is None or not self.compliance:
+            return None
+        return 1.05 * radius * (peak / self.valid_force) ** self.growth
 
     #: the contact radius grows with this power of the force, or less
     growth: ClassVar[float] = 0.5

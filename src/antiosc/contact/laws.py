@@ -633,6 +633,9 @@ class Tabulated(Hysteretic):
             f" {self._end:.4g} N; measure or extrapolate the curve further"
         )
 
+    def enough_radius(self, peak: float, radius: float | None) -> float | None:
+        return super().enough_radius(peak, radius) if peak <= self._end else None
+
     def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:
             work = self.loading_work(float(d))

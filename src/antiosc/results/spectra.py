@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
+from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import ReprMixin, engineering, range_text
 
-#: Oscillators a decade where no frequencies are given.
-PER_DECADE = 48
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Oscillators a decade where no frequencies are given, and the lowest of them [Hz], as standards of
+#: shock tests have it (MIL-STD-810, IEC 60068-2-81); lower ones only of signals that last longer.
+PER_DECADE, LOWEST = 48, 10.0
 #: Samples of a period of each oscillator; between them the extremes are those of parabolas.
 SAMPLES_OF_A_PERIOD = 20
 #: Unequal steps are replaced by this share of their lower decile.
@@ -48,6 +57,33 @@ class ShockSpectrum(ReprMixin):
         """(m,) largest response of either sign."""
         return np.maximum(self.positive, self.negative)
 
+    def plot(self, path: str | os.PathLike[str] | None = None, unit: str = "m/s²") -> Figure | Path:
+        """The spectrum over the frequency, both logarithmic; written to `path` if it is given.
+
+        unit: that of the signal.
+        """
+        unit = checks.text("unit", unit)
+        figure = new_figure((7.0, 4.0), shown=path is None)
+        axes = figure.subplots()
+        for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
+            axes.loglog(self.frequency, getattr(self, name), style, label=name)
+        axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
+        axes.set_title(f"shock response spectrum, Q = {self.Q:g}")
+        axes.grid(visible=True, which="both", alpha=0.3)
+        axes.legend()
+        return figure_or_path(figure, path)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        most = int(np.argmax(self.maximax))
+        top, at = self.maximax[most], self.frequency[most]
+        return [
+            ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
+            ("maximax", f"at most {top:.4g}, at {engineering(at, 'Hz')}"),
+            ("lowest", f"{self.maximax[0]:.4g} at {engineering(self.frequency[0], 'Hz')}"),
+            ("highest", f"{self.maximax[-1]:.4g} at {engineering(self.frequency[-1], 'Hz')}"),
+            ("Q", f"{self.Q:g}"),
+        ]
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spectrum(ReprMixin):
@@ -72,6 +108,16 @@ class Spectrum(ReprMixin):
         """(m,) energy spectral density |values|², one-sided: its integral is ∫ x² dt."""
         found = np.abs(self.values) ** 2
         return np.asarray(np.where(self.frequency > 0, 2 * found, found))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        most = int(np.argmax(self.amplitude))
+        at = engineering(self.frequency[most], "Hz")
+        return [
+            ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
+            ("amplitude", f"at most {self.amplitude[most]:.4g}, at {at}"),
+            ("at 0 Hz", f"{self.amplitude[0]:.4g}"),
+            ("99 % below", engineering(self.band(), "Hz")),
+        ]
 
     def band(self, share: float = 0.99) -> float:
         """Frequency [Hz] below which this share of ∫ x² dt lies."""
@@ -113,8 +159,8 @@ def srs(
     a : array_like (n,)
         The signal, for instance m/s²; with `signal="velocity"` the velocity, for instance m/s.
     frequencies : array_like (m,), optional
-        Hz; default: 48 a decade from 1/duration to a twentieth of the rate of samples, or to
-        `resolved` if that is lower.
+        Hz; default: 48 a decade from 10 Hz, or from 1/duration if that is lower, to a twentieth of
+        the rate of samples, or to `resolved` if that is lower.
     Q : float
         1/(2ζ), above 0.5.
     parts : "primary", "residual" or "all"
@@ -157,10 +203,12 @@ def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> A
     if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
         known = checks.nonnegative("resolved", resolved, "Hz")
     if given is None:
+        # one period after the signal must not take more samples than there may be
+        low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
         top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
-        top = max(min(top, known), 2 / span)
-        decades = np.log10(top * span)
-        return np.geomspace(1 / span, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
+        top = max(min(top, known), 2 / span, 2 * low)
+        decades = np.log10(top / low)
+        return np.geomspace(low, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
     f = checks.column("frequencies", given)
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
@@ -237,17 +285,24 @@ def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     return time[keep], value[keep]
 
 
+def _even_step(t: Array) -> tuple[float, bool]:
+    """The step [s] of equally spaced times, or the one that takes its place; whether they are."""
+    steps = np.diff(t)
+    mean = float(t[-1] - t[0]) / steps.size
+    if np.abs(steps - mean).max() <= UNEVEN * mean:
+        return mean, True
+    return DECILE_FRACTION * float(np.quantile(steps, 0.1)), False
+
+
 def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
     """The signal at equal steps of at most `step`, linear between its samples."""
-    steps = np.diff(t)
-    mean = (t[-1] - t[0]) / steps.size
-    if np.abs(steps - mean).max() <= UNEVEN * mean:
-        count = _checked_samples(steps.size * max(1.0, np.ceil(mean / step * (1 - UNEVEN))))
+    (own, even), span = _even_step(t), float(t[-1] - t[0])
+    if even:
+        count = _checked_samples((t.size - 1) * max(1.0, np.ceil(own / step * (1 - UNEVEN))))
     else:
-        step = min(step, DECILE_FRACTION * float(np.quantile(steps, 0.1)))
-        count = _checked_samples(np.ceil((t[-1] - t[0]) / step))
-    even = np.linspace(t[0], t[-1], round(count) + 1)
-    return even, np.interp(even, t, x)
+        count = _checked_samples(np.ceil(span / min(step, own)))
+    times = np.linspace(t[0], t[-1], round(count) + 1)
+    return times, np.interp(times, t, x)
 
 
 def _checked_samples(samples: float) -> float:

@@ -24,7 +24,7 @@ import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn
 from antiosc.base.process import within_memory
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -301,9 +301,11 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
 
 def range_error(
     law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
-) -> AccuracyError:
+) -> RangeError:
     """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
-    return AccuracyError(" ".join([*doubts, f"{where}{law.out_of_range(peak, radius)}."]))
+    error = RangeError(" ".join([*doubts, f"{where}{law.out_of_range(peak, radius)}."]))
+    error.radius = law.enough_radius(peak, radius)
+    return error
 
 
 def _warn_truncation(scene: Scene, history: SceneHistory) -> None:

@@ -32,7 +32,7 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
-from antiosc.base.progress import counting
+from antiosc.base.progress import counting, doing
 from antiosc.base.stresses import equivalent
 from antiosc.base.texts import point_text as placed
 from antiosc.contact import ContactLaw
@@ -177,7 +177,8 @@ def largest_stresses(
     InputError for parts whose stress is not known: beams whose section has no outline.
     """
     places = sides(structure)
-    modes = _recovered(structure, seen.phi, places)
+    with doing("stresses of the free modes", structure.comm.rank):
+        modes = _recovered(structure, seen.phi, places)
     slow = seen.b / (seen.omega**2 + structure.shift)
     found: list[tuple[float, Array, float]] = []
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:

@@ -4,11 +4,11 @@
 // also the kinds that have it.
 const FIELDS = {
   striker: [["radius", "radius", "m", 1e-3, 0.2, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
-    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]]],
+    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]]],
   "site-fields": [["radius", "radius of the patch", "m", 1e-4, 0.1]],
   part: [["thickness", "thickness", "m", 1e-4, 0.1], ["damping", "damping ratio", "", 0, 0.1]],
 };
-const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75" };
+const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 
@@ -48,8 +48,16 @@ class Bench {
   async ask_progress() {
     const answer = await fetch("/progress", { method: "POST", body: "{}",
       headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } }).catch(() => null);
-    if (answer && answer.ok) find("doing").textContent = (await answer.json()).answer.doing || "computing";
+    if (answer && answer.ok) this.tell_progress((await answer.json()).answer.doing || "computing");
     if (this.pending) this.asking = setTimeout(() => this.ask_progress(), 300);
+  }
+
+  // What the server does, and how much of it is done where it counts.
+  tell_progress(doing) {
+    const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar");
+    find("doing").textContent = doing;
+    if (counted) bar.value = counted[1] / counted[2];
+    else bar.removeAttribute("value");
   }
 
   // A step of the answer to the present set-up; null once there is a later one.
@@ -115,7 +123,8 @@ class Bench {
 
   // What is seen at a place of the canvas: point, outward normal, name of its face; or null.
   seen(x, y) {
-    const [from, d] = this.view.sight(x, y), found = crossings(this.rest, this.skin.faces, from, d);
+    const sight = this.view.sight(x, y), [from, d] = this.page && this.page.into ? this.page.into(sight) : sight;
+    const found = crossings(this.rest, this.skin.faces, from, d);
     if (!found.length) return null;
     const { at, face, normal } = found.reduce((a, b) => (b.at < a.at ? b : a)), tag = this.skin.tags[face];
     return { point: from.map((c, i) => c + at * d[i]), normal: dot(normal, d) > 0 ? normal.map((c) => -c) : normal,
@@ -123,7 +132,9 @@ class Bench {
   }
 
   click(x, y, hold) {
-    if (this.page && this.page.sites) return this.page.choose(this.page.sites.near(x, y));
+    const { page } = this;
+    if (page && page.sites) return page.choose(page.sites.near(x, y));
+    if (page && page.into && page.near(x, y) >= 0) return page.pick(x, y);
     const seen = this.seen(x, y);
     if (!seen) return;
     if (!hold && document.querySelector("input[name=click]:checked").value === "strike") {
@@ -168,6 +179,7 @@ class Bench {
     this.choice(find("striker"), "of", facts.striker_materials, () => this.setup.striker.material,
       (material) => this.striker({ material }), {}, ["ball", "mass"]);
     this.choice(find("striker"), "name", facts.hammers, () => this.setup.striker.name, (name) => this.striker({ name }), {}, ["hammer"]);
+    this.choice(find("striker"), "onto", facts.floors, () => this.setup.striker.floor, (floor) => this.striker({ floor }), {}, ["floor"]);
     this.triple("point", "place", "m");
     this.triple("direction", "direction", "");
     for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
@@ -215,7 +227,7 @@ class Bench {
     number.onchange = () => set(Number(number.value), true);
     this.shown.push(() => {
       const now = kinds ? this.setup.striker[name] : this.setup[name] ?? (this.site && this.site.radius);
-      row.hidden = !now && now !== 0 || Boolean(kinds) && !kinds.includes(this.setup.striker.kind);
+      row.hidden = !now && now !== 0 || name === "radius" && this.setup.striker.kind === "floor" || Boolean(kinds) && !kinds.includes(this.setup.striker.kind);
       if (row.hidden) return;
       range.value = least ? Math.log(now / least) / Math.log(most / least) : now / most;
       number.value = now;
@@ -225,6 +237,9 @@ class Bench {
 
   show_fields() {
     for (const one of this.shown) one();
+    const falls = this.setup.striker.kind === "floor";
+    for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
+    find("how").textContent = falls ? "The face that you click lands first, inclined by 2°." : "Drag the tail of the arrow to change the direction.";
     find("held-list").replaceChildren();
     for (const name of this.setup.held) {
       made("button", find("held-list"), `held: ${name} ×`, { type: "button", title: "free it", onclick: () => this.toggle(name) });
@@ -269,10 +284,30 @@ class Bench {
     if (this.page && this.page.sites) this.page = null;
     const found = await this.step("blow");
     if (!found) return;
-    if (this.shown_blow !== turn) this.before = this.page && this.page.hit;
+    if (found.fall) return this.fall(found);
+    if (this.shown_blow !== turn) this.before = this.page && this.page.hit || null;
     this.shown_blow = turn;
     this.show(found, null);
     this.later = setTimeout(() => this.settle(found), found.settled ? 0 : PAUSE);
+  }
+
+  // A fall, then with its largest stress.
+  async fall(found) {
+    this.show_fall(found);
+    const settled = await this.step("settle");
+    if (!settled) return;
+    this.show_fall(settled);
+    for (const name of ["settled", "drawn", "complete"]) document.documentElement.dataset[name] = this.turn;
+  }
+
+  show_fall({ fall, about, verdict }) {
+    if (this.page) this.page.stop();
+    this.page = globalThis.page = new FallPage(fall, this.view);
+    if (this.view) this.view.picked = (x, y, e) => this.click(x, y, e.shiftKey);
+    find("about").textContent = about;
+    find("python").value = "";
+    this.fitted = false;
+    this.tell(verdict);
   }
 
   async settle(found) {

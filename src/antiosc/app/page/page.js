@@ -24,7 +24,9 @@ class Page {
     find("live").hidden = false;
     document.body.classList.add("live");
     document.body.classList.toggle("flat", !view || !(data.part || data.sites));
-    if (view) view.meshes.clear();
+    find("again").hidden = false;
+    find("now").textContent = "now";
+    if (view) Object.assign(view, { framed: null }).meshes.clear();
     if (view && !turned && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
     if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
     if (data.sites) this.sites = new Sites(data.sites, view || { axes: () => [], put() {}, draw() {} });

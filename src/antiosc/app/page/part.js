@@ -2,7 +2,7 @@
 
 const ENLARGED = 0.08, FRAMES = 60; // of the size of the part; of a run
 const ARROW = 0.5; // length of the arrow over half the size of the part
-const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4; // colours of view.js
+const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
 class Part {

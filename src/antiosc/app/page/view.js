@@ -15,8 +15,8 @@ vec3 viridis(float t) { // a polynomial of degree 6 through the colours of virid
 void main() {
   vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
   float lit = .62 + .38 * abs(dot(normal, light));
-  // below 0 a plain colour: -1 the part, -2 held, -3 the striker, -4 arrow and marks
-  vec3 own = shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
+  // below 0 a plain colour: -1 the part, -2 held, -3 the striker, -4 arrow and marks, -5 the floor
+  vec3 own = shade < -4.5 ? vec3(.93, .93, .94) * plain : shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
     : shade < -1.5 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82) * plain
     : viridis(clamp(shade, 0., 1.));
   colour = vec4(own * lit, 1.0);
@@ -31,7 +31,7 @@ class View {
 
   constructor(canvas, gl) {
     Object.assign(this, { canvas, gl, meshes: new Map(), turn: -0.9, lift: 0.42, zoom: 1 });
-    Object.assign(this, { centre: [0, 0, 0], reach: [1, 1] });
+    Object.assign(this, { centre: [0, 0, 0], reach: [1, 1], framed: null }); // framed: names of meshes
     this.picked = () => {};
     this.grabbed = () => null; // what a drag at a place of the canvas moves; null: the view turns
     const program = this.program = gl.createProgram();
@@ -95,7 +95,8 @@ class View {
   // Half the width, height and depth of all that is drawn, seen along the axes, and its middle.
   box() {
     const axes = this.axes(), low = [Infinity, Infinity, Infinity], high = low.map((x) => -x);
-    for (const { points } of this.meshes.values()) {
+    for (const [name, { points }] of this.meshes) {
+      if (this.framed && !this.framed.includes(name)) continue;
       for (let p = 0; p < points.length; p += 3) {
         for (let i = 0; i < 3; i++) {
           const x = axes[i][0] * points[p] + axes[i][1] * points[p + 1] + axes[i][2] * points[p + 2];

@@ -217,7 +217,7 @@ def _at_one_site(
         info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
     if target.cell is not None:
         info = replace(info, cells={"": target.cell})
-    info = replace(info, surfaces=_surfaces(structure, {UNNAMED: target}))
+    info = replace(info, surfaces=surfaces(structure, {UNNAMED: target}))
     weight = uniform_inertia(structure, target)
     parts = np.column_stack([one.residual, one.psi])
     shapes = np.column_stack([parts.sum(axis=1), one.psi])
@@ -238,10 +238,10 @@ def _at_one_site(
     )
 
 
-def _surfaces(
+def surfaces(
     structure: Structure, sites: Mapping[str, Functional]
 ) -> dict[str, dict[str, object]] | None:
-    """What the law of a contact needs of each site that has it; None: of no site."""
+    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of no site."""
     if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
     from antiosc.fem.site.surface import surface_at  # given matrices do without meshes
@@ -273,7 +273,7 @@ def _at_named_sites(
     cells = {name: own[0].cell for name, own in sites.items() if own[0].cell is not None}
     info = replace(info, cells=cells or None)
     firsts_by_name = {name: own[0] for name, own in sites.items()}
-    info = replace(info, surfaces=_surfaces(structure, firsts_by_name))
+    info = replace(info, surfaces=surfaces(structure, firsts_by_name))
     shapes = np.hstack([static.phi @ static.W.T, kept.phi])
     unit = static.phi @ static.W.T
     info = with_second_order(structure, info, list(sites), unit, _turned(static.W, static.k0))

@@ -377,8 +377,8 @@ class Fall(ReprMixin):
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
         """In how many impacts something happens, and what; "" if in none."""
         found = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
-        of = f"in {len(found)} of {len(self.groups)} impacts, first in number"
-        return f"{of} {found[0]}, {what}" if found else ""
+        of = f"in {len(found)} of {len(self.groups)} impacts, first in impact"
+        return f"{of} {found[0] + 1}, {what}" if found else ""
 
     @property
     def unsure(self) -> bool:

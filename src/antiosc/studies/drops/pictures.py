@@ -33,7 +33,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     grid = figure.add_gridspec(2, 2)
     first = fall.episodes[0].start if fall.episodes else fall.end
     axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho", computed_zorder=False)
-    _posed(axes, fall, first, _surface(fall))
+    _posed(axes, fall, first, surface_of(fall))
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
     touches = [one.start.time for one in fall.episodes]
@@ -58,7 +58,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     return figure_or_path(figure, path)
 
 
-def _surface(fall: Fall) -> tuple[Array, IntArray]:
+def surface_of(fall: Fall) -> tuple[Array, IntArray]:
     """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or those of the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -116,7 +116,7 @@ def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
         raise InputError("an .mp4 needs ffmpeg, which is not installed; write a .gif.")
     figure = new_figure((6.0, 5.0), shown=False)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    surface = _surface(fall)
+    surface = surface_of(fall)
     begin = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
     times = np.linspace(begin, fall.end.time, max(int(RATE * seconds), 2))
 
