@@ -51,7 +51,15 @@ INNER = {
         "damping",
     ),
     "potential",
-    *("implicit", "out_of_range", "without", "loading_work", "permanent", "parameters"),
+    *(
+        "implicit",
+        "out_of_range",
+        "enough_radius",
+        "without",
+        "loading_work",
+        "permanent",
+        "parameters",
+    ),
     *("weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
     *("worst", "animate"),  # of a fall: need a mesh, and a second
@@ -470,7 +478,7 @@ OWN: dict[str, dict[str, Any]] = {
     "from_frf": {"frf": frf, "damping": "viscous"},
     "read_frf": {"path": frf_file, "quantity": "receptance"},
     "compare": {"hit": history, "measured": lambda: (history().time + 0.1, history().force)},
-    "ForceComparison.plot": {"path": "over.png"},
+    "ForceComparison.plot": {"path": "over.png"}, "ShockSpectrum.plot": {"path": "srs.png"},
     "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
     "Sphere": {"rho": 7850.0, "E": 210e9, "nu": 0.3}, "probe": {"point": (0.1, 0.1, 0.02)},
     "resolved_frequency": {
@@ -611,6 +619,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "SavedFields": lambda: ao.SavedFields.load(saved_fields()),
     "PeakField": lambda: ao.peak_field(part(), struck_part(), times=[0.0, 1e-4]),
     "Spectrum": lambda: ao.spectrum([0.0, 1e-3, 2e-3], [0.0, 1.0, 0.0]),
+    "ShockSpectrum": lambda: ao.srs([0.0, 1e-3, 2e-3], [0.0, 1.0, 0.0]),
     "StructureModes": lambda: part().natural_modes(2),
     "Mesh": mesh, "StruckBeam": struck, "BeamModes": modes_of_beam,
     "UniformBeam": beam, "Sphere": sphere, "RigidMass": lambda: ao.RigidMass(0.1),
