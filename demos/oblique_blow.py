@@ -6,7 +6,7 @@ each angle beside the same blow on a part that does not move. One model serves a
 
 from __future__ import annotations
 
-from math import cos, inf, radians, sin
+from math import cos, radians, sin
 from pathlib import Path
 
 import command_line
@@ -17,14 +17,12 @@ import antiosc as ao
 from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
-ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
-STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 EYE, ANGLE = 18e-3, radians(35)  # radius of the struck cylinder; place around it, from its top
 NORMAL, ALONG = np.array([0.0, -sin(ANGLE), -cos(ANGLE)]), np.array([1.0, 0.0, 0.0])
 POINT = np.array([19.3e-3, 30e-3, 60e-3]) - EYE * NORMAL
-RADIUS = 10e-3  # of the sphere
-MASS = STEEL["rho"] * 4 / 3 * np.pi * RADIUS**3
-INERTIA = 0.4 * MASS * RADIUS**2
+RADIUS = 10e-3
+SPHERE = ao.Sphere(RADIUS, material="bearing steel 100Cr6")
+INERTIA = 0.4 * SPHERE.mass * RADIUS**2
 COLUMNS = ("peak force", "friction", "restitution", "sideways", "spin", "left in the part")
 
 
@@ -41,12 +39,12 @@ def main(
     `speed` is along the normal (m/s), `size` that of the elements (m), n counts anti-oscillators.
     """
     mesh = ao.read_mesh(ROOT / "meshes/bracket.geo", size=size, refine=[(POINT, 2e-3)])
-    part = ao.Structure(mesh, ao.Solid(**ALUMINIUM), supports=[ao.Support("clamp")])
+    part = ao.Structure(mesh, ao.material("aluminium 6061-T6"), supports=[ao.Support("clamp")])
     site = ao.Site(tuple(POINT), tuple(NORMAL), radius=2e-3, snap=True, tangential=True)
     model = ao.extract(part, {"eye": site}, n=n)
-    law = ao.Sphere(RADIUS, **STEEL).hertz(ALUMINIUM["E"], ALUMINIUM["nu"], radii=(EYE, inf))
+    law = ao.contact_between(part, SPHERE, at=site)
     foot = {"foot": (POINT, -NORMAL)}
-    ball = ao.RigidBody(MASS, np.full(3, INERTIA), foot, centre=POINT - RADIUS * NORMAL)
+    ball = ao.RigidBody(SPHERE.mass, np.full(3, INERTIA), foot, centre=POINT - RADIUS * NORMAL)
     numbers, shown = {}, {}
     for angle in angles:
         start = {"ball": ao.Motion(velocity=speed * (NORMAL + np.tan(radians(angle)) * ALONG))}
@@ -79,7 +77,7 @@ def main(
 def figures(hit: ao.SceneHistory, contact: ao.ContactHistory) -> dict[str, float]:
     """The numbers of a blow."""
     ball, part = hit.bodies["ball"], hit.bodies["part"]
-    start, end = ball.momentum[0] / MASS, ball.momentum[-1] / MASS
+    start, end = ball.momentum[0] / SPHERE.mass, ball.momentum[-1] / SPHERE.mass
     spin = ball.angular_momentum(POINT - RADIUS * NORMAL)[-1] / INERTIA
     return {
         "peak force": contact.peak_force,
@@ -88,7 +86,7 @@ def figures(hit: ao.SceneHistory, contact: ao.ContactHistory) -> dict[str, float
         "restitution": float(-(end @ NORMAL) / (start @ NORMAL)),
         "sideways": float((end - start) @ ALONG),
         "spin": float(np.linalg.norm(spin)),
-        "mass": float(MASS),
+        "mass": float(SPHERE.mass),
         "normal": float((start - end) @ NORMAL),
         "left in the part": float((part.kinetic[-1] + part.strain[-1]) / hit.energy.kinetic[0]),
         "drift": hit.energy.drift,

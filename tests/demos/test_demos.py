@@ -43,7 +43,8 @@ def test_impact_map(tmp_path):
     rigid = k**0.4 * (1.25 * sphere.mass * sphere.velocity**2) ** 0.6
     # around the bolts supports hold a part of the patch, and the correction for it is too much
     near = np.linalg.norm(found.points[:, None, :2] - [[0.062, 0.014], [0.062, 0.046]], axis=2)
-    away = near.min(axis=1) > 0.016
+    flat = np.abs(found.directions).max(axis=1) > 1 - 1e-9  # in hollows the contact is stiffer
+    away = flat & (near.min(axis=1) > 0.02)
     assert found.peak_force[away].max() < 1.02 * rigid
     assert found.peak_force.min() < 0.7 * rigid
     for name in ("bracket_map.vtu", "bracket_map.png"):

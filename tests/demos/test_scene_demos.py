@@ -54,11 +54,12 @@ def test_oblique_blow(pictured: Path) -> None:
         assert row["friction"] <= mu * row["peak force"] * (1 + 1e-6)
         assert row["drift"] < 1e-3
     flat, steep = numbers["75 rigid"], numbers["20 rigid"]
-    # on what does not move the sphere rebounds as it came, and slides all along when it is flat
-    assert flat["restitution"] == pytest.approx(1.0, abs=1e-4)
-    assert flat["sideways"] == pytest.approx(-mu * 2 * speed, rel=1e-3)
-    assert flat["spin"] == pytest.approx(2.5 * mu * 2 * speed / 10e-3, rel=1e-3)
-    assert abs(steep["sideways"]) < mu * 2 * speed  # it sticks in between
+    # the contact yields; on what does not move the sphere slides all along when the blow is flat
+    change = (1 + flat["restitution"]) * speed
+    assert 0.4 < flat["restitution"] < 0.7
+    assert flat["sideways"] == pytest.approx(-mu * change, rel=1e-3)
+    assert flat["spin"] == pytest.approx(2.5 * mu * change / 10e-3, rel=1e-3)
+    assert abs(steep["sideways"]) < mu * change  # it sticks in between
     assert numbers["75 bracket"]["restitution"] < 0.9
     # sliding all along, friction is mu times the impulse on the bracket as well
     loose = numbers["75 bracket"]
