@@ -177,7 +177,7 @@ WITHHELD = {
 }
 #: Parameters whose texts are file names, beside those whose annotation says it.
 FILES = ("Structure.from_files.map", "find_impact.signals")
-#: Parameters that take an object of a class, beside those whose annotation says it.
+#: Parameters that take an object of a class or its name, beside those whose annotation says it.
 OBJECTS = {"Floor.material": "Solid"}
 #: Functions and classes that only check and store values, or do more than that.
 LIGHT, HEAVY = (
@@ -219,7 +219,7 @@ def parameters(function: str) -> Mapping[str, Parameter]:
     ).parameters.items():
         full, kinds = f"{function}.{name}", kinds_of(given.annotation)
         if full in OBJECTS:
-            kinds = (Kind("object", kind=resolved(OBJECTS[full])),)
+            kinds = (Kind("object", kind=resolved(OBJECTS[full])), TEXT)
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
         if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
