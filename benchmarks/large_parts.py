@@ -110,7 +110,7 @@ def main() -> None:
     """Write the table, after every line."""
     head = "| case | dofs | solver | set-up s | extract s | solve s | peak GB | error of Z |"
     about = __doc__.split("\n\n")[2].strip().replace("\n", " ")
-    lines = [f"{about} {NOTE}", "", head, "|" + "---|" * 8]
+    lines = ["# Solvers of large solids", "", f"{about} {NOTE}", "", head, "|" + "---|" * 8]
     for case, (*_, factored) in CASES.items():
         exact: np.ndarray | None = None
         for kind in KINDS if factored else KINDS[1:2]:

@@ -201,8 +201,10 @@ def tradeoff(
 
     Parameters
     ----------
-    source, site, impactor, contact, duration, material, supports, order, limit, initial_velocity,
-    gravity, gap : as of `strike`.
+    source, site, impactor, contact, duration, material, supports, order, limit
+        As of `strike`.
+    initial_velocity, gravity, gap
+        As of `strike`.
     tol : float
         Relative error of peak force, impulse and contact time of interest; members are made until
         one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
