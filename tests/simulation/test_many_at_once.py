@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base import process
 from antiosc.simulation import batch as batches
 from laws import LAWS
 from scenes import random_model
@@ -121,3 +122,11 @@ def test_a_long_batch_can_be_interrupted(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         ao.simulate_many(model, strikers, ao.Hertz(1e11), 0.05, tol=1e-6)
     assert counts[-1] < 0.1 * len(strikers)
+
+
+def test_a_batch_that_does_not_fit_is_refused_before_the_work(monkeypatch):
+    monkeypatch.setattr(process, "free_memory", lambda: 1e8)
+    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
+    ball, times = ao.RigidMass(0.1, 1.0), np.full(50_000, 1e-3)
+    with pytest.raises(ao.OutOfMemoryError, match=r"batch of 50000 scenes .* in several calls"):
+        ao.simulate_many(model, ball, ao.Hertz(1e9), duration=times)

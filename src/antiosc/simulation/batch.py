@@ -14,7 +14,7 @@ from typing import Any, TypeGuard, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks, march, plausible
+from antiosc.base import checks, march, plausible, process
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.base.progress import counting
@@ -200,6 +200,8 @@ def common_length(lengths: dict[str, int]) -> int:
 
 
 CHUNKS = 64  # that the scenes are divided into for an executor
+#: Bytes of a scene with its results: 3.2 kB each of 20 000 and of 100 000.
+SCENE = 3.2e3
 CHUNK_SIZE = 4096  # scenes that are solved at once without one
 CHECKED_MODELS = 3  # models of which the worst impact is run again and checked
 
@@ -295,6 +297,7 @@ def simulate_many(
     }
     check_executor(executor)
     size = common_length({k: len(v) for k, v in given.items() if is_sequence(v)})
+    process.require(SCENE * size, f"a batch of {size} scenes", "simulate it in several calls")
     columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in given.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers, speeds = columns["impactors"], columns["initial_velocity"]
