@@ -20,8 +20,9 @@ from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.base.texts import ReprMixin
 from antiosc.contact import ContactLaw
-from antiosc.models.body import LinearBody, info_of
+from antiosc.models.body import LinearBody, ModelInfo, info_of
 from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
+from antiosc.simulation.coarse import coarse_cell
 from antiosc.simulation.histories import History
 from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.results import (
@@ -332,16 +333,22 @@ def simulate_many(
     warn_batch([r.result for r in rows])
     struck = [i for i, row in enumerate(rows) if row.impulse > 0]
     rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
+    sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in struck]
     if n != "auto":
-        reduced = [i for i in struck if info_of(scenes[i].model).method == "krylov"]
-        sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in reduced]
-        rerun(sharpness, lambda hit: truncation_warning(hit.model, hit.assembly))
+        reduced = [one for one in sharpness if _info(scenes[one[1]]).method == "krylov"]
+        rerun(reduced, lambda hit: truncation_warning(hit.model, hit.assembly))
+    meshed = [one for one in sharpness if _info(scenes[one[1]]).cells]
+    rerun(meshed, lambda hit: coarse_cell(hit.model, "", hit.assembly.contact_time_estimate))
     hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
     deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
     rerun(deflections, large_deflection_message)
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
     return _batch_of(rows)
+
+
+def _info(scene: Impact) -> ModelInfo:
+    return info_of(scene.model)
 
 
 def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
