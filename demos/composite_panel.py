@@ -21,7 +21,7 @@ from antiosc import plotting
 ROOT = Path(__file__).resolve().parent.parent
 FIBRES = {"E1": 135e9, "E2": 9e9, "nu12": 0.3, "G12": 5e9, "G13": 5e9, "G23": 3.5e9}
 PLY = ao.Layer(**FIBRES, rho=1600.0, thickness=0.5e-3)
-FOAM = ao.Layer.isotropic(E=75e6, nu=0.3, rho=80.0, thickness=20e-3)
+FOAM = ao.Layer.isotropic(E=170e6, nu=0.3, rho=160.0, thickness=20e-3)
 
 CARBON = ao.Laminate([PLY.rotated(a) for a in (0, 45, -45, 90, 90, -45, 45, 0)])
 FACE = [PLY.rotated(a) for a in (45, -45)]

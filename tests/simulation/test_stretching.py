@@ -12,8 +12,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
+from antiosc.app import live
 from antiosc.base.errors import InputError
 from antiosc.models.stretch import Stretch
+from antiosc.simulation.histories.parts import CAUSES
 from antiosc.simulation.stretching import with_rows
 
 DURATION = 0.008
@@ -201,3 +203,14 @@ def test_numbers_that_are_no_forces_are_told(change, what):
     given = {name: getattr(good, name) for name in ("modes", "quadratic", "cubic", "count")}
     with pytest.raises(InputError, match=what):
         Stretch(**given | change)
+
+
+def test_what_stretches_is_told_and_the_page_does_not_repeat_it():
+    """The engine of the page has linear modes."""
+    hit = ao.simulate(model(3), BALL, LAW, DURATION)
+    linear = ao.simulate(replace(model(), stretch=None), BALL, LAW, DURATION)
+    assert "'structure' stretches: second-order forces of 3 motions" in hit.summary()
+    assert "stretch" not in linear.summary()
+    assert live.blow_of_history(hit, {}) is None
+    assert live.blow_of_history(linear, {}) is not None
+    assert set(live.REMEDIES) >= set(CAUSES)

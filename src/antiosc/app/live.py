@@ -114,15 +114,16 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     """The impact for the page; None for one that the page cannot repeat.
 
     It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
-    start, under loads that do not change, without dampers that couple modes. `bars`: its error
-    budget, or empty.
+    start, under loads that do not change, without dampers that couple modes, of parts that do not
+    stretch. `bars`: its error budget, or empty.
     """
     if not isinstance(hit, History) or isinstance(hit, SceneHistory):
         return None
     system, law = hit.assembly.system, hit.assembly.laws[0]
     if not is_compiled(law) or system.breaks.size > 1 or system.pressed.any():
         return None
-    if system.first is not None:  # the page has modes that decay each for itself
+    # the page has modes that decay each for itself, and linear ones
+    if system.first is not None or system.cubic is not None:
         return None
     body, striker = hit.assembly.bodies["structure"], hit.assembly.bodies["impactor"]
     if not isinstance(body.modes, ModalBody) or not isinstance(striker.modes, ModalBody):
@@ -241,6 +242,7 @@ REMEDIES = {
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
+    "stretch": "extract with a larger number of motions (stretch=)",
     "law": "give the yield strength of your material, and what it may be off by (yield_range)",
 }
 #: What is said of a striker, with its unit, and the word before it.

@@ -234,8 +234,8 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
         f" {1e3 * thickness:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
         f" linear theory holds: where its edges are held it stretches and is stiffer,"
         f" forces are larger and deflections smaller than these (a cantilever, or a sheet"
-        f" on soft springs, hardly stretches); make the sheet thicker, or analyse it by a"
-        f" nonlinear program."
+        f' on soft springs, hardly stretches); take extract(…, stretch="auto"), which has these'
+        f" forces, or make the sheet thicker."
     )
 
 
@@ -302,8 +302,8 @@ def _beyond_linear_of_curved(name: str, body: SceneBody, thickness: float, histo
         message = (
             f"{name!r}, a curved sheet, deflects by {1e3 * abs(u[k]):.3g} mm,"
             f" {abs(u[k]) / thickness:.3g} times its thickness: second-order strain changes its"
-            f" force by about {change:+.0%}: it is {softer if change < 0 else stiffer}; analyse it"
-            " by a nonlinear program."
+            f" force by about {change:+.0%}: it is {softer if change < 0 else stiffer}; take"
+            ' extract(…, stretch="auto"), which has these forces.'
         )
     return message
 
@@ -560,6 +560,7 @@ class HistoryResults(Results):
                 ("step", engineering(own.step, "s")),
                 ("force error", error_text(own)),
                 ("law", verdict.law_text(own)),
+                *(("stretch", text) for text in own.stretch_texts),
                 ("status", self.explanation),
                 *(("details", text) for text in own.details),
             ]
@@ -573,7 +574,17 @@ class HistoryResults(Results):
             )
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {own.energy.drift:.1e}; force error {error_text(own)}")
-        return "\n".join([*filter(None, [self.verdict]), *lines, self.explanation, *own.details])
+        told = [*filter(None, [self.verdict]), *lines, *own.stretch_texts]
+        return "\n".join([*told, self.explanation, *own.details])
+
+    @property
+    def stretch_texts(self) -> list[str]:
+        """Which bodies stretch, and in how many motions."""
+        forces = cast("History", self).assembly.stretched
+        return [
+            f"{name!r} stretches: second-order forces of {one.modes.shape[1]} motions"
+            for name, one in forces.items()
+        ]
 
     @property
     def force_text(self) -> str:

@@ -13,6 +13,9 @@ from antiosc.simulation.auto_contact import chosen
 if TYPE_CHECKING:
     from antiosc.simulation.histories.parts import OneContact
 
+#: Speed [m/s] above which none of the yield is told: no contact is quasi-static there.
+FAST = 300.0
+
 
 def choice_at(contact: OneContact) -> Choice | None:
     """The law that the bodies of a contact need; None where they do not know it."""
@@ -69,13 +72,12 @@ def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
     pressure = elastic_pressure(law, contact.deepest)
     strength = engineering(law.yield_strength, "Pa")
     mass = float(contact._record.assembly.system.mass[contact._row])
-    speed = engineering(law.yield_speed(mass), "m/s")
+    fastest = law.yield_speed(mass)
+    speed = engineering(fastest, "m/s")
     share = f"{engineering(pressure, 'Pa')}, {pressure / law.yield_strength:.3g} times the yield"
     if contact.peak_force <= law.yield_force or contact.dent is None:
-        return (
-            f"The contact stays elastic: its pressure is {share} strength {strength}; it yields"
-            f" from {speed} on."
-        )
+        onset = f"; it yields from {speed} on" if fastest < FAST else ""
+        return f"The contact stays elastic: its pressure is {share} strength {strength}{onset}."
     e = contact.restitution
     rebound = "" if e is None else f"; restitution {e:.2f}"
     return (
