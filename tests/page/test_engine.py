@@ -145,3 +145,9 @@ CASES = [
 @pytest.mark.parametrize(("value", "unit", "shown"), CASES)
 def test_engineering_notation(value, unit, shown):
     assert engineering(value, unit) == shown
+
+
+def test_two_digits_of_hundreds_have_no_exponent():
+    assert engineering(6.9e-4, "m", 2) == "690 µm"
+    assert engineering(6.94e-4, "m", 3) == "694 µm"
+    assert engineering(6.9e-3, "m", 2) == "6.9 mm"

@@ -171,7 +171,9 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     prefixed = unit in PREFIXED or unit.startswith("N")
     power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    shown = f"{rounded / 10**power:#.{digits}g}".rstrip(".")
+    scaled = rounded / 10**power
+    exponent = prefixed and abs(scaled) >= 10**digits  # which two digits of 690 would have
+    shown = f"{scaled:.0f}" if exponent else f"{scaled:#.{digits}g}".rstrip(".")
     return f"{shown} {PREFIXES[power]}{unit}".rstrip()
 
 

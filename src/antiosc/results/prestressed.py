@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cached_property
 
 import numpy as np
@@ -81,10 +80,7 @@ class PrestressedState(ReprMixin):
         return static_stress(self._structure)
 
     def _facts(self) -> list[tuple[str, str]]:
-        reserve = f"buckling at {self.reserve:.4g} times the loads"
-        if math.isinf(self.reserve):
-            reserve = "no buckling below 100 times the loads"
-        facts = [("reserve", reserve)]
+        facts = [("reserve", self._preload.reserve_text)]
         if self._structure.comm.size == 1:
             largest = float(np.linalg.norm(self.displacement, axis=1).max())
             facts += [("displacement", f"up to {engineering(largest, 'm')}")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isinf
 from typing import TypeVar
 
 import numpy as np
@@ -144,4 +145,11 @@ class Preload:
         said = "prestress"
         if self.loads.spin is not None:
             said += f" with a spin of {self.loads.spin.omega:g} rad/s, without Coriolis forces"
-        return f"{said}, buckling at {self.reserve:.4g} times the loads"
+        return f"{said}, {self.reserve_text}"
+
+    @property
+    def reserve_text(self) -> str:
+        """The load factor to buckling in words."""
+        if isinf(self.reserve):
+            return "no buckling below 100 times the loads"
+        return f"buckling at {self.reserve:.4g} times the loads"
