@@ -90,9 +90,9 @@ def test_the_map_of_the_readme_runs(tmp_path, monkeypatch):
     stiffness = [found.models.k0[height == z].mean() for z in np.unique(height)]
     assert (np.diff(stiffness) < 0).all()
     energy = 1.25 * sphere.mass * sphere.velocity**2
-    rigid = names["flat"].stiffness ** 0.4 * energy**0.6
-    assert (found.peak_force < rigid).all()
-    assert (found.peak_force > 0.5 * rigid).all()
+    elastic = sphere.hertz(E=69e9, nu=0.33).stiffness ** 0.4 * energy**0.6
+    assert (found.peak_force < 0.9 * elastic).all()  # it yields
+    assert (found.peak_force > 0.4 * elastic).all()
     assert (tmp_path / "out" / "map.vtu").is_file()
     assert (tmp_path / "out" / "map.png").is_file()
 

@@ -261,5 +261,5 @@ def test_the_example_runs(tmp_path, capsys):
     part, hit = names["both"], names["hit"]
     screws = 4 * 7850.0 * np.pi * 3e-3**2 * 6e-3
     assert part.mass == pytest.approx(2700.0 * 0.2 * 0.1 * 0.025 + screws, rel=1e-9)
-    ball = 7850.0 * 4 / 3 * np.pi * 0.01**3
+    ball = names["ball"].mass
     assert hit.impulse == pytest.approx(ball * (1.0 - hit.impactor_velocity[-1]), rel=1e-6)
