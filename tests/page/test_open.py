@@ -55,6 +55,7 @@ def step(tmp_path_factory):
     gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # OpenCASCADE keeps the last one
         occ = gmsh.model.occ
         base, wall = occ.addBox(0, 0, 0, 60, 40, 15), occ.addBox(0, 0, 15, 12, 40, 25)
         both = occ.fuse([(3, base)], [(3, wall)])[0]
