@@ -13,6 +13,7 @@ from scipy.special import j1
 
 import antiosc as ao
 from antiosc.contact.line import line_indentation
+from antiosc.studies.drops.body import free_body
 from parts import box, line
 
 pytestmark = pytest.mark.fem
@@ -80,6 +81,22 @@ def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
     rigid = ao.drop(ao.Sphere(0.02, 210e9, 0.3, 7800.0), 0.05, floor=ao.Floor(STEEL), until=1)
     assert fall.peak_force == pytest.approx(rigid.peak_force, rel=0.05)
     assert np.linalg.norm(fall.impacts[0].spin_after) < 2.0  # the force passes the centre
+
+
+@pytest.mark.slow
+def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
+    """Radii N = b^2 g around the axis and M = a^2 b^2 g^3 along it, g^2 = x^2/a^4 + r^2/b^4."""
+    a, b = 0.02, 0.01
+    shape = "Sphere(1) = {0, 0, 0, 0.01}; Dilate {{0, 0, 0}, {2, 1, 1}} { Volume{1}; } n = 1"
+    body = free_body(ao.Structure(meshed(tmp_path, shape, 0.002), STEEL), 1, None, None)
+    skin = body.points + body.centre + body.balls[:, None] * body.facing
+    ends = [np.argmin(skin[:, 0]), np.argmax(skin[:, 0])]
+    which = np.append(ends, np.arange(0, len(skin), 12))
+    body.sites(which)
+    x, y, z = skin[which].T
+    g = np.sqrt(x**2 / a**4 + (y**2 + z**2) / b**4)
+    true = np.sort([b**2 * g, a**2 * b**2 * g**3], axis=0).T
+    np.testing.assert_allclose(np.sort(body.radii[which]), true, rtol=0.1)
 
 
 @pytest.mark.parametrize("size", [0.01, 0.004])

@@ -13,6 +13,7 @@ a smooth solid gives way as a part of a half-space is taken out of r: Hertz's la
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.contact import ContactLaw
-from antiosc.contact.curvature import Curvature
+from antiosc.contact.curvature import CURVED, LINE, PLANE, Curvature
 from antiosc.models.modal import Damping, as_damping
 from antiosc.simulation.bodies import RigidBody, Sphere
 from antiosc.studies.drops.corners import columns, missing
@@ -60,7 +61,8 @@ class FreeBody:
     points : (V, 3) relative to the centre [m]; with `balls` > 0 the centre of a ball of that
         radius [m], of which the body's surface is a part there.
     centre : (3,) of mass in the axes of the mesh [m].
-    radii : (V, 2) principal radii for the law of the contact [m].
+    radii : (V, 2) principal radii for the law of the contact [m]; those of smooth places of a
+        solid are rough until `sites` fits them.
     materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
     strengths : (V,) yield strengths [Pa], NaN where not known; None: of none.
     omega, decay : (J,) of the elastic modes [rad/s], [1/s].
@@ -93,7 +95,7 @@ class FreeBody:
     strengths: Array | None = None
     structure: Structure | None = None
     basis: Array | None = None
-    residual: Callable[[IntArray], tuple[Array, Array]] | None = None
+    residual: Callable[[IntArray], tuple[Array, Array, Array]] | None = None
     bed: Bed | None = None
     laws: dict[int, ContactLaw] = field(default_factory=dict)
     idle: BoolArray | None = None
@@ -170,14 +172,13 @@ class FreeBody:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
         new = np.array([i for i in which.tolist() if i not in self._known], dtype=int)
         if len(new):
-            if self.residual is None:
-                found = self.shapes[new], np.zeros((len(new), 3, 3))
-            else:
-                found = self.residual(new)
-                self.shapes[new] = found[0]
-            self._known.update(zip(new.tolist(), zip(*found, strict=True), strict=True))
-        pairs = [self._known[i] for i in which.tolist()]
-        return np.array([phi for phi, _ in pairs]), np.array([r for _, r in pairs])
+            r = np.zeros((len(new), 3, 3))
+            if self.residual is not None:
+                self.shapes[new], r, self.radii[new] = self.residual(new)
+            pairs = zip(self.shapes[new], r, strict=True)
+            self._known.update(zip(new.tolist(), pairs, strict=True))
+        known = [self._known[i] for i in which.tolist()]
+        return np.array([phi for phi, _ in known]), np.array([r for _, r in known])
 
     def alone(self) -> FreeBody:
         """The same without its structure, all its sites known: for other processes."""
@@ -302,8 +303,8 @@ def _residual(
     own: IntArray,
     corner: float,
     which: IntArray,
-) -> tuple[Array, Array]:
-    """Shapes and residual compliances of patches at vertices of the hull `own`; see `sites`."""
+) -> tuple[Array, Array, Array]:
+    """Shapes, residual compliances and radii of patches at vertices of the hull `own`."""
     from antiosc.fem.site import functionals
 
     chosen = own[which]
@@ -324,7 +325,21 @@ def _residual(
         r = r - one.local_compliance * np.diag([1.0, aside, aside])
         residual.append(axes.T @ _positive(r) @ axes)
         shapes.append((axes.T @ moved).T)
-    return np.array(shapes), np.array(residual)
+    radii = [_radii(structure, skin, k, corner) for k in chosen.tolist()]
+    return np.array(shapes), np.array(residual), np.array(radii)
+
+
+def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple[float, float]:
+    """Principal radii [m] of a vertex, of a smooth place of a solid from the surface around it."""
+    from antiosc.fem.site.curvature import curvature_at
+
+    if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
+        return skin.radii(which, corner)
+    with suppress(InputError):  # of a mesh with too few nodes there
+        surface = curvature_at(structure, skin.points[which], lengths=False)
+        if surface.kind in (CURVED, LINE, PLANE):
+            return skin.rounded(surface.values)
+    return skin.radii(which, corner)
 
 
 def _site(skin: Skin, which: int, corner: float) -> Site:

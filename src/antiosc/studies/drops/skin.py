@@ -64,8 +64,11 @@ class Skin:
         if self.sharp[which]:
             rounded = float(self.half[which]) or corner
             return rounded, rounded
-        least = 1 / (FLATTEST * self.size)
-        first, second = np.maximum(self.curvatures[which], least)
+        return self.rounded(self.curvatures[which])
+
+    def rounded(self, curvatures: Array) -> tuple[float, float]:
+        """Radii [m] of principal curvatures (2,) [1/m]; of flat and hollow places the largest."""
+        first, second = np.maximum(curvatures, 1 / (FLATTEST * self.size))
         return 1 / float(first), 1 / float(second)
 
     @property
