@@ -138,9 +138,11 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
         eps.setDeflationSpace([_vector(structure.K, shape) for shape in search.known.T])
     try:
         eps.solve()
-    except PETSc.Error as error:  # code 95: a vector with xᵀMx < 0, which is rounding
+    except (PETSc.Error, SystemError) as error:  # code 95: a vector with xᵀMx < 0, by rounding
+        cause = error if isinstance(error, PETSc.Error) else error.__cause__
+        eps.incRef()  # SLEPc 3.25 cannot destroy what it broke off
         raise NotConvergedError(
-            f"SLEPc broke off (PETSc's error {error.ierr}): of structures of equal parts whose "
+            f"SLEPc broke off (PETSc's error {cause.ierr}): of structures of equal parts whose "
             "motions have little mass the search finds no further shapes; ask for other modes, or "
             "give the parts slightly different sections."
         ) from None

@@ -556,7 +556,7 @@ def quadratic(
     def packed(first: int) -> Array:
         """Coefficients (cells, n), with the numbers of the dofs from `first` on as those of x."""
         x.x.array[:] = np.arange(first, first + x.x.array.size)
-        (values,) = fem.assemble.pack_coefficients(in_cpp).values()
+        (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
         return np.ascontiguousarray(values)
 
     of_form = ufcx.integrals(0) if DOLFINX < (0, 7) else ufcx.form_integrals
@@ -566,7 +566,7 @@ def quadratic(
     entries = np.flatnonzero(coefficients[0] != packed(1)[0])
     arrays = (
         nodes, np.ascontiguousarray(space.mesh.geometry.x), coefficients,
-        np.asarray(fem.assemble.pack_constants(in_cpp)),
+        np.asarray(dolfinx.cpp.fem.pack_constants(in_cpp)),
         vectors, np.ascontiguousarray(weights),
     )  # fmt: skip
     sizes = nodes.shape[1], coefficients.shape[1], int(entries[0]), entries.size, count
