@@ -139,10 +139,10 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
     try:
         eps.solve()
     except (PETSc.Error, SystemError) as error:  # code 95: a vector with xᵀMx < 0, by rounding
-        cause = error if isinstance(error, PETSc.Error) else error.__cause__
+        code = getattr(error, "ierr", None) or getattr(error.__cause__, "ierr", None)
         eps.incRef()  # SLEPc 3.25 cannot destroy what it broke off
         raise NotConvergedError(
-            f"SLEPc broke off (PETSc's error {cause.ierr}): of structures of equal parts whose "
+            f"SLEPc broke off (PETSc's error {code}): of structures of equal parts whose "
             "motions have little mass the search finds no further shapes; ask for other modes, or "
             "give the parts slightly different sections."
         ) from None
