@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.app import cli
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import read
 from antiosc.app.scene_file.run import Results, results
-from antiosc.app.scene_file.scene import STUDIES, compiled
+from antiosc.app.scene_file.scene import STUDIES
 from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"

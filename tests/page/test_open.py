@@ -14,8 +14,8 @@ import pytest
 import antiosc as ao
 from antiosc.app import set_up
 from antiosc.app.scene_file.build import Evaluation
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import read as read_document
-from antiosc.app.scene_file.scene import compiled
 from antiosc.base.errors import InputError
 from paths import ROOT
 from webdriver import MISSING, Browser

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 import antiosc as ao
 from antiosc.app.scene_file.build import Call, Evaluation
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import (
     DEEPEST,
     LARGEST_FILE,
@@ -21,7 +22,7 @@ from antiosc.app.scene_file.document import (
     lines_of,
     read,
 )
-from antiosc.app.scene_file.scene import Compiled, compiled
+from antiosc.app.scene_file.scene import Compiled
 from antiosc.app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of
 from scene_files import (
     ASKED,

@@ -14,8 +14,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.app import cli
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.scene import compiled
 from antiosc.app.scene_file.schema import schema
 from antiosc.base.texts import engineering
 from paths import MESHES, ROOT

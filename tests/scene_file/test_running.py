@@ -14,8 +14,8 @@ import pytest
 import antiosc as ao
 from antiosc.app.scene_file import outline
 from antiosc.app.scene_file.build import Call
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.scene import compiled
 from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
 from fmus import OK, Fmu
 from paths import MESHES

@@ -15,8 +15,9 @@ import antiosc
 from antiosc.app import new, report, results
 from antiosc.app.scene_file import outline, run
 from antiosc.app.scene_file.build import Call, Evaluation
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import Table, read
-from antiosc.app.scene_file.scene import STUDIES, Compiled, compiled
+from antiosc.app.scene_file.scene import STUDIES, Compiled
 from antiosc.app.scene_file.schema import schema
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError

@@ -29,13 +29,14 @@ from antiosc.app.kept import FreeModes, Kept
 from antiosc.app.live import Data
 from antiosc.app.scene_file import run
 from antiosc.app.scene_file.build import Evaluation
+from antiosc.app.scene_file.compiled import compiled
 from antiosc.app.scene_file.document import (
     Document,
     Problems,
     SceneFileError,
     read as read_document,
 )
-from antiosc.app.scene_file.scene import Compiled, by_strengths, compiled, worst_by_strengths
+from antiosc.app.scene_file.scene import Compiled, by_strengths, worst_by_strengths
 from antiosc.app.set_up import (
     DURATION,
     FIRST,

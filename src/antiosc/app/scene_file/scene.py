@@ -17,7 +17,6 @@ import functools
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -31,7 +30,6 @@ from antiosc.app.scene_file.schema import (
     MODELS,
     SECTIONS,
     SOURCES,
-    headed,
     parameters,
     resolved,
 )
@@ -126,6 +124,9 @@ class Study(NamedTuple):
     makes: tuple[str, ...]
 
 
+#: What has a mesh.
+MESHED = "geometry deck parts"
+
 STUDIES = {
     "run": Study(
         "simulation",
@@ -153,115 +154,7 @@ STUDIES = {
 }  # fmt: skip
 
 
-# -- which sections go together
-
-_MESHED, _MANY = "geometry deck parts", "contacts bodies run"
-_ONE = "simulate strike"
-_SEVERAL = f"{_MANY} loads base motion scene"
-_REDUCED = "sites extract probes sweep map stress"
-_KEEP = "keep one of the two"
-#: Sections, and others of which each of them needs one.
-NEEDS = (
-    ("joints at points assembly", "parts"),
-    ("from_frf", "frf"),
-    ("sites", f"{_MESHED} matrices"),
-    ("scene loads base motion", _MANY),
-    ("accelerometers worst", "drop"),
-    ("drop", f"{_MESHED} matrices frf"),
-    ("sensors", "find"),
-    ("find map stress", _MESHED),
-    ("find", "sensors"),
-    ("probes", f"{_MESHED} matrices"),
-    ("probes stress", f"{_ONE} run"),
-    *(("sweep monte_carlo", other) for other in ("impactor", "simulate")),
-)
-#: Sections, others beside which they have no place, and what to do.
-EXCLUDES = (
-    ("material structure", "parts", "give each part its own"),
-    ("material structure", "deck matrices model frf", "leave it out"),
-    ("supports attached", "matrices", 'fix nodes by supports = {12 = "all"} there'),
-    ("supports attached", "model frf", "leave it out"),
-    ("prestress", "deck matrices model frf", "give the part a [geometry], or [parts]"),
-    ("prestress", "strike drop", "leave it out"),
-    ("supports", "drop", "a part that is dropped is free: leave it out"),
-    ("simulate extract", "strike", _KEEP),
-    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),
-    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "find", _KEEP),
-)
-
-
-def _check_together(build: Builder) -> None:
-    """Note sections that contradict each other, or lack what they need."""
-    there = {name for name, value in build.data.items() if value or name != "sensors"}
-    for names, others in NEEDS:
-        for name in names.split():
-            if name in build.data and not there & set(others.split()):
-                build.note((name,), f"{headed(name)} needs {_one_of(others)}.")
-    for names, others, remedy in EXCLUDES:
-        for name, other in product(names.split(), others.split()):
-            if name in build.data and other in there:
-                what = f"{headed(name)} has no place beside {_one_of(other)}"
-                build.note((name,), f"{what}; {remedy}.")
-    sources = [name for name in SOURCES if name in there]
-    if len(sources) > 1:
-        both = f"[{sources[0]}] and [{sources[1]}]"
-        build.note((sources[1],), f"{both} both say what is struck; {_KEEP}.")
-    if not sources and not build.data.get("bodies"):
-        names = ", ".join(f"[{name}]" for name in SOURCES)
-        build.note((), f"the scene does not say what is struck: give one of {names}.")
-    single = [n for n in ("impactor", "contact", *_ONE.split()) if n in there]
-    many = [n for n in _MANY.split() if n in there]
-    if single and many:
-        sentence = f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts"
-        build.note((many[0],), f"{sentence}; {_KEEP}.")
-    if "ensemble" in build.part("drop"):
-        for name in there.intersection(("accelerometers", "worst")):
-            build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
-
-
-def _one_of(names: str) -> str:
-    """A section with what it is, or several that may be chosen from."""
-    first, *rest = names.split()
-    if rest:
-        return f"one of {', '.join(map(headed, names.split()))}"
-    return f"{headed(first)}, {SECTIONS[first].about}"
-
-
 # -- the objects
-
-
-def compiled(document: Document) -> Compiled:
-    """The objects of a document; SceneFileError with all its mistakes."""
-    from antiosc.app.scene_file import run as studies
-
-    build = Builder(document)
-    build.known_sections(build.data, SECTIONS)
-    _check_together(build)
-    found = Compiled(document=document, warnings=build.warnings)
-    found.structure = structure(build)
-    found.model = model(build, found.structure)
-    if "find" in build.data:
-        _find(build, found)
-    elif set(_MANY.split()) & set(build.data):
-        _several(build, found)
-    elif {"impactor", "contact", *_ONE.split()} & set(build.data):
-        found.impactor, found.contact = pair(build)
-        _single(build, found)
-    _requested(build, found)
-    if "drop" in build.data:
-        found.fall = build.table("drop", given={"part": found.structure})
-        given = {"self": found.fall}
-        found.peaks = build.named("accelerometers", given | {"quantity": "acceleration"})
-        found.worst = build.table("worst", given=given)
-        meshed = source(build) in _MESHED.split() and "ensemble" not in build.part("drop")
-        if "worst" not in build.data and meshed:
-            found.worst = Call(worst_by_strengths, given)
-    found.batch = studies.sweep(build, found)
-    found.map = studies.surface(build, found)
-    found.sample = studies.monte_carlo(build, found)
-    found.output = build.table("output")
-    document.problems.raise_if_any()
-    return found
 
 
 def source(build: Builder) -> str:
@@ -399,7 +292,7 @@ def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call 
     return build.call(SECTIONS["contact"], table, place, methods=methods)
 
 
-def _single(build: Builder, found: Compiled) -> None:
+def single(build: Builder, found: Compiled) -> None:
     both: dict[str, object] = {"impactor": found.impactor, "contact": found.contact}
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
@@ -435,7 +328,7 @@ def _warn_of_opening(build: Builder, found: Compiled) -> None:
         )
 
 
-def _find(build: Builder, found: Compiled) -> None:
+def search(build: Builder, found: Compiled) -> None:
     sensors = list(build.named("sensors").values())
     given: dict[str, object] = {"structure": found.structure, "sensors": sensors}
     both = zip(("impactor", "contact"), pair(build), strict=True)
@@ -476,7 +369,7 @@ Bodies: TypeAlias = Mapping[str, Call | None]
 STRUCTURE = "structure"
 
 
-def _several(build: Builder, found: Compiled) -> None:
+def several(build: Builder, found: Compiled) -> None:
     own = {STRUCTURE: found.model} if source(build) else {}
     named, tables = build.named("bodies"), build.part("bodies")
     if STRUCTURE in tables and own:
@@ -546,7 +439,7 @@ def probe_times(history: History) -> Array:
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
-def _requested(build: Builder, found: Compiled) -> None:
+def requested(build: Builder, found: Compiled) -> None:
     """[probes] and [stress]; without it the criteria for which the materials have strengths."""
     part: Call | None = found.structure
     if found.striking and part is None:
@@ -557,7 +450,7 @@ def _requested(build: Builder, found: Compiled) -> None:
         name: replace(probe, arguments={"times": times, **probe.arguments})
         for name, probe in build.named("probes", given).items()
     }
-    meshed = found.history is not None and source(build) in _MESHED.split()
+    meshed = found.history is not None and source(build) in MESHED.split()
     if "stress" in build.data:
         asked = build.table("stress", given=given)
         if asked is not None:

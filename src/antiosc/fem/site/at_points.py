@@ -24,19 +24,9 @@ from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, corners_at, size_at
 from antiosc.fem.platform import bounds
-from antiosc.fem.site import (
-    LEAST_FREE_SHARE,
-    Functional,
-    Reach,
-    Site,
-    algebraic,
-    at_node,
-    constrained,
-    middle_of,
-    motion_of,
-    on_face,
-    tangents,
-)
+from antiosc.fem.site.names import at_node, middle_of, motion_of, on_face
+from antiosc.fem.site.on_matrices import algebraic
+from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Reach, Site, constrained, tangents
 from antiosc.fem.site.sites import (
     Sites,
     loads,

@@ -17,8 +17,8 @@ from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import group_end
 from antiosc.fem.mesh.surface import Faces, closest_many
-from antiosc.fem.site import LEAST_FREE_SHARE
 from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
+from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, warn_of_doubts
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure

@@ -15,11 +15,12 @@ from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import InputError
 from antiosc.base.surfaces import LIGHT
 from antiosc.studies.drops.body import skin_of
-from antiosc.studies.drops.fall import Fall
 from antiosc.studies.drops.flight import State
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from antiosc.studies.drops.fall import Fall
 
 #: Frames of a film in a second, and times of a fall at which heights are drawn.
 RATE, DRAWN = 25, 500

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError, NotDifferentiableError
+from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin, value_text
 from antiosc.contact import ContactLaw
-from antiosc.contact.base import is_compiled
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.modal import ModalBody
 from antiosc.simulation.march import engine
 from antiosc.studies.gradients.changes import (
-    ByModes,
     Taken,
     Values,
     bar,
@@ -29,17 +25,19 @@ from antiosc.studies.gradients.changes import (
     by_springs,
     changed_model,
     compared_runs,
-    first_order_weights,
     leading,
-    through_start,
 )
-from antiosc.studies.gradients.goals import Recorded, Sampled, Seeds, next_peak, recorded, seeds
+from antiosc.studies.gradients.goals import Recorded, Sampled, Seeds
+from antiosc.studies.gradients.of_run import (
+    by_modes,
+    contact_ends,
+    derived,
+    model_name,
+    second_peak,
+    settled,
+    shown_goal,
+)
 
-if TYPE_CHECKING:
-    from antiosc.studies.gradients.of_part import Chain
-
-#: Speed of a touch or release, over the fastest, below which it grazes.
-GRAZING = 1e-6
 #: Relative change of a law's field by which its parameters are derived.
 CHANGE = 1e-6
 #: What a gradient has derivatives by.
@@ -189,7 +187,7 @@ def gradient(
             own[body] = own.get(body, {}) | values
     all_of = []
     for (one, _), own, (found, wanted, slopes) in zip(runs, bodies, taken, strict=True):
-        contacts = _contacts(found, _settled(found, slopes))
+        contacts = _contacts(found, settled(found, slopes))
         by_springs(one, slopes, own, contacts)
         all_of.append(Gradient(shown_goal(goal), wanted.value, own, contacts))
     reach = None if second is None else overtaken(all_of[0], all_of.pop())
@@ -221,51 +219,6 @@ def bars(found: list[Gradient]) -> Gradient:
     return Gradient(found[0].goal, value, bodies, contacts)
 
 
-def shown_goal(goal: str | Callable[[Sampled], float]) -> str:
-    """The name of a goal, or of a function."""
-    return goal if isinstance(goal, str) else str(getattr(goal, "__name__", "goal"))
-
-
-def derived(
-    hit: Any,
-    goal: str | Callable[[Sampled], float],
-    contact: tuple[str, str] | None = None,
-    time: float | None = None,
-) -> Taken:
-    """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
-    found = recorded(hit)
-    _refuse(found)
-    return _derived(found, seeds(found, goal, _contact(found, contact), time))
-
-
-def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | None:
-    """The same of the second largest peak of a contact; None where it is not near the largest."""
-    wanted = next_peak(found, _contact(found, contact))
-    return None if wanted is None else _derived(found, wanted)
-
-
-def _derived(found: Recorded, wanted: Seeds) -> Taken:
-    places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
-    weights, s = first_order_weights(found, weights), found.system.marched
-    slopes, grazing, answer = engine.gradient(
-        s, found.run, found.states(), places, weights, wanted.force, wanted.time
-    )
-    if answer != march.DONE or not grazing > GRAZING:
-        raise NotDifferentiableError(
-            f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
-            f" fastest speed, and the goal has no derivative there; change an input slightly."
-        )
-    if found.system.first is None:
-        slopes = _settled(found, slopes)
-    return found, wanted, slopes
-
-
-def _settled(found: Recorded, slopes: engine.Slopes) -> engine.Slopes:
-    """The derivatives with what the forces and the rest at the start have of them."""
-    closed = found.scene.preload or found.system.pressed.any()
-    return through_start(found, slopes) if closed else slopes
-
-
 def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
@@ -278,6 +231,7 @@ def _of_part(
         by_part,
         by_shape,
         held,
+        part_chain,
         recurrence,
     )
 
@@ -316,31 +270,6 @@ def _of_part(
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
-def _refuse(found: Recorded) -> None:
-    for law in found.laws:
-        if not is_compiled(law):
-            raise InputError(
-                f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
-                f" use a law of antiosc, or Tabulated."
-            )
-
-
-def _contact(found: Recorded, contact: tuple[str, str] | None) -> int:
-    every = _ends(found)
-    if contact is None and len(every) == 1:
-        return 0
-    for i, ends in enumerate(every):
-        if isinstance(contact, tuple | list) and [*ends] == [str(end) for end in contact]:
-            return i
-    listed = ", ".join(map(str, every))
-    raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
-
-
-def _ends(found: Recorded) -> list[tuple[str, str]]:
-    """The names of the ends of each contact."""
-    return [(contact.a, contact.b) for contact in found.scene.contacts]
-
-
 def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
     result: dict[str, Values] = {}
@@ -352,29 +281,10 @@ def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> 
             if own:
                 result[name] = own
             continue
-        by = _by_modes(found, wanted, _settled(found, slopes), name)
+        by = by_modes(found, wanted, settled(found, slopes), name)
         if by is not None:
             result[name] = by_body(body.body, by, _closing(found, name))
     return result
-
-
-def _by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> ByModes | None:
-    """Derivatives by the modes of a body of one site; None of others."""
-    s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
-    k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes
-    if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
-        return None
-    return ByModes(
-        modes=modes,
-        square=slopes.square[at],
-        decay=slopes.decay[at],
-        site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[own, k],
-        r=float(found.G[:, k] @ slopes.residual @ found.G[:, k] + wanted.r[k, k]),
-        load=slopes.loads[:, at].sum(axis=0),
-        start=slopes.v[at],
-        v=s.v[own],
-        g=s.loads[0, own],
-    )
 
 
 def _closing(found: Recorded, name: str) -> float:
@@ -384,42 +294,14 @@ def _closing(found: Recorded, name: str) -> float:
     return float(rows[0] @ found.system.v[span]) if len(rows) else 0.0
 
 
-def model_name(found: Recorded) -> str:
-    models = [n for n, each in found.bodies.items() if isinstance(each.body, AntiOscillators)]
-    if len(models) != 1:
-        raise InputError(
-            f"part needs a run with one extracted model; this one has {len(models)} models."
-        )
-    return models[0]
-
-
-def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> Chain:
-    """The chain to the part of a model."""
-    from antiosc.studies.gradients.of_part import chain  # loads dolfinx
-
-    by = _by_modes(found, wanted, slopes, name)
-    if by is None:
-        raise InputError(
-            "derivatives by the materials of a part need a model of one site, without loads, a"
-            " moving ground (and a design map one whose damping does not couple its modes): give a"
-            " function of x that builds the part, and x."
-        )
-    model = found.model(name)
-    touching = found.G[:, found.columns[name].start]
-    given = zip(touching, found.scene.contacts, found.laws, strict=False)
-    freed = [c for c, (on, contact, law) in enumerate(given) if on and law is not contact.law]
-    local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
-    return chain(model, by, local)
-
-
 def _contacts(found: Recorded, slopes: engine.Slopes) -> dict[tuple[str, str], Values]:
     result: dict[tuple[str, str], Values] = {}
-    for c, (ends, law) in enumerate(zip(_ends(found), found.laws, strict=True)):
+    for c, (pair, law) in enumerate(zip(contact_ends(found), found.laws, strict=True)):
         values = _by_law(law, slopes.laws[c])
         values["gap"] = float(slopes.offsets[:, c].sum())
         if found.system.tangents[c, 1] > 0:
             values["friction"] = float(slopes.friction[c, 0])
-        result[ends] = values
+        result[pair] = values
     return result
 
 

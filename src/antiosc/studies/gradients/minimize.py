@@ -19,7 +19,7 @@ from antiosc.simulation.scene import simulate
 from antiosc.simulation.two_bodies import Impact, assemble_pair
 from antiosc.studies.gradients.changes import changed
 from antiosc.studies.gradients.goals import GOALS, Sampled
-from antiosc.studies.gradients.gradient import derived
+from antiosc.studies.gradients.of_run import derived
 
 #: Change of an input, over its scale, by which the bodies are made anew for a derivative.
 CHANGE = 1e-4

@@ -37,9 +37,10 @@ from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.results.fields import checked_shapes
+from antiosc.simulation.march import engine
 from antiosc.studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
-from antiosc.studies.gradients.goals import Sampled
-from antiosc.studies.gradients.gradient import derived, model_name, part_chain, shown_goal
+from antiosc.studies.gradients.goals import Recorded, Sampled, Seeds
+from antiosc.studies.gradients.of_run import by_modes, derived, model_name, shown_goal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -136,6 +137,23 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     M[0, 1:] = M[1:, 0] = model.m
     of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
+
+
+def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> Chain:
+    """The chain to the part of a model."""
+    by = by_modes(found, wanted, slopes, name)
+    if by is None:
+        raise InputError(
+            "derivatives by the materials of a part need a model of one site, without loads, a"
+            " moving ground (and a design map one whose damping does not couple its modes): give a"
+            " function of x that builds the part, and x."
+        )
+    model = found.model(name)
+    touching = found.G[:, found.columns[name].start]
+    given = zip(touching, found.scene.contacts, found.laws, strict=False)
+    freed = [c for c, (on, contact, law) in enumerate(given) if on and law is not contact.law]
+    local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
+    return chain(model, by, local)
 
 
 def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
