@@ -41,6 +41,10 @@ LONGEST = 1800
 VARIANTS = {"as printed": (1.0, 1), "half the size": (0.5, 1), "twice the modes": (1.0, 2)}
 #: The program of this page reads what the second one makes.
 BACKWARDS = {"howto/measured"}
+#: Pages whose program reads files of another one; `tests/matrix_files` writes them and runs it.
+UNRUN = {"matrices"}
+#: The programs of a page that go on from those of another one.
+GOES_ON = {"several": "guide"}
 QUANTITIES = ("peak_force", "impulse", "contact_time")
 
 
@@ -125,7 +129,7 @@ def more_modes(factor: int, call: Callable[..., Any]) -> Callable[..., Any]:
     def wrapper(*args: Any, **kwargs: Any) -> Any:
         for name in ("n", "modes"):
             if isinstance(kwargs.get(name), int):
-                kwargs[name] *= factor
+                kwargs[name] = min(factor * kwargs[name], getattr(args[0], "dofs", math.inf) - 1)
         return call(*args, **kwargs)
 
     return wrapper
@@ -198,19 +202,34 @@ def child(program: str, size: float, modes: int) -> None:
 def programs() -> dict[str, Callable[[Path], str]]:
     """Name of each program -> what writes it into a folder and gives its path there."""
     found: dict[str, Callable[[Path], str]] = {}
-    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    for page in pages:
-        blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-        if not any("import antiosc" in block for block in blocks):
+    for name, page in pages().items():
+        if name in UNRUN:
             continue
-        name = str(page.relative_to(ROOT).with_suffix("")).removeprefix("docs/")
-        text = "\n".join(blocks[:: -1 if name in BACKWARDS else 1])
-        found[name] = functools.partial(write_program, text)
+        blocks = blocks_before(name) + blocks_of(page)[:: -1 if name in BACKWARDS else 1]
+        found[name] = functools.partial(write_program, "\n".join(blocks))
     for script in sorted((ROOT / "demos").glob("*.py")):
         found[f"demos/{script.stem}"] = functools.partial(copy_demos, f"demos/{script.name}")
     for scene in sorted((ROOT / "demos/scenes").glob("*.toml")):
         found[f"scenes/{scene.stem}"] = functools.partial(copy_demos, f"demos/scenes/{scene.name}")
     return found
+
+
+def pages() -> dict[str, Path]:
+    """Name -> file of each page with a whole program."""
+    paths = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    names = [str(path.relative_to(ROOT).with_suffix("")).removeprefix("docs/") for path in paths]
+    found = zip(names, paths, strict=True)
+    return {n: path for n, path in found if any("import antiosc" in b for b in blocks_of(path))}
+
+
+def blocks_of(page: Path) -> list[str]:
+    """The programs of a page, in their order."""
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def blocks_before(name: str) -> list[str]:
+    """The programs of another page from which those of this one go on."""
+    return blocks_of(ROOT / f"docs/{GOES_ON[name]}.md") if name in GOES_ON else []
 
 
 def write_program(text: str, folder: Path) -> str:

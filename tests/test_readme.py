@@ -42,7 +42,11 @@ def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert model.n == 20
     assert (tmp_path / "out" / "bracket.pvd").is_file()
     same_blow(names)
-    same_numbers(capsys.readouterr().out)
+    said = capsys.readouterr().out
+    same_numbers(said)
+    outputs = demo("page_outputs")
+    told = "\n".join(map(outputs.wrapped, said.strip().splitlines()))
+    assert outputs.differences(outputs.shown("README")[0], told) == []
 
 
 def same_blow(names: dict[str, Any]) -> None:
