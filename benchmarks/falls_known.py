@@ -21,7 +21,7 @@ from antiosc.studies.drops.drop import tilted
 from antiosc.studies.drops.fall import fall_of
 from antiosc.studies.drops.flight import Flight
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 from falling import G, bar, block, floating, landed, setting, started
 
 NUDGE = 1e-4

@@ -23,7 +23,7 @@ import options
 import antiosc as ao
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 from webdriver import Browser  # noqa: E402
 
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}

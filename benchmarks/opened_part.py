@@ -20,7 +20,7 @@ from antiosc.app.opened import Opened
 from antiosc.app.view import NOBODY, View
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 from webdriver import Browser  # noqa: E402
 
 #: Seconds that a page may take.

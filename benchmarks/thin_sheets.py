@@ -1,7 +1,8 @@
 """Impacts on sheets that stretch: a few modes against all degrees of freedom on the same mesh.
 
-The reference (`tests/full_second_order.py`) has every nodal displacement, the whole second-order
-strain (von Kármán's on flat sheets), the average acceleration and Newton's method in each step.
+The reference (`tests/support/full_second_order.py`) has every nodal displacement, the whole
+second-order strain (von Kármán's on flat sheets), the average acceleration and Newton's method in
+each step.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 
 import antiosc as ao
 from full_second_order import Full

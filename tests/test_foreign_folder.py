@@ -147,12 +147,12 @@ def test_no_family_is_compiled_as_the_folder_says(tmp_path, cache):
         (tmp_path / name).write_text(WRAPPED.format(here=tmp_path))
     (tmp_path / "wrapper").write_text(COMMAND.format(here=tmp_path, mark="marker"))
     (tmp_path / "wrapper").chmod(0o755)
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT}/src:{ROOT}/tests"}
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}/src:{ROOT}/tests/support"}
     if cache == "empty":
         environment["XDG_CACHE_HOME"] = f"{tmp_path}-cache"
     families = ["beam"] if cache == "empty" else []
     done = subprocess.run(
-        [sys.executable, "-P", str(ROOT / "tests" / "foreign_families.py"), *families],
+        [sys.executable, "-P", str(ROOT / "tests" / "support" / "foreign_families.py"), *families],
         cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert not (tmp_path / "marker").exists()

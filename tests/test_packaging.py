@@ -92,7 +92,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
 def test_the_closing_lines_say_where_skipped_tests_run(tmp_path):
     (tmp_path / "test_one.py").write_text("import pytest\n\ndef test_a():\n    pytest.skip('no')\n")
     shutil.copy(ROOT / "tests" / "conftest.py", tmp_path)
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tests'}:{ROOT / 'src'}"}
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'tests' / 'support'}:{ROOT / 'src'}"}
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)],
         cwd=tmp_path, env=environment, capture_output=True, text=True, check=True,

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 
-SOURCE = Path(__file__).parents[1] / "csrc" / "laws.c"
+SOURCE = Path(__file__).parents[2] / "csrc" / "laws.c"
 
 
 def numbers_of(name: str) -> list[float]:

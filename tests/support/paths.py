@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-TESTS = Path(__file__).resolve().parent
-ROOT = TESTS.parent
+SUPPORT = Path(__file__).resolve().parent
+ROOT = SUPPORT.parents[1]
 MESHES = ROOT / "meshes"
 DEMOS = ROOT / "demos"
 BENCHMARKS = ROOT / "benchmarks"
@@ -25,4 +25,4 @@ def demo(name: str) -> ModuleType:
     return module
 
 
-DECKS = Path(__file__).parent / "decks"
+DECKS = ROOT / "tests" / "decks"

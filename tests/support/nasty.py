@@ -666,11 +666,11 @@ def unmade(name: str, call: Callable[..., Any]) -> dict[str, Any]:
         if key == "self":
             owner = name.split(".")[-2]
             if owner not in SELVES:
-                raise LookupError(f"{name}: tests/nasty.py needs an object of {owner} in SELVES")
+                raise LookupError(f"{name}: nasty.py needs an object of {owner} in SELVES")
             values[key] = SELVES[owner]
         elif parameter.default is inspect.Parameter.empty:
             if key not in COMMON and key not in BY_MAKER:
-                raise LookupError(f"{name}: tests/nasty.py needs a sound value for {key!r}")
+                raise LookupError(f"{name}: nasty.py needs a sound value for {key!r}")
             values[key] = COMMON[key] if key in COMMON else BY_MAKER[key]
     return values
 

@@ -26,7 +26,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from paths import TESTS
+from paths import SUPPORT
 
 ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -106,8 +106,8 @@ class Ranks:
         # both ways, so that opening waits for no rank
         self.pipes = [os.open(self.folder / name, os.O_RDWR) for name in names]
         *self.asks, self.done = self.pipes
-        path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")])
-        python = [sys.executable, str(TESTS / "rank.py"), str(self.folder)]
+        path = os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")])
+        python = [sys.executable, str(SUPPORT / "rank.py"), str(self.folder)]
         with open(self.folder / "errors", "w") as errors:
             self.process = subprocess.Popen(
                 ["mpirun", "-n", str(n), *python],

@@ -15,7 +15,7 @@ import numpy as np
 
 from antiosc.base import march
 from antiosc.simulation.march.system import System
-from paths import ROOT
+from paths import ROOT, SUPPORT
 
 _PARTS: dict[str, tuple[Any, ...]] = {
     "part_crossing": (c_double, *[c_double] * 6),
@@ -33,7 +33,7 @@ _PARTS: dict[str, tuple[Any, ...]] = {
 
 @cache
 def built(*defines: str) -> Any:
-    """The library with `tests/march_parts.c`, and macros such as SWEEPS=0."""
+    """The library with `march_parts.c`, and macros such as SWEEPS=0."""
     sys.path.insert(0, str(ROOT / "packaging"))
     try:
         import library
@@ -41,7 +41,7 @@ def built(*defines: str) -> Any:
         sys.path.pop(0)
     out = Path(tempfile.mkdtemp()) / "libmarch.so"
     flags = ["-std=c99", "-O1", "-fPIC", "-shared", *(f"-D{each}" for each in defines)]
-    units = [ROOT / "tests" / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
+    units = [SUPPORT / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
     command = [*library.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
     subprocess.run(command, check=True)
     found = march.load(out, out.parent)
