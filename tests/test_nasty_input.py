@@ -1,7 +1,7 @@
 """Whatever is given to a public function: it works, or it refuses in one sentence.
 
-No foreign exception, no warning of NumPy, no hang and no NaN comes out. `tests/support/nasty.py` lists
-the functions and the values.
+No foreign exception, no warning of NumPy, no hang and no NaN comes out. `tests/support/nasty.py`
+lists the functions and the values.
 """
 
 from __future__ import annotations
