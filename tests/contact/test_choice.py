@@ -13,6 +13,7 @@ from antiosc.contact.choice import choose
 from antiosc.contact.geometry import effective_modulus
 from antiosc.contact.laws import yield_factor
 from antiosc.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
+from antiosc.simulation.law_error import TABOR, strain_rate
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
 STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]
@@ -249,3 +250,56 @@ def test_choosing_is_quick():
     assert len(laws) == 1
     assert choose.cache_info().misses == 1
     assert first is not None
+
+
+def fall_of_a_point(law: ao.ElasticPlastic, mass: float, speed: float, rate) -> float:
+    """Peak force of a mass on a wall whose strength follows the strain rate at each moment."""
+    depth, peak, h = 1e-3 * law.yield_indentation, 0.0, 2e-8
+    while speed > 0:
+        now = TABOR * speed / (2 * sqrt(depth * law.radius))
+        hard = replace(law, yield_strength=rate(now))
+        force = hard.force(depth, 0.0, hard.touch(1.0))
+        peak = max(peak, force)
+        speed -= h * force / mass
+        depth += h * speed
+    return peak
+
+
+@pytest.mark.parametrize("name", ["1.4301", "S235", "titanium grade 2"])
+def test_the_mean_strain_rate_gives_the_peak_of_a_strength_that_follows_it(name):
+    """Cowper and Symonds at each moment of the approach, in an own integrator; told by the row."""
+    metal, ball_mass, radius = replace(matter_of(name), yield_range=None), 0.03, 0.01
+    errors = np.diag([1e3, 1e3, 1e3])
+    still = ao.AntiOscillators(
+        m0=30.0, k0=1.0, m=[1.0, 1.0], omega=[1e-3, 2e-3], strain_error=errors,
+        info={"surfaces": {"": Surface(metal).as_dict()}},
+    )  # fmt: skip
+    striker = ao.RigidMass(ball_mass, 2.0, tip_radius=radius, material=RIGID)
+    hit = ao.simulate(still, striker, duration=1e-3, tol=1e-5)
+    low, high = metal.strengths_at(strain_rate(hit.law, hit))
+    assert low == metal.yield_strength
+    D, q, *static = metal.rate
+
+    def rate(now: float) -> float:
+        return (static[0] if static else low) * (1 + (now / D) ** (1 / q))
+
+    followed = fall_of_a_point(hit.law, ball_mass * 32 / 32.03, 2.0, rate)
+    again = ao.simulate(still, striker, replace(hit.law, yield_strength=high), 1e-3, tol=1e-5)
+    assert 0.9 * again.peak_force < followed < again.peak_force  # slow where it turns
+    assert followed > 1.1 * hit.peak_force
+    row = hit.error_budget["peak_force"].law
+    assert followed < (1 + row) * hit.peak_force
+
+
+def test_the_strength_of_a_material_at_a_rate():
+    """1 + (40/40)^(1/5) = 2 of mild steel at 40 1/s (D = 40, q = 5); none of what has no rate."""
+    mild = Matter(210e9, yield_strength=235e6, yield_range=(235e6, 300e6), rate=(40.0, 5.0))
+    assert mild.strengths_at(40.0) == pytest.approx((235e6, 470e6))
+    assert mild.strengths_at(0.0) == (235e6, 300e6)
+    assert replace(mild, rate=(40.0, 5.0, 360e6)).strengths_at(40.0)[1] == pytest.approx(720e6)
+    assert matter_of("6061").strengths_at(1e4) == ALLOY.yield_range
+    given = matter_of("S235", yield_strength=300e6)
+    assert given.rate == (6844.0, 3.91)
+    assert given.strengths_at(0.0) == (300e6, 300e6)
+    with pytest.raises(ao.InputError, match="rate must be D"):
+        ao.Solid(210e9, 0.3, 7850.0, rate=(40.0,))

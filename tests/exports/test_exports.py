@@ -309,6 +309,30 @@ def test_the_c_file_is_the_same_run(model, tmp_path, law):
     assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
 
 
+OTHERS = [
+    YIELDS, LAW, ao.Power(1.55e10, 1.6), ao.Gonthier(1.55e10, 0.7), ao.Linear(1e7),
+    ao.Thornton(1.55e10, 1e-6), ao.Stronge(1.55e10, 1e-6), ao.YangSun(1.55e10, 1e-5),
+    ao.Tabulated([0.0, 2e-6, 1e-4], [0.0, 40.0, 1e4], ([5e-5, 8e-5, 1e-4], [0.0, 2e3, 1e4])),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", OTHERS, ids=lambda law: type(law).__name__)
+def test_a_law_without_its_patch_is_saved_and_exported_as_it_runs(model, tmp_path, law):
+    """What the patch takes is subtracted in a file of the model and in an FMU as in the run."""
+    patched = replace(model, local_compliance=2e-9, radius=1e-3)
+    patched.save(tmp_path / "model.npz")
+    again = ao.AntiOscillators.load(tmp_path / "model.npz")
+    hits = [ao.simulate(one, BALL, law, 3e-4, tol=1e-7) for one in (patched, again, model)]
+    assert hits[0].peak_force == hits[1].peak_force
+    assert hits[0].peak_force > 1.0005 * hits[2].peak_force  # the patch matters
+    ao.export(tmp_path / "blow.fmu", again, BALL, law, duration=3e-4, tol=1e-6)
+    run = Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    found = run.run(3e-4, 20, ["peak_force", "impulse", "impactor_displacement"])[-1]
+    wanted = [hits[0].peak_force, hits[0].impulse, hits[0].impactor_displacement[-1]]
+    assert found == pytest.approx(wanted, rel=1e-5)
+
+
 @VERSIONS
 def test_a_contact_that_yields_is_exported_as_it_runs(model, tmp_path, fmi):
     """The dent with it: the ball parts from the bottom of the dent."""

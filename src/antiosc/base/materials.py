@@ -29,7 +29,8 @@ class Record:
     rho : density [kg/m^3].
     yield_strength : [Pa]; None of a material that does not yield (`brittle`).
     yield_range : lowest and highest yield strength of the sources [Pa], or None.
-    rate : D [1/s] and q of Cowper and Symonds, or None.
+    rate : D [1/s] and q of Cowper and Symonds, and of what strength [Pa] if not of the yield
+        strength; None: not in the sources.
     loss : loss factor; 0: not in the sources.
     source, note : where the numbers are from, read or recalled, and what they cannot do.
     typical : numbers that no source has that could be read, with their range; "" for none.
@@ -42,7 +43,7 @@ class Record:
     yield_strength: float | None
     yield_range: tuple[float, float] | None
     brittle: bool
-    rate: tuple[float, float] | None
+    rate: tuple[float, ...] | None
     loss: float
     source: str
     note: str
@@ -114,7 +115,7 @@ def _read(name: str, row: Mapping[str, Any]) -> Record:
         yield_strength=None if brittle else row["yield_strength"],
         yield_range=None if low_high is None else (low_high[0], low_high[1]),
         brittle=brittle,
-        rate=None if rate is None else (float(rate[0]), float(rate[1])),
+        rate=None if rate is None else tuple(map(float, rate)),
         loss=row.get("loss", 0.0),
         source="; ".join(map(_spelled_out, row["source"])),
         note=row.get("note", ""),

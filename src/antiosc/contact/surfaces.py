@@ -22,7 +22,8 @@ class Matter:
     E, nu : Young's modulus [Pa], inf if rigid; Poisson's ratio.
     yield_strength : [Pa]; None: not known, or the material is `brittle`.
     yield_range : lowest and highest that it may be [Pa]; None: it is exact.
-    rate : D [1/s] and q of Cowper and Symonds, or None.
+    rate : D [1/s] and q of Cowper and Symonds, or None; a third number is the strength [Pa] that
+        grows so, in place of the yield strength.
     brittle : it cracks, crushes or stretches before it yields.
     loss : loss factor.
     critical : indentation from which a laminate is damaged [m]; None: no laminate.
@@ -33,7 +34,7 @@ class Matter:
     nu: float = 0.3
     yield_strength: float | None = None
     yield_range: tuple[float, float] | None = None
-    rate: tuple[float, float] | None = None
+    rate: tuple[float, ...] | None = None
     brittle: bool = False
     loss: float = 0.0
     critical: float | None = None
@@ -48,6 +49,21 @@ class Matter:
     def known(self) -> bool:
         """Whether it is known when it yields, or that it does not."""
         return self.rigid or self.brittle or self.yield_strength is not None
+
+    def strengths_at(self, strain_rate: float) -> tuple[float, float]:
+        """Lowest and highest yield strength [Pa] that it may have at a strain rate [1/s].
+
+        The lowest is that of slow tests; the highest that of the range, or of the rate where this
+        is more: S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University
+        Applied Mathematics Report 28 (1957). 0 of a material that does not yield.
+        """
+        usual = self.yield_strength or 0.0
+        low, high = self.yield_range or (usual, usual)
+        if self.rate is None:
+            return low, high
+        D, q, *grows = self.rate
+        static = grows[0] if grows else usual
+        return low, max(high, static * (1 + (strain_rate / D) ** (1 / q)))
 
 
 RIGID = Matter(inf)
@@ -132,6 +148,7 @@ def matter_of(
         strength = checks.positive("yield_strength", yield_strength, "Pa")
         if strength != found.yield_strength:
             changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
+            changed["rate"] = found.rate and found.rate[:2]
     return replace(found, **changed) if changed else found
 
 

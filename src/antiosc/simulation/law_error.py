@@ -93,19 +93,13 @@ def _by_error(law: ElasticPlastic, elliptic: float, raw: History) -> Iterator[Co
 
 
 def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[ContactLaw]:
-    """The law with the lowest yield strength, and the highest: of the range, or by the rate."""
-    low, high = soft.yield_range or (law.yield_strength, law.yield_strength)
-    high = max(high, law.yield_strength * rate_factor(law, soft, raw))
-    for strength in (low, high):
+    """The law with the lowest yield strength, and the highest at the strain rate of the run."""
+    for strength in soft.strengths_at(strain_rate(law, raw)):
         if strength != law.yield_strength:
             yield replace(law, yield_strength=strength)
 
 
-def rate_factor(law: ElasticPlastic, soft: Matter, raw: History) -> float:
-    """Growth of the yield strength with the strain rate, after Cowper and Symonds."""
-    if soft.rate is None or raw.peak_force <= law.yield_force:
-        return 1.0
+def strain_rate(law: ElasticPlastic, raw: History) -> float:
+    """Mean strain rate [1/s] of the first contact: Tabor's strain in half of its time."""
     start, end = raw.contacts[0]
-    strain = TABOR * sqrt(raw.deepest / law.radius)
-    D, q = soft.rate
-    return float(1 + (strain / (0.5 * (end - start)) / D) ** (1 / q))
+    return 2 * TABOR * sqrt(raw.deepest / law.radius) / (end - start)

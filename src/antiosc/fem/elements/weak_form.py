@@ -31,6 +31,7 @@ from antiosc.base.checks import (
     point_text,
     poisson,
     positive,
+    positives,
     shown,
 )
 from antiosc.base.errors import InputError
@@ -335,10 +336,15 @@ def _checked_text(name: str, value: object) -> str:
     return instance(name, value, str, "a text")
 
 
-def _checked_rate(name: str, value: object) -> tuple[float, float]:
-    """D [1/s] and q of Cowper and Symonds."""
-    D, q = array(name, value, (2,)).tolist()
-    return positive(f"D of {name}", D, "1/s"), positive(f"q of {name}", q)
+def _checked_rate(name: str, value: object) -> tuple[float, ...]:
+    """D [1/s], q and strength [Pa] of Cowper and Symonds, the last if it is given."""
+    numbers = tuple(positives(name, value).tolist())
+    if len(numbers) not in (2, 3):
+        raise InputError(
+            f"{name} must be D in 1/s and q, and the strength in Pa if it is not the yield "
+            f"strength that grows so; got {len(numbers)} numbers."
+        )
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -347,10 +353,11 @@ class Isotropic(Checked):
 
     `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety, and the law of
     a contact follows from it. `yield_range` (Pa, Pa) is what it may be in truth, `rate` (1/s, 1) D
-    and q of Cowper and Symonds, by which it grows with the strain rate. `brittle`: it cracks or
-    crushes before it yields. `loss` is its loss factor, for damping ratios by modal strain energy;
-    `prony` its stiffness that relaxes, pairs (share of E, time in s):
-    E(t) = E (1 + Σ share exp(-t/time)). `name` and `source` of a material by name.
+    and q of Cowper and Symonds, by which it grows with the strain rate; with a third number (Pa) it
+    is that strength that grows so. `brittle`: it cracks or crushes before it yields. `loss` is its
+    loss factor, for damping ratios by modal strain energy; `prony` its stiffness that relaxes,
+    pairs (share of E, time in s): E(t) = E (1 + Σ share exp(-t/time)). `name` and `source`
+    of a material by name.
     """
 
     E: float = field(metadata=checked_by(positive, "Pa"))
@@ -366,7 +373,7 @@ class Isotropic(Checked):
     yield_range: tuple[float, float] | None = field(
         default=None, kw_only=True, metadata=checked_by(_checked_pair, "Pa")
     )
-    rate: tuple[float, float] | None = field(
+    rate: tuple[float, ...] | None = field(
         default=None, kw_only=True, metadata=checked_by(_checked_rate)
     )
     brittle: bool = field(default=False, kw_only=True, metadata=checked_by(flag))
