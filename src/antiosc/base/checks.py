@@ -11,7 +11,7 @@ import os
 import reprlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import Field, fields
-from functools import wraps
+from functools import cache, wraps
 from math import inf, isfinite
 from numbers import Rational, Real
 from pathlib import Path
@@ -440,7 +440,7 @@ Check = Callable[[str, object], object]
 
 def checked_by(check: Callable[..., object], *others: object) -> Mapping[str, Check]:
     """Metadata of a field that holds `check(name, value, *others)` of the value given for it."""
-    return {"check": lambda name, value: check(name, value, *others)}
+    return {"check": (lambda name, value: check(name, value, *others)) if others else check}
 
 
 class Checked(FieldsRepr):
@@ -452,7 +452,14 @@ class Checked(FieldsRepr):
     __dataclass_fields__: ClassVar[dict[str, Field[object]]]
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name, None)
-            if "check" in one.metadata and not (value is None and one.default is None):
-                store(self, **{one.name: one.metadata["check"](one.name, value)})
+        for name, check, may_be_none in _checks_of(type(self)):  # type: ignore[arg-type]
+            value = getattr(self, name, None)
+            if not (value is None and may_be_none):
+                object.__setattr__(self, name, check(name, value))
+
+
+@cache
+def _checks_of(kind: type[Checked]) -> list[tuple[str, Check, bool]]:
+    """Names and checks of the fields that have one, and whether None is allowed."""
+    found = [one for one in fields(kind) if "check" in one.metadata]
+    return [(one.name, one.metadata["check"], one.default is None) for one in found]
