@@ -134,8 +134,8 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
         import antiosc as ao
         from antiosc.fem.platform import compat
         from parts import moments
-        for path in sys.argv[1:]:
-            mesh = ao.read_mesh(path)
+        block = ao.box_mesh((0.2, 0.1, 0.1), 0.05)
+        for mesh in (*map(ao.read_mesh, sys.argv[1:]), block):
             owned = compat.cell_map(mesh.dolfinx).size_local
             sizes = {}
             for name, group in mesh.groups.items():

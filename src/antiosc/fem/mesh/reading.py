@@ -320,5 +320,7 @@ def box_mesh(
     with TemporaryDirectory() as folder:
         script = Path(folder, f"{name}.geo")
         script.write_text("\n".join(lines) + "\n", encoding="ascii")
+        script = comm.bcast(script)  # every rank has a folder of its own, and all read the first
         made = read_mesh(script, size, gdim, order=1, refine=refine, comm=comm)
+        comm.barrier()
     return replace(made, name=name)

@@ -210,12 +210,20 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.PYTHON)
     pc.setPythonContext(_Inverse(solver))
-    largest = [math.inf]
+    largest, error = [math.inf], [math.inf]
 
-    def watch(_: object, its: int, converged: int, values: list[complex], *errors: object) -> None:
-        largest[0] = values[0].real
+    def watch(_: object, its: int, converged: int, values: list[complex], errors: object) -> None:
+        largest[0], error[0] = values[0].real, errors[0]
+
+    def reason(_: object, its: int, most: int, converged: int, wanted: int) -> int:
+        if converged >= wanted or (largest[0] + error[0]) * FAR < 1:
+            return int(SLEPc.EPS.ConvergedReason.CONVERGED_USER)
+        if its >= most:
+            return int(SLEPc.EPS.ConvergedReason.DIVERGED_ITS)
+        return int(SLEPc.EPS.ConvergedReason.CONVERGED_ITERATING)
 
     eps.setMonitor(watch)
+    eps.setStoppingTest(reason)
     with one_thread():
         eps.solve()
     if not eps.getConverged() and largest[0] * FAR < 1:
