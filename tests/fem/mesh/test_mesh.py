@@ -149,7 +149,7 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
     arguments = [str(p) for p in (*paths, geo)]
     one = run_ranks(1, script.replace("assert", "#"), *arguments)
     two = run_ranks(2, script, *arguments)
-    assert one[0].count("\n") == 3
+    assert one[0].count("\n") == 4
     assert two == [one[0], one[0]]
 
 

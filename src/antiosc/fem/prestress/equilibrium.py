@@ -212,7 +212,9 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
     pc.setPythonContext(_Inverse(solver))
     largest, error = [math.inf], [math.inf]
 
-    def watch(_: object, its: int, converged: int, values: list[complex], errors: object) -> None:
+    def watch(
+        _: object, its: int, converged: int, values: list[complex], errors: list[float]
+    ) -> None:
         largest[0], error[0] = values[0].real, errors[0]
 
     def reason(_: object, its: int, most: int, converged: int, wanted: int) -> int:
