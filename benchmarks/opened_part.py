@@ -1,7 +1,8 @@
 """The page of `antiosc open`: CPU seconds of its answers, and its picture.
 
 The answers are those of the server, in the order of a session: skin, first blow, picture, verdict,
-then clicks once the free modes are known. The picture needs chromium and chromium-driver.
+then clicks once the free modes are known: of the file, and of a structure of steel with elements of
+a given size. The picture needs chromium and chromium-driver.
 
     .venv/bin/python benchmarks/opened_part.py --help
 """
@@ -16,6 +17,7 @@ from typing import Any
 
 import options
 
+import antiosc as ao
 from antiosc.app.opened import Opened
 from antiosc.app.view import NOBODY, View
 
@@ -38,18 +40,26 @@ page.picture();
 def main(
     part: Path = ROOT / "meshes/bracket.step",
     clicks: int = 5,
-    picture: Path = ROOT / "benchmarks/pictures/opened_part.png",
+    size: float = 0.005,
+    picture: Path | None = None,
 ) -> None:
-    """Print the table and draw the picture.
+    """Print the tables of the file and of a structure, and draw the picture.
 
     Parameters
     ----------
-    part : file that is opened
+    part : file of CAD that is opened
     clicks : how many, each a little beside the one before
-    picture : file to draw
+    size : of the elements of the structure [m]
+    picture : file to draw, as pictures/opened_part.png
     """
+    print(part.name)
     measured(Opened(part), clicks)
-    drawn(View(Opened(part), part.name, NOBODY), picture)
+    mesh = ao.read_mesh(part, size=size)
+    structure = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("face 1")])
+    print(f"{part.name}, elements of {size} m")
+    measured(Opened(part, structure), clicks)
+    if picture is not None:
+        drawn(View(Opened(part), part.name, NOBODY), picture)
 
 
 def measured(opened: Opened, clicks: int) -> None:

@@ -361,3 +361,13 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
     assert scene.exists()
     for path in (scene, step.with_suffix(".html")):
         path.unlink()
+
+
+def test_a_structure_is_struck_where_its_supports_leave_it_free():
+    from antiosc.app.new import inspect_structure
+
+    mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
+    part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("+z")])  # the preferred side
+    look = inspect_structure(part)
+    assert look.point[2] < 0.01
+    assert look.radius is not None

@@ -23,6 +23,8 @@ T = TypeVar("T")
 
 #: Free modes that are known after each round of the search between the calls of the page.
 ROUNDS = (10, 20, 40)
+#: Models that are kept.
+MODELS = 50
 
 
 class Kept(OrderedDict[str, T]):
@@ -52,6 +54,7 @@ class FreeModes:
         #: numbers of modes of the rounds that are left
         self.left = list(ROUNDS)
         self._known: tuple[Array, Array] | None = None
+        self._models: Kept[AntiOscillators] = Kept(MODELS)
 
     def search(self) -> bool:
         """One more round; whether another is left."""
@@ -63,16 +66,25 @@ class FreeModes:
         rigid = self._structure.rigid_modes
         omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
         self._known = omega, np.column_stack([rigid, modes.phi])
+        self._models.clear()
         return bool(self.left) and not modes.complete
 
-    def model(self, site: Site) -> AntiOscillators | None:
-        """The model of a site, without shapes and bars, by one solve; None before a round."""
+    def model(self, key: str, site: Site) -> AntiOscillators | None:
+        """The model of a site for balls, without shapes and bars; None before a round.
+
+        `key`: the text of what it depends on.
+        """
+        if self._known is None:
+            return None
+        return self._models.of(key, lambda: self._made(site))
+
+    def _made(self, site: Site) -> AntiOscillators:
+        """A model by one solve."""
         from antiosc.fem.extraction.extract import UNNAMED, surfaces
         from antiosc.fem.linalg.algebra import multiply
         from antiosc.fem.site import functional
 
-        if self._known is None:
-            return None
+        assert self._known is not None
         structure, (omega, phi) = self._structure, self._known
         seen = functional(structure, site)
         y = structure.factorize().solve_block(seen.b[:, None])[:, 0]
@@ -84,7 +96,7 @@ class FreeModes:
         info = ModelInfo(
             point=seen.point.tolist(),
             direction=seen.direction.tolist(),
-            surfaces=surfaces(structure, {UNNAMED: seen}),
+            surfaces=surfaces(structure, {UNNAMED: seen}, lengths=False),
         )
         return replace(
             found,

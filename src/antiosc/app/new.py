@@ -5,6 +5,7 @@ Family, unit, where the part is held and where it is struck: the scene runs as i
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from itertools import chain, combinations, islice
 from math import floor, log10, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -24,7 +25,7 @@ from antiosc.app.report import rendered
 from antiosc.app.scene_file.outline import Outline, check_size
 from antiosc.base import checks, files, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.errors import AntioscError, InputError, warnings_to
 from antiosc.simulation.bodies import Sphere
 from antiosc.simulation.two_bodies import impact_band
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.structure.structure import Structure
 
+T = TypeVar("T")
 
 #: Words in the names of groups that hold a part, the likeliest first.
 SUPPORT_WORDS = (
@@ -58,8 +60,8 @@ HOLLOW = 0.5
 UP = np.array([0.1, 0.2, 1.0])
 #: Distance from the edge of a side, over the size of the part, from which more room is no merit.
 ROOM = 0.1
-#: Sites that are tried, until one can move.
-MOST_TRIED = 40
+#: Sites that are tried, first and then among all others; what warns of a patch held partly.
+MOST_TRIED, PARTLY_HELD = 40, "supports fix"
 #: Distance over the size of the part within which nodes lie on a plane.
 ON_PLANE = 1e-6
 #: Thickness of a sheet, and diameter of a bar, over the longest side of the part: guesses.
@@ -240,6 +242,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
             (point, direction, _radius(inside, edge, longest, meshed))
             for point, direction, inside, edge in there
         )
+    sites = _spread(sites)
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites)
     point, direction, radius = next(sites)
@@ -263,18 +266,17 @@ def _outside_hollows(
     """Sites of a solid, those into which the ball would fit last."""
     from antiosc.fem.mesh.curvature import curvature
 
-    some = list(islice(sites, MOST_TRIED))
     hollow = []
-    for site in some:
+    for site in sites:
         try:
-            bend = float(np.min(curvature(mesh, outer, site[0], site[1]).values))
+            bend = float(np.min(curvature(mesh, outer, *site[:2], lengths=False).values))
         except InputError:  # not known
             bend = 0.0
         if bend < -HOLLOW / LARGEST_BALL:  # nan of edges is not
             hollow.append(site)
         else:
             yield site
-    yield from chain(hollow, sites)
+    yield from hollow
 
 
 def _movable(
@@ -282,19 +284,28 @@ def _movable(
     first: tuple[Array, Array, float | None],
     others: Iterator[tuple[Array, Array, float | None]],
 ) -> tuple[Array, Array, float | None]:
-    """The first site that a deck's supports do not hold, with a patch if its material has one."""
+    """The first site that supports of a deck leave free, with a patch if its material has one;
+    one whose patch they hold partly where there is no other."""
     from antiosc.fem.site import Site, functional
 
-    for point, usual, radius in islice(chain([first], others), MOST_TRIED):
+    partly = None
+    for point, usual, radius in chain([first], others):
         ways = [(usual, radius), (usual, None), *((-axis, None) for axis in np.eye(3)[::-1])]
         for direction, own in ways:
-            try:
-                with without_warnings():
-                    functional(structure, Site(point.tolist(), direction.tolist(), own, snap=True))
-            except InputError:
-                continue
-            return point, direction, own
-    return first
+            told: list[str] = []
+            with contextlib.suppress(InputError), warnings_to(told.append):
+                functional(structure, Site(point.tolist(), direction.tolist(), own, snap=True))
+                if not any(PARTLY_HELD in one for one in told):
+                    return point, direction, own
+                partly = partly or (point, direction, own)
+    return partly or first
+
+
+def _spread(sites: Iterator[T]) -> Iterator[T]:
+    """The first sites, then some of all others."""
+    yield from islice(sites, MOST_TRIED)
+    others = list(sites)
+    yield from others[:: 1 + len(others) // MOST_TRIED]
 
 
 def _group(mesh: Mesh, words: Sequence[str]) -> str | None:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import antiosc
 from antiosc.app import falls, live, live_data, new, report, results
-from antiosc.app.kept import FreeModes, Kept
+from antiosc.app.kept import MODELS, FreeModes, Kept
 from antiosc.app.live import Data
 from antiosc.app.scene_file import run
 from antiosc.app.scene_file.build import Evaluation
@@ -69,8 +69,8 @@ if TYPE_CHECKING:
 #: A step of an answer: the set-up, and what else the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
-#: Structures, and models, that are kept; tabs whose latest call is known.
-STRUCTURES, MODELS, FALLS, TABS = 2, 50, 10, 100
+#: Structures and falls that are kept; tabs whose latest call is known.
+STRUCTURES, FALLS, TABS = 2, 10, 100
 #: How often the duration is doubled while striker and part still touch at its end.
 LONGER = 5
 #: The line of a scene before a sentence.
@@ -276,10 +276,10 @@ class Opened:
 
     def _from_modes(self, scene: Compiled) -> AntiOscillators | None:
         """The model of free modes; None before they are known, and where it was extracted."""
-        modes = self._modes.get(_key(scene, OF_STRUCTURE))
-        if modes is None or _key(scene, OF_MODEL) in self._models or scene.model is None:
+        modes, key = self._modes.get(_key(scene, OF_STRUCTURE)), _key(scene, OF_MODEL)
+        if modes is None or key in self._models or scene.model is None:
             return None
-        return modes.model(scene.model.arguments["site"].made)
+        return modes.model(key, scene.model.arguments["site"].made)
 
     def _struck(self, asked: SetUp, quickly: bool = False) -> Blow:
         """The blow of a set-up, as long as striker and part touch.

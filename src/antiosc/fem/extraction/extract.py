@@ -239,15 +239,18 @@ def _at_one_site(
 
 
 def surfaces(
-    structure: Structure, sites: Mapping[str, Functional]
+    structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
 ) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of no site."""
+    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of no site.
+
+    Without `lengths` for balls alone: see `surface_at`.
+    """
     if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
     from antiosc.fem.site.surface import surface_at  # given matrices do without meshes
 
     found = {
-        name: surface_at(structure, one.point, one.direction, one.radius)
+        name: surface_at(structure, one.point, one.direction, one.radius, lengths)
         for name, one in sites.items()
     }
     return {name: one.as_dict() for name, one in found.items() if one is not None} or None

@@ -225,9 +225,14 @@ class Mesh(ReprMixin):
         """The nodes on surfaces of CAD."""
         return cKDTree(np.zeros((0, 3)) if self.cad is None else self.cad.points)
 
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lowest and highest coordinates (3,) over all ranks [m]."""
+        return bounds(self.comm, self.dolfinx.geometry.x)
+
     def extent(self) -> float:
         """Diagonal of the bounding box, in m."""
-        low, high = bounds(self.comm, self.dolfinx.geometry.x)
+        low, high = self.box
         return float(np.linalg.norm(high - low))
 
     def numbered(self, nodes: Sequence[int]) -> BoolArray:

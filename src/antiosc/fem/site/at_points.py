@@ -23,7 +23,6 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, corners_at, size_at
-from antiosc.fem.platform import bounds
 from antiosc.fem.site.names import at_node, middle_of, motion_of, on_face
 from antiosc.fem.site.on_matrices import algebraic
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Reach, Site, constrained, tangents
@@ -280,7 +279,7 @@ def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -
     sides = _across(structure, sites, found)
     nearest = closest_many(structure.mesh, found.points)
     # here, for all ranks take part in it
-    low, high = bounds(structure.comm, structure.mesh.dolfinx.geometry.x)
+    low, high = structure.mesh.box
     thickness = structure.dimensions[2]
     return [
         Functional(

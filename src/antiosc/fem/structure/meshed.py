@@ -42,7 +42,7 @@ from antiosc.fem.mesh.surface import (
     largest,
     quadrature,
 )
-from antiosc.fem.platform import bounds, compat, warn
+from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure import (
     Dissipation,
     DofPlaces,
@@ -267,7 +267,7 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def dimensions(self) -> Box:
-        low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
+        low, high = self.mesh.box
         length, width, thickness = sorted((float(e) for e in high - low), reverse=True)
         materials = [material for material, _ in self.parts]
         return self._material.dimensions((length, width, thickness), materials)
@@ -286,7 +286,7 @@ class MeshedStructure(StructureMatrices):
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
         if not self.rigid_modes.shape[1]:
             return None
-        low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
+        low, high = self.mesh.box
         point = (low + high) / 2
         motions = self.places.rigid_motions(point)
         loads = self.inertial_loads(motions)

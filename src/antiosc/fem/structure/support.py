@@ -150,7 +150,7 @@ def fixed_dofs(
             count += mesh.comm.allreduce(len(dofs))
             fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
-            low, high = map(point_text, bounds(mesh.comm, mesh.dolfinx.geometry.x))
+            low, high = map(point_text, mesh.box)
             raise InputError(
                 f"the support {support.label} fixes nothing: no point of the mesh lies "
                 f"there; check the group or the coordinates (the mesh spans {low} to {high})."
@@ -430,7 +430,7 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
 
     Collective: every rank gets the same text.
     """
-    low, high = bounds(mesh.comm, mesh.dolfinx.geometry.x)
+    low, high = mesh.box
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     unit = places_of(form).rigid_motions(centre)
     unit[:, 3:] /= size
