@@ -19,11 +19,6 @@ from scipy.optimize import minimize_scalar
 
 GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-#: mean of the three normal strains (rr, zz, tt, rz) taken from each
-DEVIATOR = np.diag([1.0, 1.0, 1.0, 0.5])
-DEVIATOR[:3, :3] -= 1 / 3
-ONES = np.array([1.0, 1.0, 1.0, 0.0])
-WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0])  # of the stresses in their norm
 
 
 def yield_factor(nu: float) -> float:
@@ -65,6 +60,21 @@ def graded(width: float, cells: int, growth: float, reach: float) -> np.ndarray:
     return np.array(x)
 
 
+class Strains:
+    """Strains of three normal and some shear components, the latter as angles."""
+
+    def __init__(self, shears: int) -> None:
+        normal, shear = np.ones(3), np.ones(shears)
+        self.ones = np.append(normal, 0 * shear)
+        self.weights = np.append(normal, 2 * shear)  # of stresses in their norm
+        self.deviator = np.diag(np.append(normal, 0.5 * shear))
+        self.deviator[:3, :3] -= 1 / 3  # the mean of the normal ones taken from each
+
+    def elastic(self, K: float, G: float) -> np.ndarray:
+        """Stresses by strains, of bulk and shear modulus."""
+        return K * np.outer(self.ones, self.ones) + 2 * G * self.deviator
+
+
 @dataclass
 class Grid:
     """Elements up to `reach` radii of the contact; `cells` of them under its radius."""
@@ -74,6 +84,7 @@ class Grid:
     growth: float = 1.5
     reach: float = 2000.0
     points: np.ndarray = field(init=False)
+    strains: Strains = field(init=False, default_factory=lambda: Strains(1))
 
     def __post_init__(self) -> None:
         wide = 1.25 * self.radius
@@ -125,6 +136,7 @@ class Grid:
         self.band = int((rows - columns).max()) + 1
         self.place = (rows - columns) * len(self.free) + columns
         self.down = place[2 * self.surface + 1]  # degrees of freedom of the surface
+        self.gap = 0.5 * self.r[: len(self.down)] ** 2  # to a sphere
 
     def matrix(self, tangents: np.ndarray) -> np.ndarray:
         """Lower band of the stiffness of tangents (elements, 4, 4, 4)."""
@@ -134,6 +146,17 @@ class Grid:
         K = np.matmul(left, weighed.reshape(count, 16, 8))
         size = self.band * len(self.free)
         return np.bincount(self.place, K.ravel()[self.keep], size).reshape(self.band, -1)
+
+    def solve(
+        self, tangents: np.ndarray, nodes: np.ndarray, springs: np.ndarray, loads: np.ndarray
+    ) -> np.ndarray:
+        """Displacements by loads (n, k); springs at some nodes of the surface."""
+        band = self.matrix(tangents)
+        band[0, nodes] += springs
+        try:
+            return solveh_banded(band, loads, lower=True, overwrite_ab=True, check_finite=False)
+        except np.linalg.LinAlgError as error:
+            raise ArithmeticError("the tangent is not definite") from error
 
     def forces(self, stress: np.ndarray) -> np.ndarray:
         each = np.einsum("egij,egi,eg->ej", self.B, stress, self.volume, optimize=True)
@@ -167,19 +190,17 @@ class Pressed:
         self.K, self.G = elastic(1.0, case.nu)
         self.H = case.hardening / (1 - case.hardening)
         # the surface of a half-space has no other compliance than that by its own modulus
-        D = self.K * np.outer(ONES, ONES) + 2 * self.G * DEVIATOR
-        self.D = D
+        self.D = grid.strains.elastic(self.K, self.G)
         self.stiff = 1e4
         self.other = None
         n = grid.B.shape[:2]
         if case.sphere:
-            Ks, Gs = elastic(case.sphere, case.sphere_nu)
-            D = Ks * np.outer(ONES, ONES) + 2 * Gs * DEVIATOR
+            D = grid.strains.elastic(*elastic(case.sphere, case.sphere_nu))
             band = grid.matrix(np.broadcast_to(D, (*n, 4, 4)))
             self.other = solveh_banded(band, self._loads(grid.down), lower=True)[grid.down]
         self.state = State(
             np.zeros(len(grid.free)),
-            np.zeros((*n, 4)),
+            np.zeros((*n, len(self.D))),
             np.zeros(n),
             np.zeros(len(grid.down), dtype=bool),
         )
@@ -187,25 +208,25 @@ class Pressed:
 
     def material(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Stresses, tangents, plastic strains and hardening by radial return."""
-        old, G, K = self.state, self.G, self.K
+        old, G, K, kind = self.state, self.G, self.K, self.grid.strains
         strain = self.grid.strain(u) - old.plastic
         pressure = K * strain[..., :3].sum(axis=-1)
-        trial = 2 * G * (strain @ DEVIATOR.T)
-        size = np.sqrt((trial**2 * WEIGHTS).sum(axis=-1))
+        trial = 2 * G * (strain @ kind.deviator)
+        size = np.sqrt((trial**2 * kind.weights).sum(axis=-1))
         limit = np.sqrt(2 / 3) * (self.strength + self.H * old.hardened)
         excess = np.maximum(size - limit, 0.0)
         more = excess / (2 * G + 2 / 3 * self.H)
         size = np.maximum(size, 1e-300)
         way = trial / size[..., None]
-        stress = trial - (2 * G * more)[..., None] * way + pressure[..., None] * ONES
-        plastic = old.plastic + more[..., None] * way * WEIGHTS
-        tangent = np.broadcast_to(self.D, (*size.shape, 4, 4)).copy()
+        stress = trial - (2 * G * more)[..., None] * way + pressure[..., None] * kind.ones
+        plastic = old.plastic + more[..., None] * way * kind.weights
+        tangent = np.broadcast_to(self.D, (*size.shape, *self.D.shape)).copy()
         at = excess > 0
         kept = 1 - 2 * G * more[at] / size[at]
         turn = 1 / (1 + self.H / (3 * G)) - (1 - kept)
         tangent[at] = (
-            K * np.outer(ONES, ONES)
-            + 2 * G * kept[:, None, None] * DEVIATOR
+            kind.elastic(K, 0.0)
+            + 2 * G * kept[:, None, None] * kind.deviator
             - 2 * G * turn[:, None, None] * way[at][:, :, None] * way[at][:, None, :]
         )
         return stress, tangent, plastic, old.hardened + np.sqrt(2 / 3) * more
@@ -231,7 +252,7 @@ class Pressed:
     def _press(self, depth: float) -> float:
         """Newton's method; the nodes in contact are found along with it."""
         grid = self.grid
-        wanted = depth - 0.5 * grid.r[: len(grid.down)] ** 2
+        wanted = depth - grid.gap
         u, pressing = self.state.u, self.state.pressing
         step, last, share = np.zeros_like(u), np.inf, 1.0
         for tries in range(60):
@@ -279,16 +300,10 @@ class Pressed:
 
     def _step(self, tangent: np.ndarray, pressing: np.ndarray, rest: np.ndarray) -> np.ndarray:
         nodes, stiff = self.grid.down[pressing], self._contact(pressing)
-        band = self.grid.matrix(tangent)
-        loads = rest[:, None]
-        if self.other is None:
-            band[0, nodes] += stiff.diagonal()
-        else:
-            loads = np.hstack([loads, self._loads(nodes)])
-        try:
-            found = solveh_banded(band, loads, lower=True, overwrite_ab=True, check_finite=False)
-        except np.linalg.LinAlgError as error:
-            raise ArithmeticError("the tangent is not definite") from error
+        springs, loads = stiff.diagonal(), rest[:, None]
+        if self.other is not None:
+            springs, loads = 0 * springs, np.hstack([loads, self._loads(nodes)])
+        found = self.grid.solve(tangent, nodes, springs, loads)
         step = -found[:, 0]
         if self.other is not None:  # the sphere's springs join the nodes of the surface
             both = np.eye(len(nodes)) + stiff @ found[nodes, 1:]
