@@ -107,6 +107,9 @@ def test_an_automatic_number_states_its_error():
     assert 2 < hit.assembly.stretched["structure"].size <= 5
     bar = hit.error_budget["peak_force"]
     assert bar.stretch == pytest.approx(2 * hit.error["stretch peak_force"])
+    told = str(hit.error_budget)
+    assert "numerical ±" in told
+    assert "mesh 0 %" not in told  # nobody has estimated it
     whole = ao.simulate(model(5, size=5), BALL, LAW, DURATION)
     assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time
 

@@ -60,7 +60,8 @@ class Full:
     def impact(self, mass, speed, k, duration, steps, exponent=1.5):
         """Times, forces and displacements of the site under a mass by the law k δ^exponent.
 
-        Newton's method keeps a tangent until it converges slowly.
+        Newton's method keeps a tangent until it converges slowly. `motion` (steps + 1, dofs) then
+        has the displacements.
         """
         free, n = self.free, int(self.free.sum())
         K, M = self.K[free][:, free].tocsc(), self.M[free][:, free].tocsc()
@@ -68,6 +69,7 @@ class Full:
         u, v, a = np.zeros((3, n))
         w, s, acc = 0.0, speed, 0.0
         out, factor, m = np.zeros((steps + 1, 3)), None, 4 / h**2 * mass
+        self.motion = np.zeros((steps + 1, len(free)))
         for step in range(1, steps + 1):
             u0, w0 = u + h * v + h * h / 4 * a, w + h * s + h * h / 4 * acc
             x, y = u + h * v, w + h * s
@@ -96,6 +98,7 @@ class Full:
             a_new, acc_new = 4 / h**2 * (x - u0), 4 / h**2 * (y - w0)
             v, s = v + h / 2 * (a + a_new), s + h / 2 * (acc + acc_new)
             u, w, a, acc = x, y, a_new, acc_new
+            self.motion[step, free] = x
             out[step] = step * h, k * max(w - b @ u, 0.0) ** exponent, b @ u
         return out.T
 

@@ -42,6 +42,8 @@ BEAM = 0.012
 
 def of_structure(structure: Structure, hit: History) -> Data | None:
     """Surface and fields for the page, the same on all ranks; None of a part without a surface."""
+    if hit.assembly.stretched:  # the page has the linear motion alone
+        return None
     try:
         shapes = shapes_of(structure, hit, "structure")
         points, cells, moved = source(structure).at_nodes(structure, shapes)

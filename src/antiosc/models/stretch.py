@@ -86,10 +86,23 @@ class Stretch(ReprMixin):
         """Energies (n,) [J] at amplitudes (n, m)."""
         return stretch_energy(self.quadratic, self.cubic, a)
 
-    def pairs(self, a: Array) -> Array:
-        """Amplitudes (n, m (m + 1)/2) of `shapes` at amplitudes (n, m) of the modes."""
+    def pairs(self, a: Array, b: Array | None = None) -> Array:
+        """Amplitudes (n, m (m + 1)/2) of `shapes` at amplitudes (n, m) of the modes.
+
+        With `b` those of the product of two motions, symmetric in both.
+        """
         i, j = np.triu_indices(self.size)
-        return np.asarray(np.where(i == j, 1, 2) * a[:, i] * a[:, j])
+        b = a if b is None else b
+        both = (a[:, i] * b[:, j] + a[:, j] * b[:, i]) / 2
+        return np.asarray(np.where(i == j, 1, 2) * both)
+
+    def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
+        """Those of motions a with rates v and w (n, m): values, their first or second rates."""
+        if derivative == 0:
+            return self.pairs(a)
+        if derivative == 1:
+            return 2 * self.pairs(a, v)
+        return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array) -> Stretch:
         """The forces in the modes that the columns of `turn` (m, k), orthonormal, combine."""

@@ -190,8 +190,14 @@ def nodal_motion(
 
 
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
-    """Shapes of the body on the rows of this rank, columns side by side."""
+    """Shapes of the body on the rows of this rank, columns side by side.
+
+    Of a body that stretches the second-order displacements of pairs of its modes follow.
+    """
     shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
+    forces = histories.stretch_in(history, body)
+    if forces is not None and forces.shapes is not None:
+        shapes = np.column_stack([shapes, forces.shapes])
     if isinstance(history, History) and history.assembly.scene.base is not None:
         _warn_if_mass_missing(structure, history, body)
     return shapes
@@ -335,6 +341,11 @@ def reactions(
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     refuse_prestress(structure, "reactions")
+    if histories.stretch_in(history, body) is not None:
+        raise InputError(
+            f"{body!r} stretched in this impact: reactions are those of linear parts; extract it"
+            " with stretch=False."
+        )
     shapes = shapes_of(structure, history, body)
     at = histories.times_of(history, times)
     sites = _site_list(site)

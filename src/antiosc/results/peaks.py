@@ -40,7 +40,14 @@ from antiosc.results import margin
 from antiosc.results.fields import history_key, shapes_of, stress_amplitudes
 from antiosc.results.margin import Margin, Maxima, Search, mesh_error
 from antiosc.results.pictures import outer_faces
-from antiosc.simulation.histories import History, amplitudes, modal_amplitudes, times_of
+from antiosc.results.second_order import tensors_at_nodes
+from antiosc.simulation.histories import (
+    History,
+    amplitudes,
+    modal_amplitudes,
+    stretch_in,
+    times_of,
+)
 from antiosc.simulation.histories.parts import BodyHistory
 
 if TYPE_CHECKING:
@@ -447,8 +454,11 @@ def peak_field(
     static = recovered != "motion" and structure.matrices.preload is not None
     if times is None and not isinstance(history, BodyHistory):
         omega, modal, sizes = modal_amplitudes(history, at, body, derivative)
-        # a spring is stretched by no more than the body
-        modal = np.tile(modal, factors(times=at[:1]).shape[1] // max(modal.shape[1], 1))
+        if stretch_in(history, body) is None:
+            # a spring is stretched by no more than the body
+            modal = np.tile(modal, factors(times=at[:1]).shape[1] // max(modal.shape[1], 1))
+        else:
+            omega, modal, sizes = _with_pairs(history, at, body, derivative, omega, modal, sizes)
         if static:
             modal = np.pad(modal, ((0, 0), (0, 1)))
             factors = functools.partial(_beside_static, factors)
@@ -464,7 +474,7 @@ def peak_field(
         parts: list[Maxima] = []
         for ply in margin.plies(structure, quantity, part):
             asked = recovered, places, part, ply
-            points, cells, found = source(structure).tensors_at_nodes(structure, shapes, *asked)
+            points, cells, found = tensors_at_nodes(structure, history, body, shapes, *asked)
             if static:
                 at_rest = source(structure).tensors_at_nodes(structure, None, *asked)[2]
                 columns = np.concatenate([found.columns, at_rest.columns], axis=2)
@@ -504,6 +514,27 @@ def peak_field(
             AccuracyWarning,
         )
     return result
+
+
+def _with_pairs(
+    history: History,
+    times: Array,
+    body: str,
+    derivative: int,
+    omega: Array,
+    shapes: Array,
+    sizes: Array,
+) -> tuple[Array, Array, Array]:
+    """The modes of `BodyMotion` and, for each pair of modes that stretch, one as curved as it."""
+    count = shapes.shape[1]
+    moved, bends = (
+        np.abs(amplitudes(history, times, body, order)[:, count:]).max(axis=0) for order in (0, 2)
+    )
+    pairs = np.where(moved > 0, moved, 1.0)
+    size = moved if derivative == 0 else bends if derivative == 2 else np.sqrt(moved * bends)
+    own = np.eye(len(moved), count + len(moved), count)
+    whole = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), own])
+    return np.append(omega, np.sqrt(bends / pairs)), whole, np.append(sizes, size)
 
 
 def static_stress(structure: Structure) -> PeakField:

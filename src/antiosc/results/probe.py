@@ -27,7 +27,8 @@ from antiosc.fem.recovery import NO_OUTLINE, Place, on_outlines, place
 from antiosc.fem.site import Reach, motions_without_mesh, point_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.results.fields import history_key, shapes_of, stress_amplitudes
-from antiosc.simulation.histories import History, amplitudes, times_of
+from antiosc.results.second_order import with_pairs
+from antiosc.simulation.histories import AnyHistory, History, amplitudes, times_of
 from antiosc.simulation.histories.parts import BodyHistory
 
 #: The quantities of `probe`.
@@ -152,7 +153,8 @@ def probe(
     if end is None:
         places = _on_outline(structure, part, there) if quantity == "von_mises" else [there]
         columns = [
-            _columns(structure, shapes, x[None], quantity, part, one, reach)[0] for one in places
+            _columns(structure, history, body, shapes, x[None], quantity, part, one, reach)[0]
+            for one in places
         ]
     else:
         columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
@@ -234,13 +236,15 @@ def strain_gauge(
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
-    columns = _columns(structure, shapes, points, "strain", part, there, reach)
+    columns = _columns(structure, history, body, shapes, points, "strain", part, there, reach)
     along = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
     return np.asarray(amplitudes(history, at, body) @ along)
 
 
 def _columns(
     structure: Structure,
+    history: AnyHistory,
+    body: str,
     shapes: Array,
     points: Array,
     quantity: str,
@@ -253,5 +257,9 @@ def _columns(
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):
         return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
-    found = where.recovered(structure, shapes, points, part, recovered, there, reach)
-    return cast(Array, found)
+    asked = points, part, recovered, there, reach
+
+    def at(columns: Array, whole: bool) -> Array:
+        return cast(Array, where.recovered(structure, columns, *asked, whole=whole))
+
+    return with_pairs(at, history, body, shapes)

@@ -236,17 +236,20 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         )
         for name in QUANTITIES
     }
-    linear = LINEAR_BARS if stretches else ""
+    linear, unknown = LINEAR_BARS if stretches else "", tuple[str, ...]()
+    if model.strain_error is None and model.info.measured is None:
+        unknown, linear = ("mesh", "truncation"), ""
+        left_out = f"{left_out} {NOT_ESTIMATED}".lstrip()
     band_notes = filter(None, [low_band_message(raw), linear])
     notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
-    return ErrorBudget(bars, share, notes, safety, left_out)
+    return ErrorBudget(bars, share, notes, safety, left_out, unknown)
 
 
 #: Two more modes take away at least this share of the error of the second-order forces.
 STRETCH_SAFETY = 2.0
-LINEAR_BARS = (
-    "The part stretches: its bars but time and stretch are those of its linear motion; a bar of the"
-    ' mesh is there with error="estimate".'
+LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
+NOT_ESTIMATED = (
+    'Mesh and truncation are not in these bars: extract(…, stretch=…, error="estimate") has them.'
 )
 
 

@@ -6,9 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 import antiosc as ao
 from antiosc.base.errors import InputError
+from antiosc.base.stresses import von_mises
+from antiosc.fem.fields.mesh_fields import recovered
+from antiosc.fem.recovery import Place
+from antiosc.fem.site import Reach
 from assemblies import line
 from full_second_order import Full
 from sheets import sheet
@@ -66,6 +71,14 @@ def bar(cells, material, d):
     return ao.Structure(mesh, material, [walls]), site
 
 
+def beam_between_walls():
+    """A beam of 0.3 m and 0.01 × 0.004 m, struck in the middle."""
+    section = ao.Section.rectangle(0.01, 0.004)
+    beam = ao.Beam(section=section, orientation=(0, 0, 1), shear=False, **STEEL)
+    site = ao.Site((0.15, 0, 0), (0, 0, -1), snap=True)
+    return held(line((0, 0, 0), (0.3, 0, 0), 40), beam), site
+
+
 CASES = {
     "shell": plate,
     "quadrilaterals": lambda: plate(cell="quadrilateral"),
@@ -106,11 +119,7 @@ def test_a_flat_sheet_has_no_quadratic_forces_and_a_beam_the_closed_ones():
 
 def test_a_beam_between_walls_has_the_force_of_woinowsky_krieger():
     """F = k w (1 + c w²): the shape of its static deflection stretches by ∫w'²/2 = 12/5 w²/L."""
-    mesh = line((0, 0, 0), (0.3, 0, 0), 40)
-    section = ao.Section.rectangle(0.01, 0.004)
-    beam = ao.Beam(section=section, orientation=(0, 0, 1), shear=False, **STEEL)
-    part = held(mesh, beam)
-    site = ao.Site((0.15, 0, 0), (0, 0, -1), snap=True)
+    part, site = beam_between_walls()
     model = ao.extract(part, site, n=12, stretch=1)
     forces, body = model.stretch, model.modal()
     one = forces.turned(np.eye(forces.size)[:, :1])
@@ -155,7 +164,76 @@ def test_fields_have_the_displacements_of_second_order():
     assert np.abs(u[:, 2]).max() > 5e-4
     assert np.abs(u[:, :2]).max() > 1e-7  # a flat sheet has none to first order
     with pytest.raises(InputError, match="stretched"):
-        ao.peak_field(part, hit)
+        ao.reactions(part, hit, site)
+    assert np.abs(ao.probe(part, hit, (0.1, 0.05, 0), times=[at])[0, :2]).max() > 1e-7
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_beam_between_walls_is_pulled_as_it_bends():
+    """N = EA ∫w'²/(2L) = 12/5 EA (w/L)² of a static deflection w under a force in the middle."""
+    part, site = beam_between_walls()
+    model = ao.extract(part, site, n=12, stretch=2)
+    hit = ao.simulate(model, ao.RigidMass(20.0, velocity=0.4), ao.Linear(1e5), 80e-3)
+    k = int(np.argmax(np.abs(hit.displacement)))
+    pull = 12 / 5 * 210e9 * 0.01 * 0.004 * (hit.displacement[k] / 0.3) ** 2
+    found = ao.probe(part, hit, (0.1, 0, 0), "section_forces", [hit.time[k]])[0]
+    assert found[0] == pytest.approx(pull, rel=0.01)
+    largest = ao.peak_field(part, hit, fibre=(0.0, 0.0))
+    assert largest.values.max() == pytest.approx(pull / (0.01 * 0.004), rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("case", "blow", "place", "rel"),
+    [
+        ("shell", (0.2, 1.5, 1e6, 4e-3), (0.08, 0.09, 0.0), 0.03),
+        ("cap", (0.5, 0.5, 1e7, 4e-3), (0.03, 0.03, 0.0), 0.03),
+        ("solid", (0.2, 2.5, 1e6, 4e-3), (0.03, 0.006, 0.0), 0.03),
+    ],
+)
+def test_stresses_are_those_of_all_degrees_of_freedom(case, blow, place, rel):
+    """Whole strains of the nodal displacements of the reference, on both faces of a sheet."""
+    part, site = CASES[case]()
+    mass, speed, k, duration = blow
+    full = Full(part, site)
+    times = full.impact(mass, speed, k, duration, 160)[0][::8]
+    model = ao.extract(part, site, n=24, stretch="auto")
+    ball = ao.RigidMass(mass, velocity=speed)
+    hit = ao.simulate(model, ball, ao.Power(k, 1.5), duration)
+    linear = ao.simulate(replace(model, stretch=None), ball, ao.Power(k, 1.5), duration)
+    for surface in ("top", "middle", "bottom") if case != "solid" else ("top",):
+        asked = np.array([place]), None, "stress", Place(surface), Reach("the point")
+        known = recovered(part, full.motion[::8].T, *asked, whole=True)[0]
+        known = von_mises(np.moveaxis(known, -1, 0))
+        sides = {} if case == "solid" else {"surface": surface}
+        found, flat = (
+            von_mises(ao.probe(part, one, place, "stress", times, **sides)) for one in (hit, linear)
+        )
+        assert found == pytest.approx(known, abs=rel * known.max())
+        assert np.abs(flat - known).max() > 4 * rel * known.max()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_peaks_of_a_part_that_stretches_are_those_of_dense_times(tmp_path):
+    part, site = plate()
+    model = ao.extract(part, site, n=24, stretch=4)
+    hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.5), ao.Power(1e6, 1.5), 3e-3)
+    times = np.linspace(0, 3e-3, 4001)
+    for quantity in ("von_mises", "velocity"):
+        peak = ao.peak_field(part, hit, quantity)
+        dense = ao.peak_field(part, hit, quantity, times)
+        scale = dense.values.max()
+        assert peak.values == pytest.approx(dense.values, abs=1e-3 * scale)
+        assert (dense.values <= peak.values + peak.error + 1e-9 * scale).all()
+    moved = ao.probe(part, hit, (0.1, 0.05, 0.0), "displacement", times)
+    speed = ao.probe(part, hit, (0.1, 0.05, 0.0), "velocity", times)
+    sums = cumulative_trapezoid(speed, times, axis=0, initial=0)
+    assert np.abs(sums - moved)[:, 0].max() < 0.01 * np.abs(moved[:, 0]).max()
+    ao.save_fields(part, hit, tmp_path / "saved.npz", times[::100])
+    saved = ao.SavedFields.load(tmp_path / "saved.npz")
+    node = int(np.argmin(np.linalg.norm(saved.points - [0.1, 0.05, 0.0], axis=1)))
+    assert saved.factors[20] @ saved.shapes[node].T == pytest.approx(moved[2000], rel=1e-6)
 
 
 def test_what_does_not_stretch_refuses_in_a_sentence():

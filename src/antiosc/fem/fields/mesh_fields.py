@@ -195,14 +195,19 @@ def recovered(
     quantity: str,
     place: Place,
     reach: Reach,
+    whole: bool = False,
 ) -> Array:
     """A quantity (P, …, columns) of every shape at the points next to `points` (P, 3).
+
+    whole : with the strain of second order of each shape.
 
     InputError for a point farther from the structure than `reach`.
     """
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
+    if whole:
+        parts = _whole(parts)
     shares = [shares_of(structure, quantity, member) for member, _ in parts]
 
     def work() -> Array:
@@ -305,6 +310,14 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
     return found
 
 
+def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
+    """The parts, whose strains are whole and free of stress without displacement."""
+    return [
+        (replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))), own)
+        for m, own in parts
+    ]
+
+
 def tensors_at_nodes(
     structure: Structure,
     shapes: Array | None,
@@ -312,17 +325,21 @@ def tensors_at_nodes(
     places: list[Place],
     part: str | None = None,
     ply: Place | None = None,
+    whole: bool = False,
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """Points and cells as `at_nodes`, and the tensors at them; on rank 0.
 
     A point may have several tensors: of materials, of cells of a sheet, of the places given. With
     `ply`, a place with a layer, they are those of the laminates that have this layer. `shapes`
-    None: the one column of the static state under the prestress.
+    None: the one column of the static state under the prestress. `whole`: with the strain of
+    second order of each shape.
     """
     if shapes is None:
         parts = loaded(structure, part)
     else:
         parts = with_parts(structure).fields(shapes, part)
+    if whole:
+        parts = _whole(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
     node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
     for member, own in parts:

@@ -377,7 +377,7 @@ class History(HistoryResults, OneContact):
                 strain=strain[:, j].sum(axis=1) + residual + self._stretch_energy(name, q[:, j]),
                 _columns=columns[:, k],
                 springs=branches,
-                stretched=name in a.stretched,
+                stretched=a.stretched.get(name),
             )
         return found
 
@@ -431,15 +431,9 @@ AnyHistory = History | BodyHistory
 def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     if isinstance(history, BodyHistory):
-        model, own, stretched = history.placed.body, history.placed.modes, history.stretched
+        model, own = history.placed.body, history.placed.modes
     else:
         model, own = history.of(body)
-        stretched = history.name_of(body) in history.assembly.stretched
-    if stretched:
-        raise InputError(
-            f"{body!r} stretched in this impact: strains, stresses and files of fields of its"
-            " second-order motion are not recovered; hit.field(t) has its displacements."
-        )
     if own.basis is None:
         raise InputError(no_field_message(model))
     return own
@@ -464,15 +458,36 @@ def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
     return history.at(times)[history.name_of(body)]
 
 
+def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
+    """The second-order forces that took part in the motion of a body; None of a linear one."""
+    if isinstance(history, BodyHistory):
+        return history.stretched
+    return history.assembly.stretched.get(history.name_of(body))
+
+
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
+
+    Of a body that stretches those of the pairs of its modes follow, (n, B + m (m + 1)/2).
 
     Velocities and accelerations are those of the modes: what a residual compliance adds to the
     displacement has no inertia, and follows the force.
     """
     own, one = modes_of(history, body), _motion_at(history, times, body)
     q = (one.q, one.v, one.a)[derivative]
-    return _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
+    found = _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
+    forces = stretch_in(history, body)
+    if forces is None:
+        return found
+    a, v, w = (each @ forces.modes for each in (one.q, one.v, one.a))
+    return np.hstack([found, forces.pair_motion(a, v, w, derivative)])
+
+
+def stretch_factors(history: AnyHistory, body: str) -> Array:
+    """Factors (m, B) of the body's shapes in the modes in which it stretches."""
+    own, forces = modes_of(history, body), stretch_in(history, body)
+    assert forces is not None
+    return _factors(own, forces.modes.T, np.zeros((forces.size, own.B.shape[1])))
 
 
 def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:

@@ -17,6 +17,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin, engineering, percent
 from antiosc.contact import ContactLaw
 from antiosc.contact.dent import Dent, dent_of
+from antiosc.models.stretch import Stretch
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import SceneBody
 from antiosc.simulation.histories.energy import impulses
@@ -104,6 +105,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     notes : what the bars do not include, and what makes them doubtful.
     safety : factor of the mesh's bars over the differences to the corrected model.
     law : why the error of the contact's law is not in the bars; "" where it is.
+    unknown : the causes that were not estimated, with 0 in the bars.
     """
 
     bars: Mapping[str, ErrorBar]
@@ -111,6 +113,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     notes: tuple[str, ...] = ()
     safety: float = 2.0
     law: str = ""
+    unknown: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -137,7 +140,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def causes(self) -> tuple[str, ...]:
         """The errors to print; noise, band and stretch only where they are, the law if known."""
-        bars, without = self.bars.values(), ("law",) if self.law else ()
+        bars, without = self.bars.values(), (*self.unknown, *(("law",) if self.law else ()))
         known = (c for c in CAUSES if c not in without)
         return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
 
@@ -375,7 +378,7 @@ class BodyHistory(ReprMixin):
     forces : (n, P) on the columns of its sites, along their directions [N].
     springs : (n, J) modal displacements of the spring of each Maxwell branch of its damping.
     kinetic, strain : (n,) energies [J].
-    stretched : whether second-order forces took part in its motion.
+    stretched : the second-order forces that took part in its motion; None: it is linear.
     """
 
     placed: SceneBody
@@ -388,7 +391,7 @@ class BodyHistory(ReprMixin):
     strain: Array
     _columns: Array
     springs: Sequence[Array] = ()
-    stretched: bool = False
+    stretched: Stretch | None = None
 
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.
