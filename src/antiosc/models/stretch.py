@@ -79,8 +79,8 @@ class Stretch(ReprMixin):
 
     def forces(self, a: Array) -> Array:
         """Modal forces (n, m) [N/kg^1/2] at amplitudes (n, m) [m kg^1/2]."""
-        two = np.einsum("kij,ni,nj->nk", self.quadratic, a, a, optimize=True)
-        return two + np.einsum("kijl,ni,nj,nl->nk", self.cubic, a, a, a, optimize=True)
+        two, three = _forces(self.quadratic, self.cubic, a)
+        return two + three
 
     def energy(self, a: Array) -> Array:
         """Energies (n,) [J] at amplitudes (n, m)."""
@@ -105,25 +105,41 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array) -> Stretch:
-        """The forces in the modes that the columns of `turn` (m, k), orthonormal, combine."""
-        cubic, shapes = self.cubic, self.shapes
-        quadratic = np.einsum("abc,ai,bj,ck->ijk", self.quadratic, turn, turn, turn, optimize=True)
+        """The forces in the modes that the columns of `turn` (m, k), orthonormal, combine.
+
+        Without `shapes`; `shapes_in` has them.
+        """
+        quadratic, cubic = self.quadratic, self.cubic
+        for _ in range(3):
+            quadratic = np.tensordot(quadratic, turn, axes=(0, 0))
         for _ in range(4):
             cubic = np.tensordot(cubic, turn, axes=(0, 0))
-        if shapes is not None:
-            rows, columns = np.triu_indices(self.size)
-            first, second = np.triu_indices(turn.shape[1])
-            pairs = turn[rows][:, first] * turn[columns][:, second]
-            pairs = pairs + turn[columns][:, first] * turn[rows][:, second]
-            shapes = shapes @ (pairs / np.where(rows == columns, 2, 1)[:, None])
-        return Stretch(self.modes @ turn, quadratic, cubic, turn.shape[1], shapes)
+        return Stretch(self.modes @ turn, quadratic, cubic, turn.shape[1])
+
+    def shapes_in(self, modes: Array) -> Array | None:
+        """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of modes (J, k) of theirs."""
+        if self.shapes is None:
+            return None
+        turn = self.modes.T @ modes
+        rows, columns = np.triu_indices(self.size)
+        first, second = np.triu_indices(turn.shape[1])
+        pairs = turn[rows][:, first] * turn[columns][:, second]
+        pairs = pairs + turn[columns][:, first] * turn[rows][:, second]
+        return np.asarray(self.shapes @ (pairs / np.where(rows == columns, 2, 1)[:, None]))
 
 
 def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
     """Energies (n,) [J] of the forces at amplitudes (n, m)."""
-    two = np.einsum("kij,ni,nj->nk", quadratic, a, a, optimize=True) / 3
-    three = np.einsum("kijl,ni,nj,nl->nk", cubic, a, a, a, optimize=True) / 4
-    return np.asarray(np.sum((two + three) * a, axis=1))
+    two, three = _forces(quadratic, cubic, a)
+    return np.asarray(np.sum((two / 3 + three / 4) * a, axis=1))
+
+
+def _forces(quadratic: Array, cubic: Array, a: Array) -> tuple[Array, Array]:
+    """The quadratic and the cubic forces (n, m) at amplitudes (n, m)."""
+    n, m = a.shape
+    products = (a[:, :, None] * a[:, None, :]).reshape(n, m * m)
+    stiffness = (products @ cubic.reshape(m * m, m * m).T).reshape(n, m, m)
+    return products @ quadratic.reshape(m, m * m).T, (stiffness @ a[:, :, None])[:, :, 0]
 
 
 def checked_count(stretch: object) -> Count | Literal[False]:

@@ -195,9 +195,9 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
     Of a body that stretches the second-order displacements of pairs of its modes follow.
     """
     shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
-    forces = histories.stretch_in(history, body)
-    if forces is not None and forces.shapes is not None:
-        shapes = np.column_stack([shapes, forces.shapes])
+    second = histories.stretch_shapes(history, body)
+    if second is not None:
+        shapes = np.column_stack([shapes, second])
     if isinstance(history, History) and history.assembly.scene.base is not None:
         _warn_if_mass_missing(structure, history, body)
     return shapes

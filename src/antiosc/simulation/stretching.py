@@ -79,19 +79,19 @@ class Motion:
 
     Attributes
     ----------
-    forces : its second-order forces, the modes that it moves most in front.
+    forces : its second-order forces.
+    turn : (m, m) its modes, those that it moves most in front, by columns.
     change : largest displacement of a site that the forces cause statically, over its largest.
     """
 
     forces: Stretch
+    turn: Array
     change: float
 
     def first(self, count: int) -> Stretch:
         """The forces in the first modes; of a fixed number in so many."""
         given = self.forces.count
-        return self.forces.turned(
-            np.eye(self.forces.size)[:, : count if given == "auto" else given]
-        )
+        return self.forces.turned(self.turn[:, : count if given == "auto" else given])
 
 
 def motion_of(history: History, name: str) -> Motion | None:
@@ -104,12 +104,12 @@ def motion_of(history: History, name: str) -> Motion | None:
     sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
     q = sampled_motion(history, body.omega)[:, own]
     amplitude = q @ forces.modes
-    _, _, turn = np.linalg.svd(amplitude, full_matrices=True)
-    ordered = replace(forces.turned(turn.T), count=forces.count)
+    _, _, turn = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
     follows = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
     largest = float(np.abs(q @ sites).max(initial=0.0))
-    return Motion(ordered, float(np.abs(follows).max(initial=0.0)) / max(largest, 1e-300))
+    change = float(np.abs(follows).max(initial=0.0)) / max(largest, 1e-300)
+    return Motion(forces, turn.T, change)
 
 
 def check_body(body: SceneBody) -> None:

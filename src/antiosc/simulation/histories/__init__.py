@@ -24,7 +24,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody, SiteModes
-from antiosc.models.stretch import Stretch
+from antiosc.models.stretch import Stretch, stretch_of
 from antiosc.simulation.assembly import Assembly, given_parts
 from antiosc.simulation.bodies import RigidBody, SceneBody
 from antiosc.simulation.histories.energy import Energy, energy_balance
@@ -243,10 +243,11 @@ class History(HistoryResults, OneContact):
         forces = self._stretched(self.name_of(body))
         if forces is None:
             return found
-        if forces.shapes is None:
+        shapes = stretch_shapes(self, body)
+        if shapes is None:
             raise InputError(no_field_message(model))
         q = np.atleast_2d(self.at(np.atleast_1d(t))[self.name_of(body)].q)
-        more = forces.pairs(q @ forces.modes) @ forces.shapes.T
+        more = forces.pairs(q @ forces.modes) @ shapes.T
         return found + (more if np.ndim(t) else more[0])
 
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
@@ -463,6 +464,14 @@ def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
     if isinstance(history, BodyHistory):
         return history.stretched
     return history.assembly.stretched.get(history.name_of(body))
+
+
+def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
+    """Second-order displacements (n_dofs, P) of pairs of the modes in which a body stretches."""
+    forces = stretch_in(history, body)
+    of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
+    given = stretch_of(of_body)
+    return None if forces is None or given is None else given.shapes_in(forces.modes)
 
 
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
