@@ -4,6 +4,7 @@
 #include "cells.c"
 #include "coupled.c"
 #include "crossings.c"
+#include "elastic.c"
 #include "expected.c"
 #include "flight.c"
 #include "forces.c"

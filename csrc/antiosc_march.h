@@ -549,6 +549,21 @@ typedef struct aom_cells {
  * n_coefficients + 3 n_nodes + n_vectors n_dofs numbers. */
 AOM_API void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory,
                            double *out);
+
+#define AOM_LANES 8       /* cells that are taken at a time */
+#define AOM_TETRA_DATA 12 /* numbers of a cell below */
+
+/* Straight quadratic tetrahedra of isotropic material, in groups of AOM_LANES; where the last group is
+ * not full its data are zero. Of a cell of volume V: the gradients of its barycentric coordinates 1, 2,
+ * 3 and, times V/20, Lamé's constants and, times V/420, the density. */
+typedef struct aom_tetra {
+    int64_t n_groups;
+    const int32_t *nodes; /* [groups][10][AOM_LANES] in dolfinx's order */
+    const double *data;   /* [groups][AOM_TETRA_DATA][AOM_LANES] */
+} aom_tetra;
+
+/* out += (k K + m M) u, both [nodes][3] */
+AOM_API void aom_tetra_product(const aom_tetra *of, double k, double m, const double *u, double *out);
 #endif
 
 #ifdef __cplusplus

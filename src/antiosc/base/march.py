@@ -228,6 +228,12 @@ class Cells(Structure):
     ]
 
 
+class Tetra(Structure):
+    """`aom_tetra`"""
+
+    _fields_ = _fields("int64 n_groups; pointer nodes, data")
+
+
 _PACKAGE = Path(__file__).parents[1]
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
@@ -281,10 +287,14 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
         c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
     ),
     "aom_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
+    "aom_tetra_product": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
-_LONG = ("aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums")
+_LONG = (
+    "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
+    "aom_tetra_product",
+)  # fmt: skip
 
 
 def source_hash(folder: Path) -> str:

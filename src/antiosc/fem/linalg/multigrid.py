@@ -31,7 +31,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
-from antiosc.fem.linalg.petsc_algebra import watch
+from antiosc.fem.linalg.petsc_algebra import operator, watch
 from antiosc.fem.linalg.solver import SINGULAR, Solver
 
 #: PETSC_ERR_MEM
@@ -110,6 +110,7 @@ class Multigrid(PetscSolver):
         super().__init__(A)
 
     def _choose(self) -> None:
+        self._ksp.setOperators(operator(self.A), self.A)
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setNormType(self.ends_by)
         self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
@@ -152,6 +153,7 @@ class TwoLevels(Multigrid):
         self._coarse.zeroRowsColumns((first + held).astype(PETSc.IntType), diag=1.0)
         pc.setType(PETSc.PC.Type.MG)
         pc.setMGLevels(2)
+        pc.setUseAmat(True)  # whose products may be taken from the cells
         pc.setMGInterpolation(1, P)
         smoother = pc.getMGSmoother(1)
         smoother.setType(PETSc.KSP.Type.CHEBYSHEV)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -17,6 +19,28 @@ from antiosc.fem.platform import alike
 BLOCK_PRODUCT_FROM = 4
 #: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
 PRODUCT = "antiosc_product"
+#: PETSc attribute of a matrix: its `CellProduct`.
+CELLS = "antiosc_cells"
+
+
+@dataclass(frozen=True)
+class CellProduct:
+    """The product with a matrix, kK + mM, taken from the cells of the mesh without its entries.
+
+    take : gives (kK + mM) x for (x, k, m)
+    """
+
+    take: Callable[[Array, float, float], Array]
+    k: float
+    m: float
+
+    def __call__(self, x: Array) -> Array:
+        """The product with a vector or a block of vectors (rows of this rank, k)."""
+        return self.take(x, self.k, self.m)
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """The same as PETSc asks for it."""
+        y.setArray(self(x.array_r))
 
 
 def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
@@ -67,6 +91,7 @@ def hold(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
     `rows` are global numbers of rows of this rank; products are then those of the entries.
     """
     matrix.setAttr(PRODUCT, None)
+    matrix.setAttr(CELLS, None)
     matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=value)
     return matrix
 
@@ -76,6 +101,8 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     accurate = matrix.getAttr(PRODUCT)
     if accurate is not None:
         return np.asarray(accurate(x))
+    if by_cells(matrix):
+        return np.asarray(matrix.getAttr(CELLS)(x))
     if x.ndim == 2 and x.shape[1] >= BLOCK_PRODUCT_FROM:
         block = dense(matrix, x)
         product = matrix.matMult(block)
@@ -99,6 +126,11 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 def by_strains(matrix: PETSc.Mat) -> bool:
     """Whether products with the matrix are taken by its strains (`solver_choice`)."""
     return matrix.getAttr(PRODUCT) is not None
+
+
+def by_cells(matrix: PETSc.Mat) -> bool:
+    """Whether products with the matrix are taken from the cells of its mesh (`CellProduct`)."""
+    return matrix.getAttr(CELLS) is not None
 
 
 def dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
@@ -153,7 +185,20 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     accurate = K.getAttr(PRODUCT)
     if accurate is not None:
         A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
+    if by_cells(K) and by_cells(M):
+        A.setAttr(CELLS, replace(K.getAttr(CELLS), m=shift))
     return A
+
+
+def operator(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The matrix for PETSc's products: from its cells where they can be taken so."""
+    if not by_cells(matrix):
+        return matrix
+    product = matrix.getAttr(CELLS)
+    result = PETSc.Mat().createPython(matrix.getSizes(), product, comm=matrix.getComm())
+    result.setUp()
+    watch(result)
+    return result
 
 
 def free_when_dropped(*matrices: PETSc.Mat) -> None:

@@ -51,7 +51,7 @@ from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver, TwoLevels
-from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, dense, lower, multiply
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, by_cells, csr, dense, lower, multiply
 from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
 from antiosc.fem.platform import agree, on_root, warn
 
@@ -425,6 +425,8 @@ SOLVES, CYCLES = 25, 14
 #: Operations of a factor over entries^1.5 (plates 0.12, cubes 0.15) and for each second; seconds of
 #: a solve for each of its entries, and of an iteration for each entry of A.
 OPERATIONS, RATE, SECONDS_PER_ENTRY, SECONDS_PER_CYCLE = 0.15, 3e10, 1e-9, 8e-9
+#: Seconds of an iteration for each entry of A where products are taken from the cells.
+SECONDS_BY_CELLS = 2e-9
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 
@@ -494,7 +496,8 @@ def seconds_direct(entries: float) -> float:
 
 def seconds_iterative(A: PETSc.Mat) -> float:
     """Forecast for `SOLVES` solves of a compact part by two levels."""
-    return SOLVES * CYCLES * _entries(A) * SECONDS_PER_CYCLE
+    cycle = SECONDS_BY_CELLS if by_cells(A) else SECONDS_PER_CYCLE
+    return SOLVES * CYCLES * _entries(A) * cycle
 
 
 def _entries(A: PETSc.Mat) -> float:

@@ -18,6 +18,7 @@ from antiosc.base._types import Array, Box, IntArray
 from antiosc.base.checks import array, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
+from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.weak_form import (
     Family,
@@ -516,6 +517,8 @@ def assembled(
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, rest, fixed)
+    if not added:
+        tetrahedra.take_products(K, M, mesh, form, parts, fixed)
     mass += sum(one.mass for one in added)
     attached_inertia = sum(
         (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))

@@ -1,0 +1,109 @@
+"""Products from the cells against the entries that dolfinx assembles."""
+
+import json
+
+import dolfinx
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import antiosc as ao
+import parts
+from antiosc.fem.elements import tetrahedra
+from antiosc.fem.linalg.petsc_algebra import CELLS, csr, multiply, operator, sum_of
+from mpi import START, run_ranks
+
+STEEL, RUBBER = ao.Solid(**parts.STEEL), ao.Solid(1e9, 0.45, 1100.0)
+HELD = [
+    ao.Support(lambda x: np.isclose(x[1], 0.0), ["x", "z"]),
+    ao.Support(lambda x: np.isclose(x[0], 0.0), ["x", "y"]),
+]
+
+
+@pytest.fixture(autouse=True)
+def of_small_parts(monkeypatch):
+    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
+
+
+def skewed() -> ao.Mesh:
+    """Cells of two groups that are all different, in number no multiple of the lanes."""
+    corners = [[0.0, 0.0, 0.0], [0.2, 0.1, 0.08]]
+    mesh = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [3, 3, 3])
+    x = mesh.geometry.x
+    x[:] += 0.005 * np.sin(40 * x[:, [1, 2, 0]]) * (x[:, 1:2] > 0) * (x[:, :1] > 0)
+    groups = {}
+    for name, cells in (("soft", range(50)), ("hard", range(50, 162))):
+        cells = np.array(cells, dtype=np.int32)
+        groups[name] = dolfinx.mesh.meshtags(mesh, 3, cells, np.ones_like(cells)), 1
+    return ao.read_mesh(mesh, groups=groups)
+
+
+def test_products_are_those_of_the_entries():
+    part = ao.Structure(skewed(), {"soft": RUBBER, "hard": STEEL}, HELD)
+    K, M = part.K, part.M
+    assert K.getAttr(CELLS) is not None
+    assert M.getAttr(CELLS) is not None
+    A = sum_of(K, 3e9, M)
+    vector, result = A.createVecs()
+    for x in np.random.default_rng(0).standard_normal((3, part.rows)):
+        for matrix in (K, M, A):
+            exact = csr(matrix) @ x
+            size = abs(csr(matrix)) @ abs(x)
+            assert np.all(abs(multiply(matrix, x) - exact) <= 1e-13 * (size + 1e-300))
+        vector.setArray(x)
+        operator(A).mult(vector, result)
+        np.testing.assert_array_equal(result.array_r, multiply(A, x))
+    block = np.random.default_rng(1).standard_normal((part.rows, 5))
+    np.testing.assert_array_equal(multiply(A, block)[:, 4], multiply(A, block[:, 4]))
+
+
+@pytest.mark.parametrize("matrix", ["K", "M"])
+def test_a_changed_copy_has_the_product_of_its_entries(matrix):
+    part = ao.Structure(skewed(), STEEL, HELD)
+    copy = getattr(part, matrix).copy()
+    copy.scale(2.0)
+    x = np.random.default_rng(0).standard_normal(part.rows)
+    np.testing.assert_allclose(multiply(copy, x), csr(copy) @ x, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"order": 1},
+        {"attached": [ao.PointMass((0.0, 0.1, 0.08), mass=1.0)]},
+        {"cell": "hexahedron"},
+        {"material": ao.AnisotropicSolid(STEEL.voigt, STEEL.rho)},
+    ],
+    ids=["linear", "a mass", "hexahedra", "orthotropic"],
+)
+def test_other_parts_have_the_products_of_their_entries(given):
+    mesh = parts.box((2, 2, 2), (0.2, 0.1, 0.08), cell=given.pop("cell", "tetrahedron"))
+    part = ao.Structure(mesh, given.pop("material", STEEL), HELD, **given)
+    assert part.K.getAttr(CELLS) is None
+
+
+OVER_RANKS = """
+from antiosc.fem.elements import tetrahedra
+from antiosc.fem.linalg.petsc_algebra import multiply
+from mpi4py.MPI import MAX
+
+tetrahedra.FEWEST_DOFS = 0
+mesh = parts.box((6, 3, 2), cell="tetrahedron")
+part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
+x = np.random.default_rng(part.comm.rank).standard_normal(part.rows)
+differences = []
+for matrix in (part.K, part.M):
+    source, exact = matrix.createVecs()
+    source.setArray(x)
+    matrix.mult(source, exact)
+    size = part.comm.allreduce(abs(exact.array_r).max(), MAX)
+    differences.append(abs(multiply(matrix, x) - exact.array_r).max() / size)
+print(json.dumps(differences))
+"""
+
+
+@pytest.mark.mpi
+def test_over_ranks():
+    lines = run_ranks(2, START + OVER_RANKS, alone=True)
+    for line in lines:
+        assert max(json.loads(line)) <= 1e-13
