@@ -250,3 +250,21 @@ def test_what_does_not_stretch_refuses_in_a_sentence():
     truss = ao.Structure(line((0, 0, 0), (0.3, 0, 0), 1), ao.Truss(area=1e-4, **STEEL), ends)
     with pytest.raises(InputError, match="stretch"):
         ao.extract(truss, ao.Site((0.3, 0, 0), (1, 0, 0)), n=0, stretch="auto")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_friction_on_a_sheet_that_stretches_keeps_the_books():
+    """A body that slides throughout: its momentum along is μ times the impulse across."""
+    part, site = plate()
+    sites = {"spot": replace(site, tangential=True)}
+    model = ao.extract(part, sites, n=24, stretch=4)
+    slider = ao.RigidBody(0.2, (1.0,) * 3, {"foot": ((0, 0, -0.01), (0, 0, 1))})  # hardly turns
+    contact = ao.Contact("plate:spot", "slider:foot", ao.Power(1e6, 1.5), friction=0.1)
+    start = {"slider": ao.Motion(velocity=(0.8, 0.0, -1.5))}
+    hit = ao.Scene({"plate": model, "slider": slider}, [contact], motion=start).run(6e-3)
+    assert set(hit.assembly.stretched) == {"plate"}
+    assert hit.energy.drift < 1e-5
+    across = hit.contact_histories[0].impulse
+    velocity = hit.at([6e-3])["slider"].velocity("foot", (1, 0, 0))[0]
+    assert 0.2 * (0.8 - velocity) == pytest.approx(0.1 * across, rel=1e-3)
+    assert hit.energy.dissipated[-1] == pytest.approx(0.1 * across * (0.8 + velocity) / 2, rel=0.05)
