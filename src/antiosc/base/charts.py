@@ -125,6 +125,14 @@ def legend_beside(ax: Axes) -> Axes:
     return ax
 
 
+def legend_above(ax: Axes) -> Axes:
+    """A legend above the axes, where it hides neither a curve nor the text at its peak."""
+    if ax.get_legend_handles_labels()[1]:
+        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+        ax.legend(**place, ncols=2, frameon=False, fontsize=8)
+    return ax
+
+
 def legend_below(figure: Figure, curves: Mapping[str, object], columns: int) -> Figure:
     """A legend of curves (label -> handle) below all panels of a figure."""
     rows = -(-len(curves) // columns)
@@ -286,7 +294,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
         _mark_yield(ax, hit)
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
-    return legend(ax)
+    return legend(ax) if len(named) > 1 or means else legend_above(ax)
 
 
 def _mark_yield(ax: Axes, hit: HistoryLike) -> None:

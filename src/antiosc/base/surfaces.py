@@ -159,17 +159,17 @@ def deformed_figure(
     mark: int | None = None,
     shown: bool = False,
 ) -> Figure:
-    """A figure of a deformed surface.
+    """A figure of a deformed surface, with colours from zero on.
 
     arrow : point and direction of the impact.
     view : (elevation, azimuth), degrees.
-    whole_scale : colours from zero to the largest of all times, in the box of the part at rest.
+    whole_scale : colours to the largest of all times, in the box of the part at rest.
     mark : number of a point that gets a ring and its value.
     """
     figure, axes, scale, _ = axes_in_space(found.points, shown)
     corners = scale * found.moved[found.faces]
     values = found.values[found.faces].mean(axis=1)
-    colours = colour_scale(np.array([0.0, found.largest]) if whole_scale else values)
+    colours = colour_scale(np.append(0.0, found.largest if whole_scale else values))
     if found.faces.shape[1] > 2:
         draw_faces(figure, axes, corners, values, found.label, colours)
     else:

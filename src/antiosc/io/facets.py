@@ -143,6 +143,9 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
     told = []
     size = float(np.ptp(points[triangles].reshape(-1, 3), axis=0).max()) if len(triangles) else 0.0
     points, triangles = _merged(points, triangles, COINCIDENT * size)
+    triangles, flipped = _flipped(points, triangles)
+    if flipped:
+        told.append(f"{name}: {flipped} triangles without area are cut out of their neighbours.")
     sound = ~_flat(points, triangles)
     once = np.zeros(len(triangles), dtype=bool)
     once[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
@@ -177,6 +180,38 @@ def _flat(points: Array, triangles: IntArray) -> BoolArray:
     corners = points[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(2 * areas(points, triangles) <= FLAT * longest**2)
+
+
+def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
+    """(triangles, how many of them lay on a line and share an area with their neighbour now).
+
+    Left out, such a one leaves a hole without area, where a corner lies within a side. The
+    neighbour across its longest side is cut in two at that corner.
+    """
+    triangles, before, flat = triangles.copy(), 0, _flat(points, triangles)
+    start = int(flat.sum())
+    while before != flat.sum():  # the neighbour of one may be flat until that is cut
+        before = flat.sum()
+        for row in np.flatnonzero(flat):
+            _cut_out(points, triangles, row, flat)
+        flat = _flat(points, triangles)
+    return triangles, start - int(before)
+
+
+def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> None:
+    """Give a flat triangle a part of its neighbour, if that has an area."""
+    own = triangles[row]
+    ends = points[own] - np.roll(points[own], -1, axis=0)
+    i, j, middle = np.roll(own, -int(np.argmax(np.linalg.norm(ends, axis=1))))
+    others = np.flatnonzero((triangles == i).any(axis=1) & (triangles == j).any(axis=1))
+    others = others[others != row]
+    if len(set(own.tolist())) < 3 or len(others) != 1 or flat[others[0]]:
+        return
+    across = triangles[others[0]].copy()
+    if middle not in across:
+        triangles[row] = np.where(across == i, middle, across)
+        triangles[others[0]] = np.where(across == j, middle, across)
+        flat[row] = False
 
 
 def _edge_uses(triangles: IntArray) -> IntArray:

@@ -503,7 +503,10 @@ def _deck(found: _Content) -> Deck:
         labels.append(table[:, 0])
     every = np.concatenate(labels)
     if not len(every):
-        raise MeshError(f"{found.name} has no elements that are cells of a mesh.")
+        left = ", ".join(f"{many} of {kind}" for kind, many in found.others.items())
+        raise MeshError(
+            f"{found.name} has no elements that are cells of a mesh: {left or 'none at all'}."
+        )
     elements = Numbering(every)
     if (np.diff(elements.labels) == 0).any():
         raise MeshError(f"{found.name} gives two elements one number.")

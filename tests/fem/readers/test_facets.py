@@ -186,3 +186,16 @@ def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
     path.write_text(text.replace("4 0 3 2 1", "4 0 3 2 8").replace("1/1 4/2", "1/1 9/2"))
     with pytest.raises(ao.MeshError, match="does not hold"):
         ao.read_mesh(path)
+
+
+def test_a_triangle_on_a_line_takes_a_part_of_its_neighbour():
+    """A corner within a side: two flat triangles in a row join the sides of both neighbours."""
+    axes = [[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]]
+    points = np.array([*axes, [1, 0, 0], [2, 0, 0]], dtype=float)
+    whole = [[0, 2, 1], [0, 3, 2], [1, 2, 3]]
+    cut = [[0, 4, 3], [4, 5, 3], [5, 1, 3]]
+    skin = cleaned(points, np.array([*whole, *cut, [0, 1, 4], [4, 1, 5]]), "part")
+    assert skin.closed
+    assert len(skin.triangles) == 8
+    assert areas(skin.points, skin.triangles).min() > 1.0
+    assert volumes(skin.points, skin.triangles).sum() == pytest.approx(4.5)
