@@ -35,7 +35,7 @@ CASES = {
     "E*/Y 2000": (2000.0, 100.0),
 }
 #: Strength of the sphere over that of the half-space, at `SMALL` E*/Y and to the first range.
-UNLIKE = {"strength 1": 1.0, "strength 1.5": 1.5, "strength 2": 2.0}
+UNLIKE = {"strength 1.2": 1.2, "strength 1.5": 1.5}
 SMALL = 1000.0
 #: ranges of x, each with its own grid; it is unloaded from the end of each
 RANGES = ((7.0, 100.0), (80.0, 300.0))

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.contact.choice import choose
+from antiosc.contact.geometry import equivalent_circle
+from antiosc.contact.surfaces import Matter, Surface, ball
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "elastoplastic"))
 
@@ -17,7 +21,7 @@ import half_space
 from curves import curves
 
 CURVES = curves()
-LARGE = curves("finite_strain.csv")
+LARGE, UNLIKE = curves("finite_strain.csv"), curves("unlike.csv")
 LAW = compare.LAW
 PLACES = [(name, x) for name, of in CURVES.items() for x in sorted(of.unloading) if x <= 300]
 
@@ -136,3 +140,27 @@ def test_the_range_of_a_law_without_the_patch_is_told(law: ao.ContactLaw) -> Non
     given = {"m0": 0, "m": [], "omega": [], "k0": 1e7, "local_compliance": 3e-8, "radius": 1e-3}
     with pytest.raises(ao.AccuracyError, match=r"own compliance holds .* radius of at least"):
         ao.simulate(ao.AntiOscillators(**given), ao.RigidMass(1.0, 4.0), law, 2e-3)
+
+
+@pytest.mark.parametrize("ratio", [3.0, 10.0])
+def test_force_of_ellipses_against_finite_elements_in_space(ratio: float) -> None:
+    """Over that of a circle on the same grid: above the law's, within the error that is said."""
+    known = curves("ellipse.csv")
+    off = known[f"B/A {ratio:g}"].ratio / known["B/A 1"].ratio - 1
+    assert off.min() > -0.005
+    assert off.max() < equivalent_circle(1.0, 0.5, 0.5 * ratio).error
+    circle = known["B/A 1"]
+    law = [LAW.force(x * LAW.yield_indentation, 0.0, LAW.touch(1.0)) for x in circle.x]
+    assert np.array(law) / LAW.yield_force / circle.x**1.5 == pytest.approx(circle.ratio, rel=0.06)
+
+
+@pytest.mark.parametrize("name", UNLIKE)
+def test_force_of_two_sides_that_yield_against_finite_elements(name: str) -> None:
+    """One is stronger, as stiff: within 1.5 %, and 2 % above for the grid of the truth."""
+    soft = Matter(1e11, 0.3, 1e8)
+    hard = replace(soft, yield_strength=1e8 * float(name.removeprefix("strength ")))
+    choice = choose(Surface(soft), ball(hard, 0.01))
+    law, of = choice.law, UNLIKE[name]
+    for x, found in zip(of.x, of.ratio, strict=True):
+        off = law.force(x * law.yield_indentation, 0.0, law.touch(1.0))
+        assert 0.985 < off / (law.yield_force * found * x**1.5) < 1.035
