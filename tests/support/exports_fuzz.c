@@ -4,7 +4,7 @@
  * runs COUNT random inputs and ends with 0. FOLDER (of libFuzzer: $MODEL_FOLDER) is that of a
  * model.aom. */
 #define _POSIX_C_SOURCE 200809L
-#include "../csrc/export/fmu.c"
+#include "../../csrc/export/fmu.c"
 
 static char *whole; /* the sound file */
 static size_t whole_size;

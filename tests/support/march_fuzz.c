@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../csrc/antiosc_march.h"
+#include "../../csrc/antiosc_march.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* Functions inside the march, for tests of its parts. */
-#include "../csrc/antiosc_march.c"
+#include "../../csrc/antiosc_march.c"
 
 AOM_API double part_crossing(double y0, double d0, double y1, double d1, double h, double edge) {
     return crossing(y0, d0, y1, d1, h, edge);
