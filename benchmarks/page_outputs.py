@@ -1,9 +1,9 @@
 """What the programs of the pages print, in a block of text beside each of them.
 
-    python benchmarks/page_outputs.py [NAME …] [--workers 2]
+    python benchmarks/page_outputs.py [NAME …]
 
-runs the programs of all pages, or of those named, and writes anew what they print. The tests run
-the same programs and compare the figures.
+runs the programs of all pages, or of those named, and writes anew what they print, and the pictures
+that they draw and the page shows. The tests run the same programs and compare the figures.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ import math
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import tempfile
 import textwrap
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pages
+import pictures_drawn
 
 #: A program of a page, and what it prints.
 BLOCK = re.compile(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```\n)?", re.DOTALL)
@@ -136,6 +137,17 @@ def unit(figure: str) -> float:
     return 1.01 * 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
 
 
+def unsaid(text: str) -> list[str]:
+    """Lines with an error bar, of an output that does not tell what the bar holds.
+
+    A bar holds the error of the contact's law, or is called numerical; those of a blow that was
+    found from signals are of what the signals tell.
+    """
+    if re.search(r"\blaw\W+\d|numerical|chi²", text):
+        return []
+    return [line for line in text.splitlines() if "±" in line]
+
+
 def refreshed(name: str) -> str:
     """Run a page in a process of its own and write its outputs; what to tell of it."""
     here = Path(__file__).resolve()
@@ -146,8 +158,13 @@ def refreshed(name: str) -> str:
         done = subprocess.run(
             command, cwd=folder, env=environment, capture_output=True, text=True, check=False
         )
-    if done.returncode:
-        return f"{name}: {done.stderr.strip()[-500:]}"
+        if done.returncode:
+            return f"{name}: {done.stderr.strip()[-500:]}"
+        drawn = pictures_drawn.on_page(name)
+        for picture, kept in drawn.items():
+            shutil.copyfile(Path(folder) / picture, kept)
+    if drawn:
+        pictures_drawn.store(name, pictures_drawn.of_page(name))
     outputs = json.loads(done.stdout.splitlines()[-1])
     page = pages.pages()[name]
     changed = changes(name, outputs)
@@ -155,22 +172,20 @@ def refreshed(name: str) -> str:
     return "\n  ".join([name, *changed])
 
 
-def main(names: list[str], workers: int = 1) -> None:
+def main(names: list[str]) -> None:
     """Refresh the named pages, or all."""
-    chosen = [name for name in told() if not names or name in names]
-    with ThreadPoolExecutor(workers) as pool:
-        for line in pool.map(refreshed, chosen):
-            print(line, flush=True)
+    for name in told():
+        if not names or name in names:
+            print(refreshed(name), flush=True)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="README, howto/map, …")
-    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--child", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:
         warnings.simplefilter("ignore")
         print(json.dumps(printed(options.child, Path.cwd())))
     else:
-        main(options.names, options.workers)
+        main(options.names)

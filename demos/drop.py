@@ -1,4 +1,4 @@
-"""A drop: a bracket falls from 1 m onto concrete, inclined, and tumbles.
+"""A drop: a bracket falls from 0.3 m onto concrete, inclined, and tumbles.
 
 The script prints the table of impacts, the peak acceleration at the eye in g, the worst stress
 against yield, and draws the fall. With --falls it also computes falls with random tilts and prints
@@ -18,15 +18,15 @@ import command_line
 import antiosc as ao
 
 ROOT = Path(__file__).resolve().parent.parent
-ALUMINIUM, YIELD = ao.Solid(E=70e9, nu=0.33, rho=2700.0), 275e6
-CONCRETE = ao.Solid(E=30e9, nu=0.2, rho=2400.0)
+ALUMINIUM = ao.material("aluminium 6082-T6")
+CONCRETE = ao.material("concrete C30/37")
 POINT = (0.0832, 0.0538, 0.01)
 
 
 def main(
-    height: float = 1.0,
-    size: float = 3e-3,
-    impacts: int = 10,
+    height: float = 0.3,
+    size: float = 6e-3,
+    impacts: int = 4,
     falls: int = 1,
     out: Path = ROOT / "out",
 ) -> dict[str, float]:
@@ -35,14 +35,14 @@ def main(
     Parameters
     ----------
     height : of the lowest point, m
-    size : of the elements, m (3 mm: 113 000 dofs)
+    size : of the elements, m (6 mm: 37 000 dofs)
     impacts : after which the fall ends
     falls : of the ensemble; 1: none
     out : folder of the results
     """
     started = time.perf_counter()
     part = ao.Structure(ao.read_mesh(ROOT / "meshes/bracket.geo", size=size), ALUMINIUM)
-    given = {"floor": ao.Floor(CONCRETE, friction=0.3), "tilt": (10, 5, 0), "corner_radius": 1e-3}
+    given = {"floor": ao.Floor(CONCRETE, friction=0.3), "tilt": (10, 5, 0), "corner_radius": 3e-3}
     fall = ao.drop(part, height, until=impacts, **given)
     print(part.describe())
     print(fall.summary())
@@ -50,7 +50,7 @@ def main(
     numbers = {
         "peak force": fall.peak_force,
         "peak g": peak.g,
-        "of yield": float(stress.values.max()) / YIELD,
+        "of yield": stress.margin().exposure,
         "seconds": time.perf_counter() - started,
     }
     if falls > 1:

@@ -14,10 +14,12 @@ import pytest
 import antiosc as ao
 import html_pages
 import webdriver
+from antiosc.app import cli
 from paths import BENCHMARKS, DEMOS, ROOT, demo
 
 DOCS = ROOT / "docs"
 outputs = demo("page_outputs")
+drawn = demo("pictures_drawn")
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
     *("errors", "howto/contacts", "howto/chance", "howto/cluster", "howto/export"),
@@ -80,6 +82,28 @@ def test_a_page_shows_what_its_programs_print(page, tmp_path, monkeypatch):
         same_numbers(found[0])
     if page in outputs.told():
         assert outputs.changes(page, found) == []
+
+
+def test_bars_tell_what_they_hold():
+    pages = [ROOT / "README.md", *DOCS.rglob("*.md")]
+    blocks = [b for page in pages for b in re.findall(r"```text\n(.*?)```", page.read_text(), re.S)]
+    assert any("±" in block for block in blocks)
+    assert [line for block in blocks for line in outputs.unsaid(block)] == []
+    assert outputs.unsaid("peak force 1.7 kN ± 2 %") == ["peak force 1.7 kN ± 2 %"]
+    assert outputs.unsaid("peak force 1.7 kN ± 2 %\nmesh 1 %, law 1.5 %") == []
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_bars_of_a_report_tell_what_they_hold(tmp_path, capsys):
+    report = tmp_path / "step.html"
+    scene = str(DEMOS / "scenes/step.toml")
+    assert cli.main(["run", scene, "--out", str(tmp_path), "--report", str(report)]) == 0
+    said = capsys.readouterr().out
+    text = re.sub(r"<(style|script).*?</\1>|<[^>]+>", " ", report.read_text(), flags=re.S)
+    assert "±" in said
+    assert "±" in text
+    assert outputs.unsaid(said) == outputs.unsaid(text) == []
 
 
 def test_figures_of_outputs_are_compared_and_noise_is_not():
@@ -177,6 +201,26 @@ def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     }
     assert [p for pictures in shown.values() for p in pictures if not p.is_file()] == []
     assert {path.stem for path in scripts.values() if path.parent == DEMOS} <= set(shown)
+
+
+def test_pictures_were_drawn_from_the_programs_as_they_are():
+    """`make bench-outputs` draws those that were not."""
+    now = {name: drawn.of_demo(name) for name in drawn.of_demos()}
+    now |= {name: drawn.of_page(name) for name in outputs.told() if drawn.on_page(name)}
+    assert drawn.stored() == now
+    kept = [path for name in outputs.told() for path in drawn.on_page(name).values()]
+    assert [path for path in kept if not path.is_file()] == []
+
+
+def test_another_mesh_is_another_input(tmp_path, monkeypatch):
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes/part.msh").write_text("one")
+    monkeypatch.setattr(drawn.pages, "ROOT", tmp_path)
+    program = 'read("meshes/part.msh")'
+    before = drawn.digest(program)
+    assert drawn.digest(program + " ") != before
+    (tmp_path / "meshes/part.msh").write_text("two")
+    assert drawn.digest(program) != before
 
 
 def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
