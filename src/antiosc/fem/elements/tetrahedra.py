@@ -58,16 +58,21 @@ class Tetrahedra:
 
     def product(self, x: Array, stiffness: float, mass: float) -> Array:
         """(stiffness K + mass M) x for a vector or a block of vectors (rows of this rank, k)."""
-        given = x[:, None] if x.ndim == 1 else x
-        u = np.array(compat.with_ghosts(self._space, given), dtype=float, order="F")
-        u[self._fixed] = 0.0
-        out = np.zeros(u.shape, order="F")
-        for source, target in zip(u.T, out.T, strict=True):
-            places = march.address(source), march.address(target)
-            march.library.aom_tetra_product(byref(self._cells), stiffness, mass, *places)
-        result = np.array(compat.ghosts_added(self._space, out))
-        result[self._held] = stiffness * given[self._held]
+        columns = x[:, None] if x.ndim == 1 else x
+        result = np.empty(columns.shape, order="F")
+        for k, column in enumerate(columns.T):
+            result[:, k] = self._of_vector(column[:, None], stiffness, mass)
         return result[:, 0] if x.ndim == 1 else result
+
+    def _of_vector(self, x: Array, stiffness: float, mass: float) -> Array:
+        u = np.array(compat.with_ghosts(self._space, x)[:, 0], dtype=float)
+        u[self._fixed] = 0.0
+        out = np.zeros(len(u))
+        places = march.address(u), march.address(out)
+        march.library.aom_tetra_product(byref(self._cells), stiffness, mass, *places)
+        result = compat.ghosts_added(self._space, out[:, None])[:, 0]
+        result[self._held] = stiffness * x[self._held, 0]
+        return np.asarray(result)
 
 
 def take_products(

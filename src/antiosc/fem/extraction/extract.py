@@ -150,6 +150,7 @@ def models_of(
                 "modes": (time.perf_counter() - started) / (len(models) + 1),
             },
         )
+        del known  # its products are as large as the modes
         if one is None:
             model = _at_named_sites(structure, each, static, kept, info)
         else:

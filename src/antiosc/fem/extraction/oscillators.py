@@ -365,9 +365,9 @@ def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict
         )
     # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
     residual = known.k_phi - known.m_phi * modes.omega**2
-    residual = residual - static.load @ dot(comm, static.phi, residual)
-    sizes = structure.factorize().force_sizes(np.hstack([residual, known.k_phi]))
-    left, size = np.split(sizes, 2)
+    residual -= static.load @ dot(comm, static.phi, residual)
+    left, size = map(structure.factorize().force_sizes, (residual, known.k_phi))
+    del residual
     off = left / np.maximum(size, np.finfo(float).tiny)
     scale = np.sqrt(modes.omega**2 + structure.shift)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
