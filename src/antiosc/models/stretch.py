@@ -109,12 +109,10 @@ class Stretch(ReprMixin):
 
         Without `shapes`; `shapes_in` has them.
         """
-        quadratic, cubic = self.quadratic, self.cubic
-        for _ in range(3):
-            quadratic = np.tensordot(quadratic, turn, axes=(0, 0))
-        for _ in range(4):
-            cubic = np.tensordot(cubic, turn, axes=(0, 0))
-        return Stretch(self.modes @ turn, quadratic, cubic, turn.shape[1])
+        k = turn.shape[1]
+        quadratic = _turned(self.quadratic, turn).reshape((k,) * 3)
+        cubic = _turned(self.cubic, turn).reshape((k,) * 4)
+        return Stretch(self.modes @ turn, quadratic, cubic, k)
 
     def shapes_in(self, modes: Array) -> Array | None:
         """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of modes (J, k) of theirs."""
@@ -126,6 +124,13 @@ class Stretch(ReprMixin):
         pairs = turn[rows][:, first] * turn[columns][:, second]
         pairs = pairs + turn[columns][:, first] * turn[rows][:, second]
         return np.asarray(self.shapes @ (pairs / np.where(rows == columns, 2, 1)[:, None]))
+
+
+def _turned(tensor: Array, turn: Array) -> Array:
+    """A tensor with each axis turned: the first one each time, which becomes the last."""
+    for _ in range(tensor.ndim):
+        tensor = tensor.reshape(len(turn), -1).T @ turn
+    return tensor
 
 
 def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:

@@ -60,7 +60,10 @@ def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
         begin += one.size
 
     def padded(values: Array, axes: tuple[int, ...]) -> Array:
-        return np.pad(values, [(0, count if axis in axes else 0) for axis in range(values.ndim)])
+        shape = [size + count * (axis in axes) for axis, size in enumerate(values.shape)]
+        larger = np.zeros(shape)
+        larger[tuple(map(slice, values.shape))] = values
+        return larger
 
     stretched = replace(
         system,
