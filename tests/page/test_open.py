@@ -8,7 +8,9 @@ import re
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import antiosc as ao
@@ -371,3 +373,14 @@ def test_a_structure_is_struck_where_its_supports_leave_it_free():
     look = inspect_structure(part)
     assert look.point[2] < 0.01
     assert look.radius is not None
+
+
+def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
+    from antiosc.app import new
+    from antiosc.app.skin import skin
+
+    mesh = ao.box_mesh((0.1, 0.08, 0.02), size=0.01)
+    both = np.union1d(mesh.groups["-z"][2], mesh.groups["+z"][2]).astype(np.int32)
+    one = replace(mesh, groups={"both": {2: both}})
+    part = ao.Structure(one, ao.material("steel S235"), [])
+    assert skin(part, new._inspect_mesh(one, {}, None)).held == ["lowest plane"]

@@ -62,8 +62,11 @@ def skin(structure: Structure, look: Inspection) -> Skin:
     used, faces = np.unique(corners, return_inverse=True)
     shape = geometry(mesh.dolfinx.geometry.x[used], faces.reshape(-1, 3))
     usual = _faces_on(outer, look.plane, mesh.extent())
-    names = [name for number, name in enumerate(held, start=1) if (owner[usual] == number).any()]
-    every, first = _with_usual(held, look) if not names else (held, names)
+    numbers = np.unique(owner[usual][owner[usual] > 0])
+    beyond = np.isin(np.delete(owner[: len(outer)], usual), numbers).any()
+    names = [name for number, name in enumerate(held, start=1) if number in numbers]
+    # a face that goes on beyond the plane would hold more, perhaps the site
+    every, first = _with_usual(held, look) if beyond or not names else (held, names)
     return Skin({**shape, "tags": owner.astype(np.uint32)}, every, first)
 
 
