@@ -84,6 +84,22 @@ def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_falls_of_a_body_with_lines_share_what_its_points_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shape = "Cylinder(1) = {0, 0, 0, 0.06, 0, 0, 0.01}"
+    part = ao.Structure(meshed(tmp_path, shape, 0.006), ALUMINIUM)
+    floor = ao.Floor(STEEL)
+    first = ao.drop(part, 0.1, tilt=(0, 30, 0), floor=floor, until=1, modes=3)
+    body = first.body
+    assert body.stations
+    monkeypatch.setattr(body, "residual", None)  # nothing is computed again
+    again = ao.drop(body, 0.1, tilt=(0, 30, 0), floor=floor, until=1, modes=3)
+    assert again.impacts[0].peak_force == pytest.approx(first.impacts[0].peak_force, rel=1e-12)
+
+
+@pytest.mark.slow
 def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
     """Radii N = b^2 g around the axis and M = a^2 b^2 g^3 along it, g^2 = x^2/a^4 + r^2/b^4."""
     a, b = 0.02, 0.01

@@ -285,7 +285,7 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
         bed=own,
         laws={first + k: cushion(layer, float(stiffness[k]), float(n[k])) for k in each.tolist()},
         idle=np.append(~bed.round, volumes[np.searchsorted(ways, deepest)] == 0),
-        _known=body._known | {first + k: (shapes[k], rigid) for k in each.tolist()},
+        _placed=body._placed | {first + k: (shapes[k], rigid, none[k]) for k in each.tolist()},
     )
 
 

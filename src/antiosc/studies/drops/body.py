@@ -51,6 +51,9 @@ APART = 0.04
 UNKNOWN_NU = 0.3
 
 
+Known = tuple[Array, Array, Array]
+
+
 @dataclass(eq=False)
 class FreeBody:
     """A free body with the points that may touch, V of them.
@@ -102,7 +105,10 @@ class FreeBody:
     lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
     cylinders: tuple[Cylinder, ...] = ()
     stations: tuple[IntArray, ...] = ()
-    _known: dict[int, tuple[Array, Array]] = field(default_factory=dict)
+    #: shapes, residual compliances and radii of points, which all copies share; those of stations
+    #: of lines and of pieces of a bed
+    _known: dict[int, Known] = field(default_factory=dict)
+    _placed: dict[int, Known] = field(default_factory=dict)
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
@@ -170,15 +176,18 @@ class FreeBody:
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
-        new = np.array([i for i in which.tolist() if i not in self._known], dtype=int)
+        there = self._placed.keys() | self._known.keys()
+        new = np.array([i for i in which.tolist() if i not in there], dtype=int)
         if len(new):
             r = np.zeros((len(new), 3, 3))
             if self.residual is not None:
                 self.shapes[new], r, self.radii[new] = self.residual(new)
-            pairs = zip(self.shapes[new], r, strict=True)
+            pairs = zip(self.shapes[new], r, self.radii[new].copy(), strict=True)
             self._known.update(zip(new.tolist(), pairs, strict=True))
-        known = [self._known[i] for i in which.tolist()]
-        return np.array([phi for phi, _ in known]), np.array([r for _, r in known])
+        known = [self._placed.get(i) or self._known[i] for i in which.tolist()]
+        phi, r, self.radii[which] = (np.array(each) for each in zip(*known, strict=True))
+        self.shapes[which] = phi
+        return phi, r
 
     def alone(self) -> FreeBody:
         """The same without its structure, all its sites known: for other processes."""

@@ -131,8 +131,7 @@ def _without(body: FreeBody) -> FreeBody:
     rows = ("points", "balls", "radii", "materials", "shapes", "strengths", "facing")
     own = {name: getattr(body, name) for name in rows}
     own = {name: None if one is None else one[:first] for name, one in own.items()}
-    known = {i: one for i, one in body._known.items() if i < first}
-    return replace(body, **own, stations=(), laws={}, idle=None, _known=known)
+    return replace(body, **own, stations=(), laws={}, idle=None, _placed={})
 
 
 def _added(body: FreeBody, one: Cylinder, floor: Floor) -> FreeBody:
@@ -144,7 +143,7 @@ def _added(body: FreeBody, one: Cylinder, floor: Floor) -> FreeBody:
         int(i): Tabulated(law[0], share * law[1]) for i, share in zip(which, shares, strict=True)
     }
     idle = np.zeros(first, dtype=bool) if body.idle is None else body.idle
-    none = np.zeros((3, 3))
+    known = shapes[0], np.zeros((3, 3)), np.full(2, one.radius)
     more = np.ones(STATIONS)
     return replace(
         body,
@@ -158,7 +157,7 @@ def _added(body: FreeBody, one: Cylinder, floor: Floor) -> FreeBody:
         stations=(*body.stations, which),
         laws=body.laws | laws,
         idle=np.append(idle, more > 0),
-        _known=body._known | {int(i): (shapes[0], none) for i in which},
+        _placed=body._placed | {int(i): known for i in which},
     )
 
 
@@ -179,13 +178,14 @@ def landing(body: FreeBody, start: State) -> FreeBody:
     """The body at a touch: lines that are level touch with their stations, others with points."""
     if not body.stations or body.idle is None:
         return body
-    up, idle, shapes, known = start.R[2], body.idle.copy(), body.shapes.copy(), dict(body._known)
+    up, idle, shapes, known = start.R[2], body.idle.copy(), body.shapes.copy(), dict(body._placed)
     for one, which in zip(body.cylinders, body.stations, strict=True):
         if one.lands(up):
             idle[which], idle[one.members] = False, True
             shapes[which] = one.shapes_at(up)
-            known |= {int(i): (shapes[i], np.zeros((3, 3))) for i in which}
-    return replace(body, idle=idle, shapes=shapes, _known=known)
+            stiff, radii = np.zeros((3, 3)), np.full(2, one.radius)
+            known |= {int(i): (shapes[i], stiff, radii) for i in which}
+    return replace(body, idle=idle, shapes=shapes, _placed=known)
 
 
 def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
