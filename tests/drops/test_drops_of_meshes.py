@@ -85,6 +85,20 @@ def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
+def test_a_shallow_dome_touches_where_it_is(tmp_path: Path) -> None:
+    """A cap of 3.4 mm of a sphere of 50 mm: the sphere goes on where the dome does not."""
+    mesh = meshed(tmp_path, "Sphere(1) = {0, 0, 0, 0.05, 1.2, Pi/2, 2*Pi}", 0.006)
+    part, height = ao.Structure(mesh, ALUMINIUM), 0.05 * (1 - np.sin(1.2))
+    body = part
+    for tilt in ((5, 0, 0), (90, 0, 0), (175, 0, 0)):
+        fall = ao.drop(body, 0.1, tilt=tilt, floor=ao.Floor(STEEL), until=1, modes=3)
+        body, place = fall.body, fall.impacts[0].place
+        assert 0.05 - height - 1e-6 < place[2] < 0.05 + 1e-6
+        assert np.hypot(*place[:2]) < 0.05 * np.cos(1.2) + 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
 def test_falls_of_a_body_with_lines_share_what_its_points_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -259,7 +259,7 @@ def _elastic(
     points, _, moved = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     own = hull(skin.points)
-    at, balls = cKDTree(points).query(skin.points[own])[1], skin.balls[own]
+    at, balls = cKDTree(points).query(skin.points[own])[1], skin.balls_within(own)
     notes = []
     rounded = min(CORNER, _least(structure, skin) / 4) if corner is None else corner
     if corner is None and (skin.sharp[own] & (skin.half[own] == 0)).any():

@@ -24,6 +24,9 @@ FLATTEST = 10.0
 ROUND = 0.5
 #: Ratio of the principal curvatures below which a place is straight in one direction.
 STRAIGHT = 0.2
+#: How far a ball reaches out of the hull over its radius, beside the height of its facets, and the
+#: directions in which this is looked at.
+REACH, WAYS = 0.05, 200
 #: Directions whose extent is below this share of the largest one have none.
 THIN = 1e-9
 
@@ -78,11 +81,33 @@ class Skin:
         rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
 
+    def balls_within(self, own: IntArray) -> Array:
+        """Those of the vertices of the hull (V,); 0 of balls that reach out of it elsewhere.
+
+        A ball stands for the surface on all its sides: one that is larger than the part there, as
+        of a shallow dome or of cells too coarse for a curvature, would touch where nothing is.
+        """
+        balls, points, sizes = self.balls[own], self.points[own], self.sizes[own]
+        centres = points - balls[:, None] * self.normals[own]
+        allowed = REACH * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
+        for way in _ways():
+            beyond = centres @ way + balls - (points @ way).max()
+            balls = np.where(beyond > allowed, 0.0, balls)
+        return balls
+
     @property
     def lines(self) -> BoolArray:
         """(P,) whether a smooth vertex is curved in one direction alone, as on a cylinder."""
         low, high = self.curvatures.T
         return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
+
+
+def _ways() -> Array:
+    """Directions (WAYS, 3) that are spread evenly, on a spiral."""
+    k = np.arange(WAYS)
+    z, angle = 1 - (2 * k + 1) / WAYS, k * np.pi * (3 - np.sqrt(5))
+    aside = np.sqrt(1 - z * z)
+    return np.column_stack([aside * np.cos(angle), aside * np.sin(angle), z])
 
 
 def skin_of(structure: Structure) -> Skin:
