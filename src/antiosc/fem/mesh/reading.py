@@ -312,6 +312,7 @@ def box_mesh(
     if sides.ndim != 1 or len(sides) not in KINDS:
         raise InputError(f"lengths must be one to three, as (0.2, 0.1); got {shown(lengths)}.")
     choice("gdim", gdim, (2, 3))
+    instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     name, body, groups = KINDS[len(sides)]
     own = body.format(*(positive("a length", float(side), "m") for side in sides))
     last, outside = GROUPS[len(sides)], GROUPS[len(sides) - 1]
