@@ -155,3 +155,18 @@ def test_the_nearest_argument_is_named(call, says):
     with pytest.raises(ao.InputError, match=says) as raised:
         call()
     assert isinstance(raised.value, TypeError)  # what Python itself raises
+
+
+@pytest.mark.parametrize(
+    ("text", "depth"),
+    [
+        ("", 0),
+        ('{"a": [1, {"b": []}]}', 4),
+        ('{"a": "[[[[", "b": "\\"[[["}', 1),
+        ("a = 'it[[' # [[[ [\nb = [[1], [2]]", 2),
+        ("]]]" + "[" * 100_000, 99_997),
+    ],
+)
+def test_brackets_are_counted_before_a_parser_recurses(text, depth):
+    assert not checks.nests_deeper(text, depth)
+    assert checks.nests_deeper(text, depth - 1)

@@ -22,6 +22,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, TypeAlias
 
 from antiosc.app.live import embedded
+from antiosc.base import checks
 from antiosc.base.errors import AntioscError
 
 HOST = "127.0.0.1"
@@ -202,9 +203,11 @@ class _Request(BaseHTTPRequestHandler):
         if len(body) < int(length[0]):
             raise Refused(HTTPStatus.BAD_REQUEST, "the call is cut.")
         try:
-            values = json.loads(body, parse_constant=_no_number)
-            return _checked(values)
-        except (ValueError, RecursionError):
+            text = body.decode()
+            if checks.nests_deeper(text, DEEPEST + 1):  # the table itself is one
+                raise ValueError("too deep")
+            return _checked(json.loads(text, parse_constant=_no_number))
+        except ValueError:
             raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.") from None
 
     def log_message(self, *_: object) -> None:

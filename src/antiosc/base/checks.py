@@ -8,10 +8,12 @@ strings, bools, NaN and infinity are refused.
 from __future__ import annotations
 
 import os
+import re
 import reprlib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import Field, fields
 from functools import cache, wraps
+from itertools import accumulate
 from math import inf, isfinite
 from numbers import Rational, Real
 from pathlib import Path
@@ -51,6 +53,9 @@ class _Required:
 
 
 REQUIRED: Any = _Required()
+
+#: strings, comments of TOML, and whatever else is no bracket
+_NO_BRACKETS = re.compile(r""""(?:[^"\\\n]|\\.)*"|'[^'\n]*'|\#[^\n]*|[^][{}"'#]+|["'#]""")
 
 _repr = reprlib.Repr()
 _repr.maxstring = _repr.maxother = _repr.maxlong = 60
@@ -385,6 +390,17 @@ def shown(value: object) -> str:
     except Exception:  # a foreign object's repr, or an int of more than 4300 digits
         return f"an object of type {type(value).__name__}"
     return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
+
+
+def nests_deeper(text: str, deepest: int) -> bool:
+    """Whether brackets of a text in JSON or TOML nest deeper than `deepest`.
+
+    Asked before a parser recurses into them: where a parser meets the limit of recursion, the
+    finalizers that the garbage collector calls there fail too.
+    """
+    brackets = _NO_BRACKETS.sub("", text)
+    depths = accumulate(1 if bracket in "[{" else -1 for bracket in brackets)
+    return max(depths, default=0) > deepest
 
 
 def point_text(point: Iterable[float]) -> str:

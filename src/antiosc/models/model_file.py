@@ -48,6 +48,8 @@ VERSION = 3
 
 #: Most bytes of a file's arrays. Each of a million anti-oscillators takes 8 MB.
 _LARGEST = 2**27
+#: Deepest brackets of a header: half of what Python's parser takes.
+_DEEPEST = 400
 
 #: what JSON has by name
 Named: TypeAlias = dict[str, Any]
@@ -59,6 +61,8 @@ def write(path: str | os.PathLike[str], header: Mapping[str, object], arrays: Ar
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"model.info must hold JSON values only: {error}.") from None
+    if checks.nests_deeper(text, _DEEPEST):
+        raise InputError(f"model.info must nest at most {_DEEPEST - 1} levels; flatten it.")
     archives.write_arrays(path, {"header": np.array(text), **arrays}, "the model")
 
 
@@ -77,7 +81,10 @@ def read(
     what = f"an {expected} file"
     arrays = archives.read_arrays(source, largest, what)
     try:
-        header = json.loads(str(arrays.pop("header")))
+        text = str(arrays.pop("header"))
+        if checks.nests_deeper(text, _DEEPEST):
+            raise InputError(f"{path} is not {what}, or it is damaged.")
+        header = json.loads(text)
         version = header["version"] if header.get("format") == expected else VERSION
         newer = bool(version > VERSION)
     except (KeyError, TypeError, ValueError, RecursionError, AttributeError):

@@ -95,6 +95,8 @@ def read(path: str | os.PathLike[str]) -> Document:
     source = checks.path("the scene file", path)
     text = _text(source)
     too_deep = f"{source}:1: brackets are nested deeper than {DEEPEST} levels."
+    if checks.nests_deeper(text, 4 * DEEPEST):  # brackets of strings over several lines count too
+        raise SceneFileError(too_deep)
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
