@@ -80,7 +80,7 @@ def test_a_page_shows_what_its_programs_print(page, tmp_path, monkeypatch):
     assert any(found)
     if page == "first_impact":
         same_numbers(found[0])
-    if page in outputs.told():
+    if page in outputs.told() and outputs.comparable():
         assert outputs.changes(page, found) == []
 
 
