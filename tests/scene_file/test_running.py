@@ -495,3 +495,76 @@ def test_the_outline_of_a_file(tmp_path, monkeypatch):
     with pytest.raises(ao.AntioscError, match="larger") as refused:
         outline.outline(call)
     assert not isinstance(refused.value, ao.InputError)  # no mistake of the scene
+
+
+SHEET = """\
+[geometry]
+source = "sheet.geo"
+size = 0.04
+gdim = 3
+[material]
+kind = "Shell"
+E = 210e9
+nu = 0.3
+rho = 7850
+thickness = 0.8e-3
+[[supports]]
+where = "rim"
+[sites.off]
+point = [0.12, 0.1, 0.0]
+direction = [0, 0, -1]
+[extract]
+n = 30
+"""
+RECTANGLE = """\
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 0.3, 0.2};
+Physical Surface("sheet") = {1};
+Physical Curve("rim") = {1, 2, 3, 4};
+"""
+BLOW = """\
+[impactor]
+kind = "RigidMass"
+mass = 0.2
+velocity = 1.5
+[contact]
+kind = "Hertz"
+stiffness = 2e6
+[simulate]
+duration = 1e-2
+"""
+SCENE_OF_BLOW = """\
+[bodies.ball]
+kind = "RigidMass"
+mass = 0.2
+velocity = 1.5
+[[contacts]]
+a = "structure:off"
+b = "ball"
+law = {kind = "Hertz", stiffness = 2e6}
+[run]
+duration = 1e-2
+"""
+
+
+@pytest.mark.fem
+def test_a_scene_chooses_second_order_forces_itself(tmp_path):
+    """Its answer is that of a program that asks for them, with one body and with several."""
+    (tmp_path / "sheet.geo").write_text(RECTANGLE)
+    found = objects(written(tmp_path, SHEET + BLOW), "run")
+    assert not any("deflects by" in one for one in found.warnings)
+    assert found.model.stretch is not None
+    site = ao.Site((0.12, 0.1, 0.0), (0, 0, -1))
+    model = ao.extract(found.structure, site, n=30, stretch="auto")
+    law = ao.Hertz(2e6)
+    hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.5), law, 1e-2)
+    assert found.history.peak_force == pytest.approx(hit.peak_force, rel=1e-9)
+    linear = objects(written(tmp_path, f"{SHEET}stretch = false\n{BLOW}"), "run")
+    assert linear.history.peak_force < 0.9 * hit.peak_force
+    assert any("deflects by" in one for one in linear.warnings)
+    many = objects(written(tmp_path, SHEET + SCENE_OF_BLOW), "run")
+    assert many.history.peak_force == pytest.approx(hit.peak_force, rel=2e-3)
+    slow = BLOW.replace("velocity = 1.5", "velocity = 0.01")
+    small = objects(written(tmp_path, SHEET + slow), "run")
+    assert not small.history.assembly.stretched
+    assert small.model.stretch is None

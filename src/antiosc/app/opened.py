@@ -297,7 +297,8 @@ class Opened:
             fast = self._from_modes(scene) if quickly else None
             model = fast or self._extracted(scene)
             try:
-                hit: History = _evaluation(scene, model=model)(scene.history)
+                known = _evaluation(scene, structure=structure, model=model)
+                hit: History = known(scene.history)
             except RangeError as error:
                 asked = _with_larger_patch(asked, error)
                 continue

@@ -24,7 +24,7 @@ import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn
+from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -466,7 +466,8 @@ def simulate_impact(
 def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
     """Simulate the same impact on another model by the exact method to `tol`."""
     exact = replace(settings, tol=tol, method="exact", step=None)
-    return simulate_impact(scene._replace(model=model), exact)[0]
+    with without_warnings():
+        return simulate_impact(scene._replace(model=model), exact)[0]
 
 
 def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) -> History:

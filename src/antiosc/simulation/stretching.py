@@ -17,7 +17,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.models.stretch import Stretch, stretch_of
 from antiosc.simulation.histories import parts
-from antiosc.simulation.histories.results import sampled_motion
+from antiosc.simulation.histories.results import deflection, sampled_motion
 
 if TYPE_CHECKING:
     from antiosc.simulation.assembly import Assembly
@@ -172,14 +172,6 @@ def differences(one: History, other: History) -> dict[str, float]:
     moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (one, other)]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]
     return {**found, "deflection": max(apart, default=0.0)}
-
-
-def deflection(history: History, name: str) -> float:
-    """Largest displacement [m] of a body's sites, along the contacts."""
-    a, body = history.assembly, history.assembly.bodies[name]
-    q = sampled_motion(history, body.omega)[:, a.spans[name]]
-    sites = a.B[a.spans[name], a.columns[name]] @ a.G[: len(a.laws), a.columns[name]].T
-    return float(np.abs(q @ sites).max(initial=0.0))
 
 
 def told(history: H, sentence: str) -> H:

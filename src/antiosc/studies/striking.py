@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypedDict
+from typing import Any, Protocol, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -49,6 +49,7 @@ from antiosc.simulation.histories import History, with_model
 from antiosc.simulation.histories.parts import ErrorBudget, differences, with_floor
 from antiosc.simulation.scene import simulate
 from antiosc.simulation.truncation import truncation_error
+from antiosc.studies import second_order
 from antiosc.studies.advice import advise
 
 #: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
@@ -88,8 +89,13 @@ LEAST_SHARE, CLOSER, FINER = 0.6, 0.8, 1.5
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8
 
-#: The impact on a model, to a tolerance.
-Run = Callable[[AntiOscillators, float], History]
+
+class Run(Protocol):
+    """Simulates the impact on a model, to a tolerance."""
+
+    def __call__(self, model: AntiOscillators, error: float) -> History: ...
+
+
 #: Of all cells, or of groups of them.
 Material: TypeAlias = Family | Mapping[str, Family]
 
@@ -141,8 +147,9 @@ def strike(
     History
         Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
         those of `simulate` less the correction. Of shells it is the raw model. `error_budget` is
-        known, `model.info.strike` lists the meshes. Status 1 and a sentence in the message if
-        the budget exceeds `tol`, and what meeting it would cost, or that the share of
+        known, `model.info.strike` lists the meshes. Sheets whose deflection asks for it have
+        second-order forces, as of `extract(…, stretch="auto")`. Status 1 and a sentence in the
+        message if the budget exceeds `tol`, and what meeting it would cost, or that the share of
         the beam model exceeds it.
 
     Raises
@@ -304,7 +311,7 @@ def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> 
     n = min(n, most)
     while True:
         model = extract(structure, site, n=n, error="estimate")
-        hit = run(model, accuracy)
+        hit = second_order.simulated(structure, model, partial(run, error=accuracy))
         budget = hit.error_budget
         left = max(bar.truncation for bar in budget.values())
         if left <= _truncation_goal(budget, tol) or n >= most or model.n < n:
@@ -392,7 +399,7 @@ def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
     It is extrapolated from the error of `model` and that of half as many anti-oscillators.
     """
     share = max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)
-    half = model.n // 2
+    model, half = replace(model, stretch=None), model.n // 2
     if half < 1:
         return FIRST_N
     omega = float(model.omega[half])
@@ -441,8 +448,8 @@ def _next(
     room = _room(answer.budget, tol)
     if min(room.values()) < LEAST_ROOM * tol:
         return np.ones(0), (
-            "A finer mesh does not help: the shares of time steps and patch take the tolerance "
-            "alone; change the radius of the site."
+            "A finer mesh does not help: the shares of time steps, patch and second-order forces "
+            "take the tolerance alone; change the radius of the site."
         )
     if answer.n >= MOST_N:
         return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
@@ -499,7 +506,7 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     room = {}
     for name, bar in budget.items():
         truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
-        room[name] = AIM * (tol - bar.time - bar.patch) - truncation
+        room[name] = AIM * (tol - bar.time - bar.patch - bar.stretch) - truncation
     return room
 
 

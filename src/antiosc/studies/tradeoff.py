@@ -32,6 +32,7 @@ from antiosc.models.motion import Motion
 from antiosc.simulation.auto_contact import AUTO, AnyLaw
 from antiosc.simulation.histories import History
 from antiosc.simulation.histories.parts import differences
+from antiosc.studies import second_order
 from antiosc.studies.striking import (
     Answer,
     Material,
@@ -243,7 +244,8 @@ def tradeoff(
 def _of_few(structure: Structure, site: Site, run: Run, accuracy: float, n: int) -> Answer:
     """The answer with a given number of anti-oscillators, whatever it leaves out."""
     started = time.perf_counter() - structure.seconds["factorization"]
-    hit = run(extract(structure, site, n=n, error="estimate"), accuracy)
+    model = extract(structure, site, n=n, error="estimate")
+    hit = second_order.simulated(structure, model, partial(run, error=accuracy))
     return corrected(structure, hit, run, accuracy, n, started)
 
 

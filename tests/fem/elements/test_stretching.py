@@ -154,6 +154,18 @@ def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
     assert np.abs(hit.displacement).max() == pytest.approx(moved.max(), rel=0.01)
 
 
+@pytest.mark.filterwarnings("error:.*deflects by")
+def test_strike_takes_second_order_forces_where_the_linear_deflection_asks_for_them():
+    part, site = plate()
+    blow = ao.Power(1e6, 1.5), 4e-3
+    _, force, _ = Full(part, site).impact(0.2, 1.5, 1e6, 4e-3, 160)
+    hit = ao.strike(part, site, ao.RigidMass(0.2, velocity=1.5), *blow, tol=0.1)
+    assert hit.peak_force == pytest.approx(force.max(), rel=0.01)
+    assert hit.error_budget["peak_force"].stretch > 0
+    slow = ao.strike(part, site, ao.RigidMass(0.2, velocity=0.01), *blow, tol=0.1)
+    assert slow.model.stretch is None
+
+
 @pytest.mark.filterwarnings("ignore")
 def test_fields_have_the_displacements_of_second_order():
     part, site = plate()

@@ -52,9 +52,11 @@ def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
     with collected_warnings(found.warnings):
         for name in wanted:
             setattr(found, name, evaluate(getattr(compiled, name)))
-        if compiled.striking and found.history:
-            found.model = found.history.model
-            found.structure = found.structure or found.history.structure
+        hit = found.history
+        if hit and (compiled.striking or (compiled.scene is None and hit.assembly.stretched)):
+            found.model = hit.model
+        if compiled.striking and hit:
+            found.structure = found.structure or hit.structure
     return found
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
@@ -41,6 +41,7 @@ from antiosc.simulation.histories import History
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
+    from antiosc.models.anti_oscillators import AntiOscillators
     from antiosc.results.peaks import PeakField
     from antiosc.studies.drops.fall import Fall, WorstField
 
@@ -297,7 +298,8 @@ def single(build: Builder, found: Compiled) -> None:
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
     if "strike" not in build.data:
-        found.history = build.table("simulate", given={"model": found.model, **both})
+        made = build.table("simulate", given={"model": found.model, **both})
+        found.history = _with_second_order(build, found, made)
         _warn_of_opening(build, found)
         return
     sites = list(build.named("sites").values())
@@ -312,6 +314,33 @@ def single(build: Builder, found: Compiled) -> None:
         both["material"] = _material(build, build.data, ())
         both |= _supported(build, build.data, ())
     found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
+
+
+def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> Call | None:
+    """An impact with second-order forces where they matter, unless [extract] says otherwise."""
+    given_there = "stretch" in build.part("extract")
+    if impact is None or None in (found.structure, found.model) or given_there:
+        return impact
+    make = impact.make
+
+    def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
+        with finite_element_packages():
+            from antiosc.studies.second_order import simulated
+        return simulated(structure, model, functools.partial(_struck_by, make, given))
+
+    given = {"structure": found.structure, "model": found.model, **impact.arguments}
+    return replace(impact, make=run, arguments=given)
+
+
+def _struck_by(
+    run: Callable[..., History], given: dict[str, Any], model: AntiOscillators
+) -> History:
+    """An impact, or a scene of several bodies, on another model of the structure."""
+    scene = given.get("self")
+    if scene is None:
+        return run(model=model, **given)
+    other = replace(scene, bodies={**scene.bodies, STRUCTURE: model})
+    return run(**{**given, "self": other})
 
 
 #: Keys of [simulate] that may close a gap which the impactor opens.
@@ -391,7 +420,8 @@ def several(build: Builder, found: Compiled) -> None:
     found.scene = build.table("scene", always=True, given=given)
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
-    found.history = build.table("run", given={"self": found.scene})
+    made = build.table("run", given={"self": found.scene})
+    found.history = _with_second_order(build, found, made) if own else made
 
 
 def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:

@@ -150,7 +150,9 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
         own = (kind for part in arguments if part is not Unknown for kind in kinds_of(part))
         return tuple(dict.fromkeys(own))
     if origin is typing.Literal:
-        return (Kind("choice", arguments),)
+        texts = tuple(one for one in arguments if isinstance(one, str))
+        flags = (FLAG,) if len(texts) < len(arguments) else ()
+        return (Kind("choice", texts), *flags) if texts else flags
     if origin is np.ndarray:
         return (Kind("list", items=(NUMBER, NUMBERS)),)
     if origin is tuple and arguments and arguments[-1] is not ...:

@@ -50,6 +50,8 @@ def checked(structure: Structure, model: AntiOscillators) -> MeshedStructure:
             "stretch= takes a part of one mesh, a Structure(mesh, material, supports); got "
             f"{structure.describe()}: extract its model with stretch=False."
         )
+    if model.shapes is None:
+        raise InputError("stretch= needs the shapes of the model: extract it with shapes=True.")
     if model.free_modes.damping is not None:
         raise InputError("stretch= does not take dampers, nor layers that relax: leave it out.")
     return cast("MeshedStructure", matrices)

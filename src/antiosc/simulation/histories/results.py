@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
@@ -224,6 +224,9 @@ SMALL_DEFLECTION = 0.5
 SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
 
 
+REMEDY = 'take extract(…, stretch="auto"), which has these forces of a part of one mesh'
+
+
 def beyond_linear(name: str, deflection: float, thickness: float) -> str:
     """What is wrong with the deflection [m] of a sheet that is held; "" for nothing."""
     ratio = deflection / thickness
@@ -234,8 +237,7 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
         f" {1e3 * thickness:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
         f" linear theory holds: where its edges are held it stretches and is stiffer,"
         f" forces are larger and deflections smaller than these (a cantilever, or a sheet"
-        f' on soft springs, hardly stretches); take extract(…, stretch="auto"), which has these'
-        f" forces, or make the sheet thicker."
+        f" on soft springs, hardly stretches); {REMEDY}, or make the sheet thicker."
     )
 
 
@@ -257,23 +259,50 @@ def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
 
 def large_deflection_message(history: History) -> str:
     """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
-    a, worst, message = history.assembly, 0.0, ""
-    if not a.thin:
-        return ""
-    for name, body in a.bodies.items():
-        h = info_of(body.body).thickness
-        if h is None or not body.omega.all():
-            continue
+    worst, message = 0.0, ""
+    for name, body, h in _held_sheets(history):
         stretches = stretch_of(body.body) is not None
         sentence = "" if stretches else _beyond_linear_of_curved(name, body, h, history)
         if sentence:
             return sentence
-        own, columns = a.spans[name], a.columns[name]
-        sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
-        w = float(abs(sampled_motion(history, body.omega)[:, own] @ sites).max(initial=0.0))
+        w = deflection(history, name)
         if w > worst * h:
             worst, message = w / h, (beyond_quartic if stretches else beyond_linear)(name, w, h)
     return message
+
+
+#: The least deflection over the thickness that may change a displacement by 0.3 % (`NEGLIGIBLE` of
+#: `antiosc.simulation.stretching`): the force is at most 1 + 1.85 (w/h)² that of linear theory, of
+#: a disc with a hinged edge that does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of
+#: Plates and Shells*, table 82). The same as a change of the force of a curved sheet.
+SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
+
+
+def may_stretch(history: History) -> bool:
+    """Whether second-order strain may change a linear run of sheets by more than is negligible."""
+    return any(
+        deflection(history, name) > SLIGHT_DEFLECTION * h
+        or abs(_worst_change(name, body, history)[0]) > SLIGHT_CHANGE
+        for name, body, h in _held_sheets(history)
+    )
+
+
+def _held_sheets(history: History) -> Iterator[tuple[str, SceneBody, float]]:
+    """Name, body and thickness [m] of each part of sheets that is held."""
+    if not history.assembly.thin:
+        return
+    for name, body in history.assembly.bodies.items():
+        h = info_of(body.body).thickness
+        if h is not None and body.omega.all():
+            yield name, body, h
+
+
+def deflection(history: History, name: str) -> float:
+    """Largest displacement [m] of a body's sites, along the contacts."""
+    a, omega = history.assembly, history.assembly.bodies[name].omega
+    own, columns = a.spans[name], a.columns[name]
+    sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
+    return float(np.abs(sampled_motion(history, omega)[:, own] @ sites).max(initial=0.0))
 
 
 #: Change of the force by second-order strain from which a curved sheet is told: of a peak force,
@@ -283,29 +312,29 @@ CURVED_CHANGE = 0.1
 
 def _beyond_linear_of_curved(name: str, body: SceneBody, thickness: float, history: History) -> str:
     """What is wrong with the deflection of a curved sheet that is held, at its worst site."""
+    change, w = _worst_change(name, body, history)
+    if abs(change) <= CURVED_CHANGE:
+        return ""
+    softer = "softer, forces are smaller and deflections larger than these, and it may snap through"
+    stiffer = "stiffer, forces are larger and deflections smaller than these"
+    return (
+        f"{name!r}, a curved sheet, deflects by {1e3 * w:.3g} mm, {w / thickness:.3g} times its"
+        f" thickness: second-order strain changes its force by about {change:+.0%}: it is"
+        f" {softer if change < 0 else stiffer}; {REMEDY}."
+    )
+
+
+def _worst_change(name: str, body: SceneBody, history: History) -> tuple[float, float]:
+    """Largest change of the force on a curved sheet, a share of it, and the deflection [m]."""
     changes = info_of(body.body).second_order or {}
-    worst, message = CURVED_CHANGE, ""
     if not changes:
-        return message
-    motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
+        return 0.0, 0.0
+    motion, found = sampled_motion(history, body.omega)[:, history.assembly.spans[name]], []
     for site, share in changes.items():
         u = motion @ body.B[:, body.columns_of(site)[0]]
         k = int(np.argmax(np.abs(u)))
-        change = share * float(u[k])
-        if abs(change) <= worst:
-            continue
-        worst = abs(change)
-        softer = (
-            "softer, forces are smaller and deflections larger than these, and it may snap through"
-        )
-        stiffer = "stiffer, forces are larger and deflections smaller than these"
-        message = (
-            f"{name!r}, a curved sheet, deflects by {1e3 * abs(u[k]):.3g} mm,"
-            f" {abs(u[k]) / thickness:.3g} times its thickness: second-order strain changes its"
-            f" force by about {change:+.0%}: it is {softer if change < 0 else stiffer}; take"
-            ' extract(…, stretch="auto"), which has these forces.'
-        )
-    return message
+        found.append((share * float(u[k]), abs(float(u[k]))))
+    return max(found, key=lambda one: abs(one[0]))
 
 
 def sampled_motion(history: History, omega: Array) -> Array:

@@ -1,0 +1,57 @@
+"""Impacts whose second-order forces are found where the linear run says that they may matter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
+from antiosc.fem.extraction.stretching import with_stretch
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.simulation.histories import History
+from antiosc.simulation.histories.results import may_stretch
+
+H = TypeVar("H", bound=History)
+#: Simulates the impact on a model.
+Run = Callable[[AntiOscillators], H]
+
+
+def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
+    """The impact on a model of a structure, with second-order forces where they matter.
+
+    Warnings are those of the run that is returned.
+    """
+    with _held() as told:
+        linear = run(model)
+    if model.stretch is None and may_stretch(linear):
+        with _held() as other:
+            found = _stretched(structure, model, run)
+        if found is not None and found.assembly.stretched:
+            linear, told = found, other
+    for sentence in told:
+        warn(sentence, AccuracyWarning)
+    return linear
+
+
+def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:
+    """The impact with second-order forces; None of parts that have none."""
+    try:
+        model = with_stretch(structure, model, "auto")
+    except InputError:  # the linear run tells of its deflection
+        return None
+    return run(model)
+
+
+@contextmanager
+def _held() -> Iterator[list[str]]:
+    """The warnings given meanwhile; after an error they are given, for they may explain it."""
+    told: list[str] = []
+    try:
+        with warnings_to(told.append):
+            yield told
+    except AntioscError:
+        for sentence in told:
+            warn(sentence, AccuracyWarning)
+        raise
