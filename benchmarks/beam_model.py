@@ -26,7 +26,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.simulation.histories.parts import QUANTITIES, differences
-from antiosc.studies.advice import advise
+from antiosc.striking.advice import advise
 
 #: Of all bars, m; radius of the solid's patch over the smaller side.
 HEIGHT, PATCH = 0.01, 0.3

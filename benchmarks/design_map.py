@@ -21,7 +21,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.studies.gradients import of_part
+from antiosc_studies.gradients import of_part
 
 SIDE, COARSE, REPEATS = 0.2, 18, 3
 

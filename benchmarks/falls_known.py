@@ -15,11 +15,11 @@ import numpy as np
 from options import command
 
 import antiosc as ao
-from antiosc.studies.drops.body import free_body
-from antiosc.studies.drops.course import hung
-from antiosc.studies.drops.drop import tilted
-from antiosc.studies.drops.fall import fall_of
-from antiosc.studies.drops.flight import Flight
+from antiosc_studies.drops.body import free_body
+from antiosc_studies.drops.course import hung
+from antiosc_studies.drops.drop import tilted
+from antiosc_studies.drops.fall import fall_of
+from antiosc_studies.drops.flight import Flight
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 from falling import G, bar, block, floating, landed, setting, started

@@ -22,9 +22,9 @@ import numpy as np
 
 import antiosc as ao
 from antiosc.base._types import Array
-from antiosc.studies.find import Monitored, found_in, prepared
-from antiosc.studies.find.recording import recording
-from antiosc.studies.maps import ABOVE
+from antiosc.maps.impact_map import ABOVE
+from antiosc_studies.find import Monitored, found_in, prepared
+from antiosc_studies.find.recording import recording
 
 E, NU, RHO, THICKNESS = 210e9, 0.3, 7850.0, 4e-3
 SIDES = np.array([0.4, 0.3])

@@ -31,7 +31,7 @@ import antiosc as ao
 from antiosc.base.process import one_thread
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.studies import maps
+from antiosc.maps import impact_map as maps
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

@@ -19,7 +19,7 @@ import antiosc as ao
 from antiosc import closed_form
 from antiosc.base import march
 from antiosc.simulation.march import engine
-from antiosc.studies.gradients.goals import recorded, seeds
+from antiosc_studies.gradients.goals import recorded, seeds
 
 SIZES = (5, 20, 60)
 GOALS = ("peak_force", "impulse", "contact_time")

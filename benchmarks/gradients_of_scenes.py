@@ -27,7 +27,7 @@ import numpy as np
 import options
 
 import antiosc as ao
-from antiosc.studies.gradients.goals import recorded, seeds
+from antiosc_studies.gradients.goals import recorded, seeds
 
 Rng = np.random.Generator
 #: Where a number stands: "bodies", name, parameter, place; or "contacts", ends, parameter.

@@ -23,7 +23,11 @@ import scipy.sparse.csgraph
 HERE = Path(__file__).resolve().parents[1]
 #: Where rooms are counted -> the folders that are one place there.
 PLACES = {
-    "all": ("src/antiosc", "src/antiosc_decks", "benchmarks", "demos"),
+    "all": (
+        *("src/antiosc", "src/antiosc_app", "src/antiosc_decks", "src/antiosc_studies"),
+        *("benchmarks", "demos"),
+    ),
+    "antiosc/": ("src/antiosc",),
     "fem/": ("src/antiosc/fem",),
     "simulation/": ("src/antiosc/simulation",),
 }
@@ -92,8 +96,10 @@ def table(tree: Path) -> dict[str, str]:
     code = re.sub(r"^\s*(from|import) .*$", "", text, flags=re.MULTILINE)
     return {
         "Python in src": str(lines(tree, "src/**/*.py", "src/**/*.pyi")),
-        "of it antiosc_decks": str(lines(tree, "src/antiosc_decks/**/*.py")),
-        "of it scene files": str(lines(tree, "src/antiosc/app/scene_file/*.py")),
+        **{
+            f"of it {name}": str(lines(tree, f"src/{name}/**/*.py"))
+            for name in ("antiosc", "antiosc_app", "antiosc_decks", "antiosc_studies")
+        },
         "files": str(len(files)),
         "`Any`": str(len(re.findall(r"\bAny\b", code))),
         "tests": str(lines(tree, "tests/**/*.py")),

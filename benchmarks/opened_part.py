@@ -18,8 +18,8 @@ from typing import Any
 import options
 
 import antiosc as ao
-from antiosc.app.opened import Opened
-from antiosc.app.view import NOBODY, View
+from antiosc_app.opened import Opened
+from antiosc_app.view import NOBODY, View
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests" / "support"))

@@ -165,7 +165,7 @@ def finer_scene(text: str, size: float, modes: int) -> str:
 
 def run_scene(path: Path, size: float, modes: int) -> list[Headline]:
     """Run a scene file by the command, and read its results."""
-    from antiosc.app.cli import main
+    from antiosc_app.cli import main
 
     path.write_text(finer_scene(path.read_text(encoding="utf-8"), size, modes), encoding="utf-8")
     if code := main(["run", str(path), "--out", "results"]):

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.studies.drops.fall import cfc_filter
+from antiosc_studies.drops.fall import cfc_filter
 
 ROOT = Path(__file__).resolve().parent.parent
 ABS = ao.material("ABS", thickness=3e-3)

@@ -220,7 +220,7 @@ def gallery(scripts: str, names: list[str], folder: Path) -> list[str]:
 def embedded(out: str) -> str:
     """HTML that shows the report of a scene, which stands beside the pages after this."""
     made, shown = ROOT / "out/live_report.html", Path(out, "_static/report.html")
-    sources = [REPORTED, *(ROOT / "src/antiosc/app").rglob("*.*")]
+    sources = [REPORTED, *(ROOT / "src/antiosc_app").rglob("*.*")]
     if not made.is_file() or any(one.stat().st_mtime > made.stat().st_mtime for one in sources):
         made.parent.mkdir(exist_ok=True)
         with TemporaryDirectory() as folder:

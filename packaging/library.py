@@ -35,7 +35,7 @@ FLAGS = ["-std=c99", "-O3", "-fvisibility=hidden", "-shared"]
 SYSTEMS = {"linux": "linux", "macos": "darwin", "windows": "windows"}
 BINARIES = PACKAGE / "binaries"
 SUFFIXES = {"win": ".dll", "macos": ".dylib"}
-ENGINE = PACKAGE / "app" / "page" / "engine.wasm"
+ENGINE = ROOT / "src" / "antiosc_app" / "page" / "engine.wasm"
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 
 

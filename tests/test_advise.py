@@ -11,7 +11,7 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.closed_form import UniformBeam, free_free
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.studies.advice import advise
+from antiosc.striking.advice import advise
 from paths import demo
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import cli
 from antiosc.base import checks, files
+from antiosc_app import cli
 
 MODEL = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0, 2.0], omega=[1e3, 2e3])
 

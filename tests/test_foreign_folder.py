@@ -87,7 +87,7 @@ PROBES = {
     **dict.fromkeys(("mpi4py.py", "dolfinx.py", "tqdm.py", "json.py", "sitecustomize.py"), MODULE),
 }
 MARKS = {name: f"{0xE71000 + k:06x}" for k, name in enumerate(PROBES)}
-SCRIPT = "import sys; from antiosc.app.cli import main; sys.exit(main())"
+SCRIPT = "import sys; from antiosc_app.cli import main; sys.exit(main())"
 COMMANDS = {
     "run": ["-c", SCRIPT, "run", "scene.toml", "--report", "r.html"],
     "info": ["-c", SCRIPT, "info"],

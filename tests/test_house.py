@@ -61,6 +61,38 @@ def test_files_import_each_other_in_no_circle():
     assert found == []
 
 
+#: Package -> what else it imports of this distribution.
+PACKAGES = {
+    "antiosc": set(),
+    "antiosc_decks": {"antiosc"},
+    "antiosc_studies": {"antiosc"},
+    "antiosc_app": {"antiosc", "antiosc_studies"},
+}
+
+
+def package(name: str) -> str:
+    return name.partition(".")[0]
+
+
+def test_packages_import_those_below_them():
+    assert {package(name) for name in FILES} == PACKAGES.keys()
+    arrows = {(package(name), package(to)) for name, tree in TREES.items() for to in imports(tree)}
+    assert arrows == {(a, b) for a, below in PACKAGES.items() for b in {a, *below}}
+
+
+def test_packages_take_no_private_name_of_each_other():
+    private = [
+        f"{name}: {node.module}.{alias.name}"
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and package(str(node.module)) in PACKAGES
+        for alias in node.names
+        if package(str(node.module)) != package(name)
+        and re.search(r"(^|[.])_(?!_)", f"{node.module}.{alias.name}".replace("._types", ""))
+    ]
+    assert private == []
+
+
 def documented(text: str | None, section: str) -> list[str]:
     """Names of the entries "a, b : …" of a section of a docstring."""
     until = r"(?=\n *\n? *\w+\n *---|\Z)"

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.app import cli, info
 from antiosc.base.errors import InputError
+from antiosc_app import cli, info
 
 REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
 
@@ -30,7 +30,7 @@ def ran(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 def run_info(before: str = "", code: int = 0, **environment: str) -> str:
     """Output of `antiosc info` in a fresh Python that runs the statement `before` first."""
-    program = f"import sys\n{before}\nfrom antiosc.app.cli import main\nsys.exit(main(['info']))"
+    program = f"import sys\n{before}\nfrom antiosc_app.cli import main\nsys.exit(main(['info']))"
     done = ran(program, **environment)
     assert done.returncode == code, done.stderr
     return done.stdout
@@ -117,8 +117,8 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
 def test_sigterm_leaves_nothing_temporary(tmp_path):
     code = """
     import os, signal, sys, tempfile
-    from antiosc.app import cli
-    from antiosc.app import info
+    from antiosc_app import cli
+    from antiosc_app import info
     def report():
         with tempfile.TemporaryDirectory() as folder:
             print(folder, flush=True)
@@ -136,7 +136,7 @@ def test_sigterm_leaves_nothing_temporary(tmp_path):
 @pytest.mark.parametrize("arguments", [[], ["--help"]])
 def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
     """Also where all of it is still in Python's buffer when the reader goes."""
-    code = f"import sys\nfrom antiosc.app.cli import main\nsys.exit(main({arguments}))"
+    code = f"import sys\nfrom antiosc_app.cli import main\nsys.exit(main({arguments}))"
     given, own = [sys.executable, "-c", code], {**os.environ, "PYTHONUNBUFFERED": ""}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(given, env=own, **pipes) as run:

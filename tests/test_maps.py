@@ -19,17 +19,17 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.app import live as verdict, live_meshes as sites
-from antiosc.app.live import headline_of_map
-from antiosc.app.results import presentations
-from antiosc.app.scene_file.run import Results
 from antiosc.base.texts import engineering
 from antiosc.fem.site import functional
 from antiosc.fem.site.map_sites import sites_of, surface
 from antiosc.fem.site.sites import located
+from antiosc.maps import impact_map as maps
+from antiosc.maps.results import hardest
 from antiosc.models.driving_point import stiffness_error
-from antiosc.studies import maps
-from antiosc.studies.map_results import hardest
+from antiosc_app import live as verdict, live_meshes as sites
+from antiosc_app.live import headline_of_map
+from antiosc_app.results import presentations
+from antiosc_app.scene_file.run import Results
 
 pytestmark = pytest.mark.fem
 

@@ -3,9 +3,9 @@
 import pytest
 
 import antiosc as ao
-from antiosc.app.cli import main
 from antiosc.base import materials, plausible
 from antiosc.contact.surfaces import Surface, ball
+from antiosc_app.cli import main
 
 ALL = materials.names()
 pytestmark = pytest.mark.fem

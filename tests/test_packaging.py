@@ -68,7 +68,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     links = re.findall(r"\]\(([^)]+)\)", about)
     assert len(links) > 10
     assert [link for link in links if not link.startswith("https://")] == []
-    assert "antiosc = antiosc.app.cli:main" in registered
+    assert "antiosc = antiosc_app.cli:main" in registered
     assert "inp = antiosc_decks.readers:ABAQUS" in registered
     ours = sorted((ROOT / "csrc").rglob("*.[ch]"))
     assert inside == sources | {f"antiosc/{path.relative_to(ROOT)}" for path in ours}

@@ -15,8 +15,8 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
-from antiosc.studies import striking
-from antiosc.studies.striking import LEAST_SHARE, Answer, compared
+from antiosc.striking import strike as striking
+from antiosc.striking.strike import LEAST_SHARE, Answer, compared
 from mpi import one_and_several
 from parts import STEEL, line, plate
 

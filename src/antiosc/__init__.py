@@ -23,7 +23,7 @@ def _listed() -> dict[str, str]:
 
 _MODULES = _listed()
 #: Modules that need the finite-element packages, or whose functions do.
-_MESHED = ("antiosc.fem", "antiosc.results", "antiosc.studies")
+_MESHED = ("antiosc.fem", "antiosc.maps", "antiosc.results", "antiosc.striking", "antiosc_studies")
 __all__ = sorted(_MODULES)
 
 

@@ -1,16 +1,6 @@
 # The public names and the modules that hold them: the one list of them, for type checkers and for
 # the package itself, which loads a module when one of its names is first used.
 
-from antiosc.app.export import (
-    export as export,
-)
-from antiosc.app.report import (
-    write_report as write_report,
-)
-from antiosc.app.view import (
-    View as View,
-    view as view,
-)
 from antiosc.base.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,
@@ -136,6 +126,12 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
+from antiosc.maps.impact_map import (
+    impact_map as impact_map,
+)
+from antiosc.maps.results import (
+    ImpactMap as ImpactMap,
+)
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
 )
@@ -239,86 +235,90 @@ from antiosc.simulation.truncation import (
 from antiosc.simulation.two_bodies import (
     impact_band as impact_band,
 )
-from antiosc.studies.advice import (
+from antiosc.striking.advice import (
     Advice as Advice,
     advise as advise,
 )
-from antiosc.studies.between import (
+from antiosc.striking.strike import (
+    strike as strike,
+)
+from antiosc_app.export import (
+    export as export,
+)
+from antiosc_app.report import (
+    write_report as write_report,
+)
+from antiosc_app.view import (
+    View as View,
+    view as view,
+)
+from antiosc_studies.between import (
     contact_between as contact_between,
 )
-from antiosc.studies.chance.monte_carlo import (
+from antiosc_studies.chance.monte_carlo import (
     lognormal as lognormal,
     monte_carlo as monte_carlo,
     normal as normal,
     uniform as uniform,
 )
-from antiosc.studies.chance.nearby import (
+from antiosc_studies.chance.nearby import (
     NearbyModels as NearbyModels,
     nearby as nearby,
 )
-from antiosc.studies.chance.sample import (
+from antiosc_studies.chance.sample import (
     Quantile as Quantile,
     Sample as Sample,
     Sensitivity as Sensitivity,
 )
-from antiosc.studies.drops.course import (
+from antiosc_studies.drops.course import (
     Peak as Peak,
 )
-from antiosc.studies.drops.drop import (
+from antiosc_studies.drops.drop import (
     Drops as Drops,
     Tilts as Tilts,
     drop as drop,
 )
-from antiosc.studies.drops.fall import (
+from antiosc_studies.drops.fall import (
     Fall as Fall,
     cfc_filter as cfc_filter,
 )
-from antiosc.studies.drops.floor import (
+from antiosc_studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
 )
-from antiosc.studies.find import (
+from antiosc_studies.find import (
     FoundImpact as FoundImpact,
     find_impact as find_impact,
 )
-from antiosc.studies.find.recording import (
+from antiosc_studies.find.recording import (
     Sensor as Sensor,
 )
-from antiosc.studies.gradients.gradient import (
+from antiosc_studies.gradients.gradient import (
     Gradient as Gradient,
     gradient as gradient,
 )
-from antiosc.studies.gradients.minimize import (
+from antiosc_studies.gradients.minimize import (
     Optimum as Optimum,
     minimize as minimize,
 )
-from antiosc.studies.gradients.of_part import (
+from antiosc_studies.gradients.of_part import (
     DesignMap as DesignMap,
     design_map as design_map,
 )
-from antiosc.studies.map_results import (
-    ImpactMap as ImpactMap,
-)
-from antiosc.studies.maps import (
-    impact_map as impact_map,
-)
-from antiosc.studies.measured import (
+from antiosc_studies.measured import (
     from_frf as from_frf,
 )
-from antiosc.studies.measured.compare import (
+from antiosc_studies.measured.compare import (
     ForceComparison as ForceComparison,
     compare as compare,
 )
-from antiosc.studies.measured.frf import (
+from antiosc_studies.measured.frf import (
     FRF as FRF,
 )
-from antiosc.studies.measured.reading import (
+from antiosc_studies.measured.reading import (
     read_frf as read_frf,
 )
-from antiosc.studies.striking import (
-    strike as strike,
-)
-from antiosc.studies.tradeoff import (
+from antiosc_studies.tradeoff import (
     tradeoff as tradeoff,
 )
 

@@ -14,7 +14,7 @@ import pytest
 import antiosc as ao
 import html_pages
 import webdriver
-from antiosc.app import cli
+from antiosc_app import cli
 from paths import BENCHMARKS, DEMOS, ROOT, demo
 
 DOCS = ROOT / "docs"

@@ -14,14 +14,14 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.contact.curvature import Curvature
 from antiosc.contact.laws import restitution_of
-from antiosc.studies.drops.bed import bedded
-from antiosc.studies.drops.body import FreeBody, free_body
-from antiosc.studies.drops.course import hung
-from antiosc.studies.drops.drop import tilted
-from antiosc.studies.drops.episode import BODY, episode, handed_over, path_of
-from antiosc.studies.drops.fall import fall_of
-from antiosc.studies.drops.flight import Flight, State, free_rotation, most, ringing
-from antiosc.studies.drops.floor import law_of
+from antiosc_studies.drops.bed import bedded
+from antiosc_studies.drops.body import FreeBody, free_body
+from antiosc_studies.drops.course import hung
+from antiosc_studies.drops.drop import tilted
+from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of
+from antiosc_studies.drops.fall import fall_of
+from antiosc_studies.drops.flight import Flight, State, free_rotation, most, ringing
+from antiosc_studies.drops.floor import law_of
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
@@ -165,14 +165,14 @@ def test_a_filter_has_the_flight_after_the_last_impact() -> None:
 
 
 def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
+    monkeypatch.setattr("antiosc_studies.drops.episode.LIMITS", (10_000, 60))
     with pytest.warns(ao.AccuracyWarning) as told:  # and perhaps that it does not come to rest
         ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
     assert any("do not reach tol = 0.0001" in str(one.message) for one in told)
 
 
 def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc.studies.drops.episode.LIMITS", (10_000, 60))
+    monkeypatch.setattr("antiosc_studies.drops.episode.LIMITS", (10_000, 60))
     body = free_body(block(), 0, None, None)
     body.materials[:], body.strengths = (70e9, 0.33), np.full(8, 275e6)
     with pytest.warns(ao.AccuracyWarning) as told:
@@ -310,7 +310,7 @@ def test_a_hand_over_keeps_the_energy_at_any_tol(
         ends.append((known, sum(found[0].energies(body, G))))
         return found
 
-    monkeypatch.setattr("antiosc.studies.drops.episode.handed_over", kept)
+    monkeypatch.setattr("antiosc_studies.drops.episode.handed_over", kept)
     rigid = free_body(block(), 0, None, None)
     for body, tilt in ((bar(), (8.0, 14.0, 5.0)), (rigid, (0.02, 0.05, 0))):
         where = setting(law, 0.3, impacts=3, tol=tol)
@@ -360,7 +360,7 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
         body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
     )
     for turns in (1.0, 0.05):
-        monkeypatch.setattr("antiosc.studies.drops.episode.TURNS", turns)
+        monkeypatch.setattr("antiosc_studies.drops.episode.TURNS", turns)
         fall = fall_of(body, start, where)
         one = fall.impacts[0]
         found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])
@@ -374,7 +374,7 @@ def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.Mon
     body = free_body(block(), 0, None, None)
     peaks = []
     for reach in (0.0, 30.0):
-        monkeypatch.setattr("antiosc.studies.drops.episode.REACH", reach)
+        monkeypatch.setattr("antiosc_studies.drops.episode.REACH", reach)
         fall = fall_of(body, started(body, where, (0.02, 0.05, 0)), where)
         peaks.append([(one.contacts, one.peak_force, one.impulse) for one in fall.impacts])
     assert peaks[1][0][0] > 1
@@ -404,8 +404,8 @@ def test_a_body_that_may_not_touch_below_its_centre_is_told() -> None:
 
 
 def test_a_point_that_sinks_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc.studies.drops.episode.SINKS", np.inf)
-    monkeypatch.setattr("antiosc.studies.drops.episode.REACH", 0.0)
+    monkeypatch.setattr("antiosc_studies.drops.episode.SINKS", np.inf)
+    monkeypatch.setattr("antiosc_studies.drops.episode.REACH", 0.0)
     with pytest.raises(ao.AccuracyError, match="sank through the floor"):
         ao.drop(block(), 0.05, floor=ao.Floor(law=ao.HuntCrossley(1e6, 0.4)), until=1, tol=1e-2)
 
@@ -596,7 +596,7 @@ def test_what_no_contact_takes_does_not_keep_a_part_from_rest() -> None:
 
 
 def test_a_fall_that_does_not_come_to_rest_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc.studies.drops.course.CONTACTS", 0.02)
+    monkeypatch.setattr("antiosc_studies.drops.course.CONTACTS", 0.02)
     with pytest.warns(ao.AccuracyWarning, match="not at rest after 4 contacts"):
         fall = ao.drop(block(), 0.01, (3, 2, 0), ao.Floor(law=ao.Hertz(1e8)), tol=1e-2)
     assert len(fall.episodes) == 4

@@ -13,7 +13,7 @@ from scipy.special import j1
 
 import antiosc as ao
 from antiosc.contact.line import line_indentation
-from antiosc.studies.drops.body import free_body
+from antiosc_studies.drops.body import free_body
 from parts import box, line
 
 pytestmark = pytest.mark.fem

@@ -349,7 +349,7 @@ def test_a_contact_that_yields_is_exported_as_it_runs(model, tmp_path, fmi):
 
 def test_the_contact_of_mujoco_has_the_peak_of_a_law_that_yields():
     """On a wall the peak of a linear contact is v sqrt(K m)."""
-    from antiosc.app.export import equal_stiffness
+    from antiosc_app.export import equal_stiffness
 
     wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
     peak = ao.simulate(wall, BALL, YIELDS, duration=DURATION, tol=1e-6).peak_force
@@ -412,7 +412,7 @@ def test_mujoco_and_modelica_have_the_dynamic_stiffness_of_the_model(model, tmp_
 
 def test_the_contact_of_mujoco_has_the_peak_of_the_law():
     """Of Hertz's law on a rigid wall: K = 1.25 F/delta."""
-    from antiosc.app.export import equal_stiffness
+    from antiosc_app.export import equal_stiffness
 
     wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
     k, (mass, speed) = LAW.stiffness, (BALL.mass, BALL.velocity)

@@ -16,9 +16,9 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.models.body import ModalModel
 from antiosc.models.free_modes import residual
-from antiosc.studies.find import prepared
-from antiosc.studies.find.recording import recording
-from antiosc.studies.find.search import Search
+from antiosc_studies.find import prepared
+from antiosc_studies.find.recording import recording
+from antiosc_studies.find.search import Search
 
 pytestmark = pytest.mark.fem
 

@@ -10,9 +10,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.models.body import ModelInfo
-from antiosc.studies.measured import anti_oscillators, fit
-from antiosc.studies.measured.fit import Measured, refined
-from antiosc.studies.measured.frf import Modes, Tail
+from antiosc_studies.measured import anti_oscillators, fit
+from antiosc_studies.measured.fit import Measured, refined
+from antiosc_studies.measured.frf import Modes, Tail
 
 F = np.linspace(8.0, 4000.0, 500)
 W = 2 * np.pi * F

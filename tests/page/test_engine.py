@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import live as assets
 from antiosc.base import march
 from antiosc.base.texts import engineering
+from antiosc_app import live as assets
 
 node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05, 0.03, 0.01], omega=[2e3, 7e3, 1.9e4])

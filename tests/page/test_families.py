@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.app import live_data
+from antiosc_app import live_data
 
 ALUMINIUM = parts.ALUMINIUM
 SECTION = ao.Section.rectangle(0.01, 0.01)

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import set_up
-from antiosc.app.scene_file.build import Evaluation
-from antiosc.app.scene_file.compiled import compiled
-from antiosc.app.scene_file.document import read as read_document
 from antiosc.base.errors import InputError
+from antiosc_app import set_up
+from antiosc_app.scene_file.build import Evaluation
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import read as read_document
 from paths import ROOT
 from webdriver import MISSING, Browser
 
@@ -71,7 +71,7 @@ def step(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(step):
-    from antiosc.app.opened import Opened
+    from antiosc_app.opened import Opened
 
     one = Opened(step)
     yield one
@@ -167,7 +167,7 @@ def test_a_call_that_is_overtaken_is_not_computed(opened):
 @pytest.mark.filterwarnings("ignore")  # of parts whose sections are guessed
 @pytest.mark.parametrize("name", ["meshes/beam.msh", "meshes/plate.msh", "demos/scenes/bar.inp"])
 def test_beams_sheets_and_decks_are_struck(name):
-    from antiosc.app.opened import Opened
+    from antiosc_app.opened import Opened
 
     one = Opened(ROOT / name)
     try:
@@ -221,7 +221,7 @@ def block(tmp_path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of a mesh that is coarse
 def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(block):
-    from antiosc.app.opened import Opened
+    from antiosc_app.opened import Opened
 
     opened = Opened(block)
     setup = asked(opened, direction=[-1, 0, 0])
@@ -366,7 +366,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
 
 
 def test_a_structure_is_struck_where_its_supports_leave_it_free():
-    from antiosc.app.new import inspect_structure
+    from antiosc_app.new import inspect_structure
 
     mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("+z")])  # the preferred side
@@ -376,8 +376,8 @@ def test_a_structure_is_struck_where_its_supports_leave_it_free():
 
 
 def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
-    from antiosc.app import new
-    from antiosc.app.skin import skin
+    from antiosc_app import new
+    from antiosc_app.skin import skin
 
     mesh = ao.box_mesh((0.1, 0.08, 0.02), size=0.01)
     both = np.union1d(mesh.groups["-z"][2], mesh.groups["+z"][2]).astype(np.int32)

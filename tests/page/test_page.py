@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import antiosc as ao
-from antiosc.app import live as assets
+from antiosc_app import live as assets
 from webdriver import MISSING, Browser
 
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)

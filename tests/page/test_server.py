@@ -9,9 +9,9 @@ import time
 
 import pytest
 
-from antiosc.app import server
-from antiosc.app.server import TOKEN, Server
 from antiosc.base.errors import InputError
+from antiosc_app import server
+from antiosc_app.server import TOKEN, Server
 
 OK, NO = b"200", b"403"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app.cli import main as command
+from antiosc_app.cli import main as command
 from mpi import run_ranks
 from scene_files import BEAM, BRACKET, HIT, MASS, antiosc, numbers, objects, table, written
 
@@ -144,7 +144,7 @@ fields = true
 """
 SCRIPT = """
 import sys
-from antiosc.app.cli import main
+from antiosc_app.cli import main
 print("ended with", main(sys.argv[1:]))
 """
 
@@ -177,7 +177,7 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
 @pytest.mark.slow
 def test_a_mistake_is_told_once_and_ends_both_ranks(tmp_path):
     path = written(tmp_path, LEVER.replace('"clamp"', '"clampp"'))
-    script = "import sys, io, contextlib\nfrom antiosc.app.cli import main\n"
+    script = "import sys, io, contextlib\nfrom antiosc_app.cli import main\n"
     script += "told = io.StringIO()\nwith contextlib.redirect_stderr(told):\n"
     script += "    code = main(sys.argv[1:])\nprint(code, told.getvalue())\n"
     first, second = run_ranks(2, script, "run", str(path))

@@ -13,9 +13,9 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 import antiosc as ao
-from antiosc.app import new
-from antiosc.app.new import inspect_part
 from antiosc.fem.mesh.surface import Faces
+from antiosc_app import new
+from antiosc_app.new import inspect_part
 from parts import gmsh_session
 from scene_files import antiosc
 

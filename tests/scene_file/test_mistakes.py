@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import ArrayLike
 
 import antiosc as ao
-from antiosc.app.scene_file.build import Call, Evaluation
-from antiosc.app.scene_file.compiled import compiled
-from antiosc.app.scene_file.document import (
+from antiosc_app.scene_file.build import Call, Evaluation
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import (
     DEEPEST,
     LARGEST_FILE,
     Document,
@@ -22,8 +22,8 @@ from antiosc.app.scene_file.document import (
     lines_of,
     read,
 )
-from antiosc.app.scene_file.scene import Compiled
-from antiosc.app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of
+from antiosc_app.scene_file.scene import Compiled
+from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of
 from scene_files import (
     ASKED,
     BEAM,

@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("jinja2")
 
-from antiosc.app import cli, new as template
-from antiosc.app.new import inspect_part
+from antiosc_app import cli, new as template
+from antiosc_app.new import inspect_part
 from paths import DEMOS, MESHES
 from scene_files import antiosc, numbers
 

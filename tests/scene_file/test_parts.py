@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import cli
-from antiosc.app.scene_file.compiled import compiled
-from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.schema import schema
 from antiosc.base.texts import engineering
+from antiosc_app import cli
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.schema import schema
 from paths import MESHES, ROOT
 from refusals import refused
 from scene_files import (

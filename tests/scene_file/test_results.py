@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app import info, live as assets, report as output, results as shown
-from antiosc.app.new import write_scene
-from antiosc.app.scene_file.build import Call
-from antiosc.app.scene_file.run import Results
-from antiosc.app.scene_file.scene import Compiled
-from antiosc.app.scene_file.schema import Output
 from antiosc.base.texts import engineering
+from antiosc_app import info, live as assets, report as output, results as shown
+from antiosc_app.new import write_scene
+from antiosc_app.scene_file.build import Call
+from antiosc_app.scene_file.run import Results
+from antiosc_app.scene_file.scene import Compiled
+from antiosc_app.scene_file.schema import Output
 from browser import BROWSER, browse
 from scene_files import BEAM, PROBE, antiosc, numbers, written
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.app.scene_file import outline
-from antiosc.app.scene_file.build import Call
-from antiosc.app.scene_file.compiled import compiled
-from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.schema import SECTIONS, parameters, schema
+from antiosc_app.scene_file import outline
+from antiosc_app.scene_file.build import Call
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.schema import SECTIONS, parameters, schema
 from fmus import OK, Fmu
 from paths import MESHES
 from refusals import refused
@@ -301,7 +301,7 @@ def test_scenes_of_matrices_need_numpy_and_scipy_alone(tmp_path):
 import sys
 for name in ("dolfinx", "petsc4py", "slepc4py", "mpi4py", "gmsh", "ufl", "basix", "matplotlib"):
     sys.modules[name] = None
-from antiosc.app.cli import main
+from antiosc_app.cli import main
 assert main(["run", {str(matrices)!r}, "--out", {str(tmp_path)!r}]) == 0
 assert main(["check", {str(mesh)!r}]) == 1
 """

@@ -12,11 +12,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.app import live
 from antiosc.base.errors import InputError
 from antiosc.models.stretch import Stretch
 from antiosc.simulation.histories.parts import CAUSES
 from antiosc.simulation.stretching import with_rows
+from antiosc_app import live
 
 DURATION = 0.008
 BALL = ao.RigidMass(0.3, velocity=1.0)

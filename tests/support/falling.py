@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import antiosc as ao
-from antiosc.studies.drops.body import FreeBody
-from antiosc.studies.drops.course import hung
-from antiosc.studies.drops.drop import tilted
-from antiosc.studies.drops.episode import Episode
-from antiosc.studies.drops.flight import State, turned
-from antiosc.studies.drops.floor import Setting
+from antiosc_studies.drops.body import FreeBody
+from antiosc_studies.drops.course import hung
+from antiosc_studies.drops.drop import tilted
+from antiosc_studies.drops.episode import Episode
+from antiosc_studies.drops.flight import State, turned
+from antiosc_studies.drops.floor import Setting
 
 G = 9.81
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.app import cli
-from antiosc.app.scene_file.compiled import compiled
-from antiosc.app.scene_file.document import read
-from antiosc.app.scene_file.run import Results, results
-from antiosc.app.scene_file.scene import STUDIES
+from antiosc_app import cli
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.run import Results, results
+from antiosc_app.scene_file.scene import STUDIES
 from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"

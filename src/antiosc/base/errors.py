@@ -87,7 +87,8 @@ def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
 
 
 #: Packages whose frames may lie between the caller's code and `warn`, besides Python's own.
-_LIBRARIES = {"antiosc", "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "slepc4py"}
+_PACKAGES = {"antiosc", "antiosc_app", "antiosc_decks", "antiosc_studies"}
+_LIBRARIES = {*_PACKAGES, "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "slepc4py"}
 
 
 def _frames_to_caller() -> int:

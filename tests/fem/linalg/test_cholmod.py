@@ -17,13 +17,13 @@ import scipy.sparse.linalg
 
 import antiosc as ao
 import parts
-from antiosc.app import info
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.linalg import cholmod, compliance, solver_choice
 from antiosc.fem.linalg.algebra import sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure import given_matrices
+from antiosc_app import info
 
 
 def chain(n: int) -> scipy.sparse.csr_matrix:

@@ -48,7 +48,7 @@ _together: WeakKeyDictionary[object, int] = WeakKeyDictionary()
 def number(made: object, serial: int) -> None:
     """Register `made` as the `serial`-th object that all ranks made together."""
     for k, one in enumerate(made if isinstance(made, list) else [made]):
-        if type(one).__hash__ is object.__hash__ and type(one).__module__.startswith("antiosc."):
+        if type(one).__hash__ is object.__hash__ and type(one).__module__.startswith("antiosc"):
             _together[one] = serial + k
 
 

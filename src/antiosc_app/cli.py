@@ -1,0 +1,177 @@
+"""The command `antiosc`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+
+from antiosc.base.errors import AntioscError
+from antiosc.base.progress import say
+from antiosc_app import info
+
+#: What each command on a scene file does.
+COMMANDS = {
+    "new": "look at a part and write a scene that runs: antiosc new PART, or new FILE PART",
+    "open": "click a part in the browser and strike it: antiosc open PART",
+    "check": "look for mistakes in a scene file, without meshing",
+    "run": "simulate the impact of a scene file",
+    "sweep": "simulate the impact for each value of the section [sweep]",
+    "monte-carlo": "simulate the impact for random values, of the section [monte_carlo]",
+    "map": "simulate the impact at every point of the section [map]",
+    "tradeoff": "error against seconds and memory of the impact of a scene file",
+    "export": "write the impact of a scene file for another program: FMU, C, MuJoCo, Modelica",
+    "schema": "print the JSON schema of scene files, for editors",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one subcommand and return the exit code; antiosc's own errors become one line."""
+    try:
+        try:
+            with _terminable():
+                return _run(arguments)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()  # what is left for the end of Python would raise there
+    except BrokenPipeError:  # the reader of the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        print("antiosc: interrupted", file=sys.stderr)
+        return 130
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """End on SIGTERM as on Ctrl-C, so that nothing temporary is left; the exit code is 143."""
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_IGN)  # `timeout` sends it twice
+        sys.exit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, usual)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if not hasattr(options, "run"):
+        parser.print_help()
+        return 0
+    try:
+        return int(options.run(options))
+    except AntioscError as error:
+        _print_error(error)
+        return 1
+
+
+def _print_error(error: AntioscError) -> None:
+    """An error on the first rank; the sentences of a scene file begin with its name."""
+    from antiosc_app.scene_file.document import SceneFileError
+
+    head = "" if isinstance(error, SceneFileError) else "antiosc: "
+    say(f"{head}{error}", sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="antiosc",
+        description="Impacts on structures by anti-oscillators, from scene files in TOML.",
+        epilog="To begin: antiosc open part.step, in the browser; or antiosc new part.step, which"
+        " writes a scene file (docs/scene_files.md).",
+    )
+    parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
+    commands = parser.add_subparsers(title="commands", metavar="command")
+    for name, about in COMMANDS.items():
+        command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
+        command.set_defaults(run=_on_scene_file, command=name)
+        if name == "new":
+            about_file = "the scene file (default: scene.toml, or that of PART)"
+            command.add_argument("file", metavar="FILE", nargs="?", help=about_file)
+        elif name == "open":
+            command.add_argument("part", metavar="PART", help="the mesh, CAD file or deck")
+            command.add_argument(
+                "--no-browser", action="store_true", help="print the address and open no browser"
+            )
+        elif name != "schema":
+            command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
+        if name == "new":
+            command.add_argument(
+                "part", metavar="PART", nargs="?", help="the mesh, CAD file or deck that is struck"
+            )
+            command.add_argument(
+                "--drop", action="store_true", help="a fall of PART onto a floor, not an impact"
+            )
+        if name == "export":
+            ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
+            command.add_argument("out", metavar="OUT", help=ends)
+            command.add_argument(
+                "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
+            )
+        if name == "tradeoff":
+            sought = "relative error of interest (default: tol of [strike], or 0.02)"
+            command.add_argument("--tol", type=float, metavar="TOL", help=sought)
+            command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
+        if name in ("run", "sweep", "monte-carlo", "map"):
+            _results(command)
+        if name == "monte-carlo":
+            kept = "a CSV file of the finished runs; if it exists, only the others are made"
+            command.add_argument("--store", metavar="FILE", help=kept)
+    listed = commands.add_parser("materials", help="list the materials that have a name")
+    listed.add_argument("name", metavar="NAME", nargs="?", help="only those with this in it")
+    listed.set_defaults(run=_materials)
+    found = "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
+    commands.add_parser("info", help=found).set_defaults(run=_info)
+    return parser
+
+
+def _results(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
+    command.add_argument("--report", metavar="OUT.html", help="write a report: one page, one file")
+    command.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="print what would be computed and what it costs, instead of running",
+    )
+
+
+def _on_scene_file(options: argparse.Namespace) -> int:
+    from antiosc_app.commands import guarded
+
+    return guarded(options)
+
+
+def _materials(options: argparse.Namespace) -> int:
+    from antiosc.base import materials
+
+    wanted = (options.name or "").lower()
+    chosen = [name for name in materials.names() if wanted in name.lower()]
+    if not chosen:
+        materials.record(options.name)
+    for name in chosen:
+        one = materials.record(name)
+        say(f"{name:<38} {one.line}")
+        if wanted:
+            typical = f"typical, no source could be read: {one.typical}" if one.typical else ""
+            say("\n".join(f"    {text}" for text in (one.source, typical, one.note) if text))
+    if not wanted:
+        say("sources: antiosc materials NAME")
+    return 0
+
+
+def _info(_options: argparse.Namespace) -> int:
+    print(info.report())
+    return 0 if info.meshes_work() else 1

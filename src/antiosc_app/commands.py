@@ -1,0 +1,288 @@
+"""The commands on scene files: what each prints, writes and returns."""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+from argparse import Namespace
+from dataclasses import replace
+from math import pi, sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import antiosc
+from antiosc.base import checks
+from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.process import free_memory
+from antiosc.base.progress import say
+from antiosc.base.texts import engineering
+from antiosc.simulation.reference import FIRST_STEPS
+from antiosc.simulation.scene import DEFAULT_TOL
+from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
+from antiosc_app import new, report, results
+from antiosc_app.scene_file import outline, run
+from antiosc_app.scene_file.build import Call, Evaluation
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import Table, read
+from antiosc_app.scene_file.scene import STUDIES, Compiled
+from antiosc_app.scene_file.schema import schema
+from antiosc_studies.drops.body import MODES
+from antiosc_studies.drops.drop import GRAVITY
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+
+
+def guarded(options: Namespace) -> int:
+    """Run a command; an unforeseen error of one rank ends the others too."""
+    try:
+        return _study(options) if options.command in STUDIES else _OTHERS[options.command](options)
+    except AntioscError:
+        raise
+    except BaseException:
+        comm = run.communicator()
+        if comm is not None and comm.size > 1:
+            traceback.print_exc()
+            sys.stderr.flush()
+            comm.Abort(1)
+        raise
+
+
+def _new(options: Namespace) -> int:
+    file, part = options.file, options.part
+    if part is None and file is not None and Path(file).suffix.lower() != ".toml":
+        file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
+    path, sentences = new.write_scene(file or "scene.toml", part, options.drop)
+    for sentence in sentences:
+        say(sentence)
+    say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
+    return 0
+
+
+def _open(options: Namespace) -> int:
+    from antiosc_app import view
+
+    view.until_interrupted(options.part, browser=not options.no_browser)
+    return 0
+
+
+def _check(options: Namespace) -> int:
+    found = compiled(read(options.file))
+    sentences = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
+    say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
+    for sentence in sentences:
+        say(f"{options.file}: {sentence}")
+    return 0
+
+
+def _export(options: Namespace) -> int:
+    """Write the impact or the scene of a file, or its model alone, for another program."""
+    from antiosc_app.export import checked
+
+    alone = checked(options.out) == ".mo"
+    scene = compiled(read(options.file))
+    source = scene.scene or scene.model
+    asked = {} if scene.history is None else scene.history.arguments
+    if scene.striking:
+        source = Call(lambda history: history.model, {"history": scene.history})
+    if source is None:
+        raise InputError(
+            f"{options.file} has nothing to export: give a model ([extract] or [model]) or"
+            " a scene of several contacts."
+        )
+    given = {"path": options.out, "source": source, "fmi": options.fmi}
+    if not alone:
+        if scene.impactor is not None:
+            given |= {"impactor": scene.impactor, "contact": scene.contact}
+        shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
+        given |= {name: asked[name] for name in ("duration", *shared) if name in asked}
+    with run.collected_warnings(scene.warnings):
+        Evaluation(scene.document)(Call(antiosc.export, given))
+    for sentence in scene.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    say(f"wrote {options.out}")
+    return 0
+
+
+#: Tolerance of a trade-off if neither the command nor [strike] has one.
+USUAL_TOL = 0.02
+
+
+def _tradeoff(options: Namespace) -> int:
+    """Print error against seconds and memory for the impact of a scene file, and draw it."""
+    scene = compiled(read(options.file))
+    given = {**_one_impact(scene, options.file)}
+    if options.tol is not None:
+        given["tol"] = options.tol
+    with run.collected_warnings(scene.warnings):
+        found = Evaluation(scene.document)(Call(antiosc.tradeoff, given))
+    say(found.summary())
+    for sentence in scene.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    if options.chart is not None:
+        say(f"wrote {found.plot(options.chart)}")
+    return 0
+
+
+def _one_impact(scene: Compiled, path: str) -> Table:
+    """The arguments of `tradeoff` for [strike], or for a meshed part and [simulate]."""
+    if scene.striking and scene.history is not None:
+        return scene.history.arguments
+    model, history = scene.model, scene.history
+    if model is None or history is None or model.name != "extract":
+        raise InputError(
+            f"{path} has no impact to compare: a trade-off needs [strike], or [simulate] on a part"
+            " with a mesh and one site."
+        )
+    asked = history.arguments
+    shared = ("impactor", "contact", "duration", "initial_velocity", "gravity", "gap")
+    kept = {name: asked[name] for name in shared if name in asked}
+    site = model.arguments["site"]
+    return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **kept}
+
+
+def _schema(_options: Namespace) -> int:
+    say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
+    return 0
+
+
+def _study(options: Namespace) -> int:
+    """Forecast, or compute, print and write what `antiosc run`, `sweep` or `map` does."""
+    scene = compiled(read(options.file))
+    study = STUDIES[options.command]
+    if getattr(scene, study.result) is None:
+        raise InputError(f"{options.file} has {study.lacking}.")
+    if getattr(options, "store", None) is not None:
+        scene = _stored(scene, options.store)
+    if options.dry_run:
+        say(_forecast(scene))
+        return 0
+    page = None if options.report is None else report.checked(options.report)
+    # --out, or a folder named after a scene that has [output]
+    target = f"{Path(options.file).stem}_out" if scene.output is not None else None
+    target = target if options.out is None else options.out
+    folder = None if target is None else report.folder(target)
+    found = run.results(scene, study.makes)
+    say(results.text(found))
+    written = [] if folder is None else report.write_output(found, folder)
+    if page is not None:
+        written += report.write_page(found, page)
+    for sentence in found.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    if written:
+        say("wrote " + ", ".join(str(path) for path in written))
+    return 1 if getattr(found.history, "status", 0) == 2 else 0
+
+
+def _stored(scene: Compiled, path: str) -> Compiled:
+    """The scene with the runs of [monte_carlo] stored; a campaign that broke off goes on."""
+    comm = run.communicator()
+    if comm is not None and comm.size > 1:
+        raise InputError(
+            f"--store is for one process, not {comm.size} ranks: leave it out, or run without MPI."
+        )
+    assert scene.sample is not None
+    arguments = {**scene.sample.arguments, "store": checks.new_file("--store", path)}
+    return replace(scene, sample=replace(scene.sample, arguments=arguments))
+
+
+# -- `--dry-run`: what a scene would compute and what it costs, before anything is factored
+
+
+def _forecast(scene: Compiled) -> str:
+    """Family, dofs, n, step and cost; the structure is built for it, but not factored."""
+    found = run.results(scene, ("structure", "impactor", "contact"))
+    rows: list[tuple[str, str]] = []
+    if found.structure is not None:
+        dofs = f"{found.structure.dofs}"
+        rows += [*results.advice_of(found), ("dofs", dofs), ("factor", _factor(found.structure))]
+    rows += [(f"box of {one.name}", one.text()) for one in outline.outlines(scene)]
+    rows += _of_model(scene, found)
+    if scene.fall is not None:
+        rows += _of_fall(scene.fall.arguments)
+    if found.impactor is not None and found.contact is not None:
+        rows += _of_impact(scene, found)
+    rows += [("warning", sentence) for sentence in found.warnings]
+    return results.format_rows(rows)
+
+
+def _factor(structure: Structure) -> str:
+    """Entries and memory of the Cholesky factor, by the analysis that makes it."""
+    from antiosc.fem import missing
+
+    if missing is not None or not hasattr(structure.K, "getSizes"):
+        return "by SciPy; not forecast"
+    from antiosc.fem.linalg.solver_choice import BYTES, Plan
+
+    entries = Plan(structure.K).entries
+    if not entries:
+        return "not forecast"
+    return (
+        f"{entries:.3g} entries, {BYTES * entries / 1e9:.2g} GB of {free_memory() / 1e9:.3g} GB "
+        f"free; {4e-9 * entries:.2g} Gflop for each solve"
+    )
+
+
+def _of_model(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+    if scene.model is None or found.structure is None:
+        return []
+    asked = scene.document.data.get("extract", {})
+    sites = len(scene.document.data.get("sites", {}))
+    if "band" in asked:
+        until = asked["band"] / (2 * pi)
+        return [("anti-oscillators", f"as many as needed up to {engineering(until, 'Hz')}")]
+    from antiosc.fem.extraction.extract import DEFAULT_COUNT
+
+    n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
+    return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
+
+
+def _of_fall(asked: Table) -> list[tuple[str, str]]:
+    height, gravity = asked["height"], asked.get("gravity", GRAVITY)
+    rows = [
+        ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
+        ("first touch", f"after {engineering(sqrt(2 * height / gravity), 's')}"),
+        ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
+    ]
+    if "ensemble" in asked:
+        rows.append(("falls", f"{asked.get('n', 100)}"))
+    return rows
+
+
+def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+    asked = scene.document.data.get("simulate", {})
+    from antiosc.fem.site.surface import PlaneOf
+
+    rows = []
+    if "strike" in scene.document.data:
+        tol = scene.document.data["strike"].get("tol")
+        rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
+    try:
+        struck = None if found.structure is None else PlaneOf(found.structure)
+        band = impact_band(found.impactor, found.contact, struck)
+    except AntioscError as error:
+        rows.append(("contact time", f"not forecast: {error}"))
+        return rows
+    time = BAND_OVER_PULSE * pi / band
+    rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
+    rows.append(("band of the impact", f"up to {engineering(band / (2 * pi), 'Hz')}"))
+    if "strike" not in scene.document.data:
+        step = asked.get("step", time / FIRST_STEPS)
+        tol = asked.get("tol", DEFAULT_TOL)
+        how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
+        rows.append(("step", f"{engineering(step, 's')}, {how}"))
+    impacts = len(next(iter(run.varied(scene).values()), [0]))
+    if impacts > 1:
+        rows.append(("sweep", f"{impacts} impacts"))
+    return rows
+
+
+_OTHERS = {
+    "new": _new,
+    "open": _open,
+    "check": _check,
+    "tradeoff": _tradeoff,
+    "export": _export,
+    "schema": _schema,
+}

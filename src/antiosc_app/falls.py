@@ -1,0 +1,139 @@
+"""A fall on the page of a report: the part on its path, its impacts, and what is said first."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AntioscError
+from antiosc.base.texts import engineering, point_text
+from antiosc_app.live import Data, Headline
+from antiosc_app.live_meshes import geometry, surface
+from antiosc_studies.drops.fall import Fall, WorstField
+from antiosc_studies.drops.pictures import at, surface_of
+
+#: Times at which the page shows the part: of each flight at most, of all; and of a force.
+OF_FLIGHT, FRAMES, CURVE = 40, 300, 800
+#: Words of the numbers of an impact, and their units.
+NUMBERS = (
+    ("peak_force", "N"), ("contact_time", "s"), ("impulse", "N s"), ("lost", "J"),
+    ("speed_before", "m/s"), ("speed_after", "m/s"),
+)  # fmt: skip
+
+
+def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
+    """The data of a fall, on every rank; `worst` colours the part."""
+    points, faces = _surface(fall)
+    ends = [0.0, *(one.time for one in fall.impacts), fall.end.time]
+    each = max(2, min(OF_FLIGHT, FRAMES // len(ends)))
+    flights = [np.linspace(*both, each) for both in pairwise(ends)]
+    times = np.unique(np.concatenate(flights))
+    states = [at(fall, time) for time in times.tolist()]
+    part = geometry(points, faces)
+    if worst is not None:
+        nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
+        part["values"] = (worst.values / (worst.values.max() or 1.0))[nearest].astype(np.float32)
+    return {
+        "fall": {
+            "part": part,
+            "centre": fall.body.centre.tolist(),
+            "time": times,
+            "places": np.array([state.centre for state in states], dtype=np.float32),
+            "turns": np.array([state.R for state in states], dtype=np.float32),
+            "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
+            "most": None if worst is None else engineering(float(worst.values.max()), worst.unit),
+            "what": "" if worst is None else f"largest {worst.label} in all impacts",
+        }
+    }
+
+
+def _surface(fall: Fall) -> tuple[Array, IntArray]:
+    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), the same on all ranks."""
+    structure = fall.body.structure
+    if structure is None:
+        return surface_of(fall)
+    from antiosc.fem.fields import source  # a rigid body does without meshes
+
+    try:
+        nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
+        drawn = surface(nodes, cells)
+    except AntioscError:  # given matrices have no cells
+        return surface_of(fall)
+    drawn = structure.comm.bcast(drawn, root=0)
+    used, faces = np.unique(drawn.faces, return_inverse=True)
+    return drawn.points[used] - fall.body.centre, faces.reshape(-1, 3)
+
+
+def _impact(fall: Fall, k: int, times: Array) -> Data:
+    """The numbers of an impact, its place above the floor, and its force over time."""
+    one, body, touch = fall.impacts[k], fall.body, at(fall, fall.impacts[k].time)
+    time, force = _force(fall, k)
+    even = np.linspace(0.0, float(time[-1]), CURVE)
+    return {
+        **{name: getattr(one, name) for name, _ in NUMBERS},
+        "time": one.time,
+        "at": point_text(one.place),
+        "place": (touch.R @ (one.place - body.centre) + touch.centre).tolist(),
+        "frame": int(np.searchsorted(times, one.time)),
+        "curve": {"time": even, "force": np.interp(even, time, force)},
+    }
+
+
+def _force(fall: Fall, k: int) -> tuple[Array, Array]:
+    """Times (n,) [s] since the first touch of an impact, and the sum of its normal forces (n,)."""
+    own = [fall.episodes[i] for i in fall.groups[k]]
+    each = [(one.start.time - own[0].start.time, *one.forces()) for one in own]
+    time = np.concatenate([since + t for since, t, _ in each])
+    return time, np.concatenate([force.sum(axis=1) for _, _, force in each])
+
+
+def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
+    """The headline of a fall: what fell, the hardest impact, and whether the part bears it."""
+    height = engineering(fall.setting.height, "m")
+    about = f"{part_text(fall)} falls from {height} onto {floor_text(fall)}."
+    impacts = fall.impacts
+    if not impacts:
+        return Headline(about, [("impacts", "none")], [f"{fall.status}."])
+    hardest = max(range(len(impacts)), key=lambda k: impacts[k].peak_force)
+    one = impacts[hardest]
+    numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
+    numbers += [
+        (name.replace("_", " "), engineering(getattr(one, name), unit))
+        for name, unit in NUMBERS[:3]
+    ]
+    numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
+    return Headline(about, numbers, [*_verdict(fall, worst), f"The fall ended: {fall.status}."])
+
+
+def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
+    """Whether part and contacts yield, and what limits the numbers."""
+    sentences = []
+    if worst is not None and worst.exposure is not None:
+        sentences.append(worst.margin().sentence)
+        sentences.append(worst.doubt)
+    sentences += fall.notes[::-1]  # what yields, then what was taken for granted
+    if fall.missed:
+        sentences.append(
+            f"in {fall.missed} of {len(fall.episodes)} contacts the forces did not reach tol"
+        )
+    ended = (one.rstrip(".") for one in sentences if one)
+    return [f"{one[0].upper()}{one[1:]}." for one in ended]
+
+
+def part_text(fall: Fall) -> str:
+    """The part in words: "A part of 120 g"."""
+    return f"A part of {engineering(fall.body.mass, 'kg')}"
+
+
+def floor_text(fall: Fall) -> str:
+    """The floor in words."""
+    floor = fall.setting.floor
+    if floor.layer is not None:
+        return "a soft layer"
+    if isinstance(floor.material, str):
+        return f"a floor of {floor.material}"
+    rigid = floor.material is None and floor.model is None
+    return "a rigid floor" if rigid else "an elastic floor"

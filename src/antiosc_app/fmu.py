@@ -1,0 +1,360 @@
+"""FMUs, and one C99 file of a run: the numbers, the library that runs it, and its sources.
+
+FMI 2.0.4 and 3.0.1 for co-simulation, https://fmi-standard.org.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from antiosc import __version__
+from antiosc.base import files, march
+from antiosc.base.archives import atomic_archive
+from antiosc.base.errors import MissingDependencyError
+from antiosc_app.run_data import RunData, Variable, distinct, model_file
+
+_DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
+#: units in SI base units
+_UNITS = {
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.s": {"kg": 1, "m": 1, "s": -1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "s": {"s": 1},
+}
+_CAUSES = ("input", "output", "parameter")
+_PACKAGE = Path(march.__file__).parents[1]
+#: platform of FMI 3 -> its folder in FMI 2, the ending of a library there
+PLATFORMS = {
+    "x86_64-linux": ("linux64", ".so"),
+    "aarch64-linux": ("", ".so"),
+    "x86_64-windows": ("win64", ".dll"),
+    "x86_64-darwin": ("darwin64", ".dylib"),
+    "aarch64-darwin": ("", ".dylib"),
+}
+#: what one compiler call compiles
+UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
+
+
+def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
+    """Write the FMU of a run for version 2 or 3 of the standard."""
+    name = identifier(path.stem)
+    with atomic_archive(path, "the FMU") as archive:
+        _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
+        _add(archive, "resources/model.aom", model_file(data))
+        for platform, library in binaries().items():
+            old, ending = PLATFORMS[platform]
+            folder = platform if fmi == 3 else old
+            if folder:
+                _add(archive, f"binaries/{folder}/{name}{ending}", library)
+        for file, text in sources().items():
+            _add(archive, f"sources/{file}", text.encode())
+        if fmi == 3:
+            _add(archive, "sources/buildDescription.xml", _text(_build_description(name)))
+
+
+#: Words that C99 and its programs keep for themselves.
+C_WORDS = frozenset(
+    """auto break case char const continue default do double else enum extern float for goto if
+    inline int long main register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while""".split()  # noqa: SIM905
+)
+
+
+def identifier(text: str) -> str:
+    """A name as C has it."""
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)
+    taken = name in C_WORDS or not name[:1].isalpha()
+    return f"model_{name}" if taken else name
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    entry = zipfile.ZipInfo(name, _DATE)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    archive.writestr(entry, content)
+
+
+def _text(root: ET.Element) -> bytes:
+    ET.indent(root)
+    return ET.tostring(root, "utf-8", xml_declaration=True)
+
+
+def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
+    """Value reference, causality and variable: as `csrc/export/fmu.c` numbers them."""
+    groups = (data.input_variables, data.output_variables, data.parameter_variables)
+    number = 0
+    for causality, variables in zip(_CAUSES, groups, strict=True):
+        for variable in variables:
+            number += 1
+            yield number, causality, variable
+
+
+def _units(root: ET.Element) -> None:
+    units = ET.SubElement(root, "UnitDefinitions")
+    for name, base in _UNITS.items():
+        powers = {unit: str(power) for unit, power in base.items()}
+        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", powers)
+
+
+def _experiment(root: ET.Element, data: RunData) -> None:
+    ET.SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0",
+        stopTime=repr(float(data.duration)),
+        tolerance=repr(float(data.options[1])),
+        stepSize=repr(float(data.duration) / 1000),
+    )
+
+
+def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
+    """modelDescription.xml: what version 2 nests or counts, version 3 writes as attributes."""
+    two = fmi == 2
+    root = ET.Element("fmiModelDescription", {
+        "fmiVersion": f"{fmi}.0", "modelName": title,
+        "guid" if two else "instantiationToken": data.token,
+        "description": "an impact on anti-oscillators, or a port of a linear structure",
+        "generationTool": f"antiosc {__version__}", "variableNamingConvention": "flat",
+        **({"numberOfEventIndicators": "0"} if two else {}),
+    })  # fmt: skip
+    state = "FMUstate" if two else "FMUState"
+    abilities = ["canHandleVariableCommunicationStepSize", f"canGetAndSet{state}"]
+    abilities.append(f"canSerialize{state}")
+    if two:
+        abilities.append("canNotUseMemoryManagementFunctions")
+        abilities += ["canInterpolateInputs"] if data.input_variables else []
+    abilities_of = {"modelIdentifier": name, **dict.fromkeys(abilities, "true")}
+    slave = ET.SubElement(root, "CoSimulation", abilities_of)
+    if two:
+        listed = ET.SubElement(slave, "SourceFiles")
+        for unit in UNITS:
+            ET.SubElement(listed, "File", name=unit)
+    _units(root)
+    _experiment(root, data)
+    variables = ET.SubElement(root, "ModelVariables")
+
+    def variable(attributes: dict[str, str], unit: str, start: str = "") -> None:
+        own = {"unit": unit, **({"start": start} if start else {})}
+        if two:
+            ET.SubElement(ET.SubElement(variables, "ScalarVariable", attributes), "Real", own)
+        else:
+            ET.SubElement(variables, "Float64", {**attributes, **own})
+
+    if not two:  # version 2 needs none, and masters ask for a start value of whatever is there
+        time = {"name": "time", "valueReference": "0", "causality": "independent"}
+        variable({**time, "variability": "continuous"}, "s")
+    outputs = []
+    for number, causality, each in _variables(data):
+        fixed = "fixed" if causality == "parameter" else "continuous"
+        attributes = {
+            "name": each.name, "valueReference": str(number), "description": each.description,
+            "causality": causality, "variability": fixed,
+        }  # fmt: skip
+        if causality == "output":
+            outputs.append(number)
+            variable({**attributes, "initial": "calculated"}, each.unit)
+        else:
+            variable(attributes, each.unit, repr(float(each.start)))
+    structure = ET.SubElement(root, "ModelStructure")
+    for group in ("Output", "InitialUnknown"):
+        unknowns = ET.SubElement(structure, f"{group}s") if two else structure
+        for number in outputs:
+            if two:  # indices count from 1
+                ET.SubElement(unknowns, "Unknown", index=str(number))
+            else:
+                ET.SubElement(unknowns, group, valueReference=str(number))
+    return root
+
+
+def _build_description(name: str) -> ET.Element:
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=name)
+    listed = ET.SubElement(configuration, "SourceFileSet", language="C99")
+    for unit in UNITS:
+        ET.SubElement(listed, "SourceFile", name=unit)
+    return root
+
+
+# -- the C sources and compiled libraries that exports take along
+
+
+def sources() -> dict[str, str]:
+    """Name -> text of the C sources, with folders."""
+    for folder in (_PACKAGE / "csrc", march.SOURCE):
+        files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
+        if files:
+            return {f.relative_to(folder).as_posix(): f.read_text("utf-8") for f in files}
+    raise MissingDependencyError("the C sources are missing: install antiosc anew.")
+
+
+def binaries() -> dict[str, bytes]:
+    """Platform -> library: the one in use, and those of other platforms that were built.
+
+    `packaging/library.py --fmu` builds the others into the folder `binaries`; those that were built
+    of other sources are left out.
+    """
+    found = {march.platform(): march.FILE.read_bytes()}
+    sources = march.library.aom_source_hash()
+    for name, (_, ending) in PLATFORMS.items():
+        file = _PACKAGE / "binaries" / f"{name}{ending}"
+        content = file.read_bytes() if file.is_file() else b""
+        if sources in content:
+            found.setdefault(name, content)
+    return found
+
+
+#: What a run needs, in this order.
+_NEEDED = (
+    "antiosc_march.h", "export/antiosc_model.h", "arena.h", "internal.h", "coupled.c",
+    "crossings.c", "flight.c", "forces.c", "laws.c", "responses.c", "runs.c", "steps.c",
+    "stepper.c", "stretch.c", "export/antiosc_model.c",
+)  # fmt: skip
+_NOT_OF_A_RUN = re.compile(r"^#ifndef AOM_RUN_ONLY\n.*?^#endif\n\n?", re.MULTILINE | re.DOTALL)
+_OWN_INCLUDE = re.compile(r'^#include "[^"]+"\n', re.MULTILINE)
+
+_HEAD = """\
+/* {title}: a run of an impact, written by antiosc {version}. C99, no dependencies but <math.h>.
+ *
+ *     static union {{ double align[2]; char bytes[{upper}_BYTES]; }} memory;
+ *     axm_run *run;
+ *     int status = axm_create(&{name}, &memory, sizeof memory, &run);
+ *     status = axm_advance(run, time);           time in s, not before the last one
+ *     double value = axm_output(run, {upper}_{first});
+ *
+ * status is AOM_DONE (0) if all is well. {inputs}
+ * Nothing is allocated; several runs may live at once. Define {upper}_MAIN for a program that
+ * prints the outputs over {duration:.6g} s as a table. The interface is that of antiosc_model.h
+ * below.
+ *
+ * Outputs:
+{outputs}
+ */
+#if defined(__GNUC__)
+#define AOM_API static __attribute__((unused)) /* a run needs some of the functions */
+#else
+#define AOM_API static
+#endif
+#define {upper}_BYTES {size}
+"""
+
+_MAIN = """
+#ifdef {upper}_MAIN
+#include <stdio.h>
+
+int main(void) {{
+    static union {{ double align[2]; char bytes[{upper}_BYTES]; }} memory;
+    axm_run *run;
+    int status = axm_create(&{name}, &memory, sizeof memory, &run);
+    for (int k = 0; k <= 1000 && status == AOM_DONE; k++) {{
+        status = axm_advance(run, {duration!r} * k / 1000);
+        printf("%.17g", axm_time(run));
+        for (int i = 0; i < {count}; i++)
+            printf(" %.17g", axm_output(run, i));
+        printf("\\n");
+    }}
+    return status;
+}}
+#endif
+"""
+
+
+def write_c(path: Path, data: RunData) -> None:
+    """Write the C file of a run."""
+    files.write_text(path, text(path.stem, data), "the C file")
+
+
+def text(title: str, data: RunData) -> str:
+    """The C file of a run."""
+    code = _sources()
+    name = identifier(title)
+    if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
+        name = f"model_{name}"  # a word of the sources
+    upper = name.upper()
+    outputs = distinct(identifier(each.name).upper() for each in data.output_variables)
+    listed = [
+        f" *   {upper}_{short}  {_in_comment(each.description)} [{each.unit}]"
+        for short, each in zip(outputs, data.output_variables, strict=True)
+    ]
+    inputs = (
+        "Forces on the sites: axm_set_input(run, site, force, rate)."
+        if data.input_variables
+        else ""
+    )
+    head = _HEAD.format(
+        title=_in_comment(title), version=__version__, name=name, upper=upper, first=outputs[0],
+        inputs=inputs, outputs="\n".join(listed), duration=data.duration, size=data.memory,
+    )  # fmt: skip
+    names = [f"    {upper}_{each} = {i}" for i, each in enumerate(outputs)]
+    enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
+    main = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
+    return "\n".join([head, code, enumeration, _numbers(name, data), main])
+
+
+def _sources() -> str:
+    """The sources of a run in one, without their includes of each other."""
+    found = sources()
+    parts = [_OWN_INCLUDE.sub("", found[each]) for each in _NEEDED]
+    return _NOT_OF_A_RUN.sub("", "".join(parts))
+
+
+def _in_comment(text: str) -> str:
+    """A text as a comment of C holds it."""
+    return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", text)
+
+
+def _numbers(name: str, data: RunData) -> str:
+    """The numbers as constant arrays, and the model that points to them."""
+    arrays = data.arrays()
+    needed = [part for part in arrays if part not in ("options", "contacts")]
+    if not data.system.laws:
+        needed.remove("law_parameters")
+    lines = [_array(f"{name}_{part}", arrays[part]) for part in needed]
+    specs = ", ".join(f"{{{kind}, {index}}}" for kind, index in data.outputs.tolist())
+    lines.append(f"static const axm_output_spec {name}_outputs[] = {{{specs}}};")
+    modes, rows, contacts, breaks, sites, parameters, count, _ = data.counts()
+    at, listed = 0, []
+    scales = arrays["contacts"].reshape(contacts, 7)
+    for c, values in zip(data.given.contacts, scales, strict=True):
+        row = [_number(x) for x in values]
+        law = f"{{{c.law.kind}, {c.law.n_params}, {name}_law_parameters + {at}, 0}}"
+        at += c.law.n_params
+        head = f"{law}, {row[0]}, {row[1]}, {c.first_tangential}, {c.n_tangential}"
+        listed.append(f"    {{{', '.join([head, *row[2:], '0', '0'])}}}")
+    if listed:
+        body = ",\n".join(listed)
+        lines.append(f"static const aom_contact {name}_contacts[] = {{\n{body}\n}};")
+    pointers = ", ".join(
+        f"{name}_{part}"
+        for part in ("omega", "decay", "beta", "residual", "breaks", "loads", "offsets")
+    )
+    options = [*(_number(x) for x in data.options), "INT64_MAX / 4", "INT64_MAX / 4", "0"]
+    lines.append(
+        f"static const axm_model {name} = {{\n"
+        f"    {{{modes}, {rows}, {contacts}, {breaks}, {pointers},\n"
+        f"     {f'{name}_contacts' if listed else '0'}, {name}_q, {name}_v,"
+        f" {_number(data.system.given)}, 0}},\n"
+        f"    {{{', '.join(options)}}},\n"
+        f"    {sites}, {name}_site_modes, {name}_site_forces, {name}_site_shifts,\n"
+        f"    {parameters}, {name}_parameters, {name}_starts, {count}, {name}_outputs\n}};\n"
+    )
+    return "\n".join(lines)
+
+
+def _array(name: str, values: np.ndarray) -> str:
+    rows = [", ".join(_number(x) for x in values[k : k + 4]) for k in range(0, len(values), 4)]
+    body = ",\n    ".join(rows) or "0.0"
+    return f"static const double {name}[] = {{\n    {body}\n}};"
+
+
+def _number(x: float) -> str:
+    value = float(x)
+    if value == float("inf"):
+        return "INFINITY"
+    return value.hex() if value != int(value) or abs(value) > 1e15 else f"{value:.1f}"

@@ -1,0 +1,254 @@
+"""How a part by others is read: its unit, its pieces, what its surface encloses, its densities.
+
+Nothing of this stands in most files, so it is tried: the first way that gives a mesh, or a model
+whose materials are real ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import log10
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+import antiosc
+from antiosc.base.errors import (
+    InputError,
+    PiecesError,
+    finite_element_packages,
+    warnings_to,
+    without_warnings,
+)
+from antiosc_app.scene_file.outline import GEOMETRIES
+
+if TYPE_CHECKING:
+    from antiosc.fem.mesh import Mesh
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.io.neutral import FileMesh
+
+#: Arguments of `read_mesh` or `read_model` besides the file.
+Read: TypeAlias = dict[str, Any]
+#: A file without a unit whose longest side is this or more is taken as one in millimetres.
+LONGEST_IN_METRES = 3.0
+#: Elements along the longest side of a geometry that is meshed.
+ELEMENTS = 20
+#: Distance [m] of nodes that are joined, where a mesh falls into pieces.
+MERGE_DISTANCE = 1e-6
+#: More solids than this are not cut at each other: the largest is taken.
+MOST_SOLIDS = 40
+#: The material of a new scene, of the part and of the ball.
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+#: Endings of decks, which describe materials and supports themselves.
+DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb"}
+#: Cards of decks that give elements a material.
+MODEL_CARD = re.compile(
+    rb"^\s*(\*(material|\w+ ?\w* section)\b|mat(1|2|8|9)\b[*,\s]|(mp|mpdata),)", re.I | re.M
+)
+#: Units of decks that are tried.
+UNITS = ("mm", "m", "in", "mm-kg")
+#: Moduli [Pa], densities [kg/m³] and lengths [m] of parts of machines and buildings.
+MODULI, DENSITIES, LENGTHS = (5e8, 1.3e12), (100.0, 25e3), (1e-3, 100.0)
+
+
+@dataclass(frozen=True)
+class ForeignPart:
+    """A part, and how it was read.
+
+    Attributes
+    ----------
+    read : arguments of `read_mesh`, or of `read_model`, besides the file.
+    structure : of a deck with a model.
+    notes : what was decided, one sentence each.
+    """
+
+    mesh: Mesh
+    read: Read
+    structure: Structure | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def foreign_part(path: Path) -> ForeignPart:
+    """Read or mesh a part.
+
+    Raises
+    ------
+    AntioscError
+        In no way.
+    """
+    with finite_element_packages():
+        importlib.import_module("antiosc.fem.mesh")
+    if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
+        return _of_deck(path)
+    with without_warnings():
+        return _of_mesh(path)
+
+
+# --- Meshes and geometries ------------------------------------------------------------------------
+
+
+def _of_mesh(path: Path) -> ForeignPart:
+    from antiosc.io.cad import STATES_UNIT
+    from antiosc.io.facets import CLOSED, SURFACES
+    from antiosc.io.reading import outline
+
+    suffix = path.suffix.lower()
+    read: Read = {}
+    notes: list[str] = []
+    ways: list[Read] = [{}]
+    if suffix in GEOMETRIES or suffix in SURFACES:
+        looked = outline(path)
+        length = float(np.ptp(looked.points, axis=0).max())
+        if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
+            read["unit"], length = "mm", 1e-3 * length
+        size = float(f"{length / ELEMENTS:.1g}")
+        if suffix in GEOMETRIES:
+            read["size"] = size
+            ways = _of_solids(looked, notes)
+        elif CLOSED in looked.groups:
+            notes.append("its surface is closed: it is filled as a solid (solid).")
+            ways = [{"solid": True, "size": size}]
+    else:
+        ways += [{"cells": dim} for dim in (3, 2, 1)]
+    mesh, way = _first(path, read, ways)
+    read |= way
+    if "size" not in read and "unit" not in read:
+        length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
+        if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
+            read["unit"] = "mm"
+    if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
+        read["gdim"] = 3
+    if {"unit", "gdim"} & set(read):
+        mesh = antiosc.read_mesh(str(path), **read)
+    return ForeignPart(mesh, read, None, [*notes, *_of_way(read)])
+
+
+def _of_solids(looked: FileMesh, notes: list[str]) -> list[Read]:
+    """Ways to mesh the solids of a CAD file, which has a line for each in its outline."""
+    sides = np.ptp(looked.points[looked.cells["line"]], axis=1)
+    if len(sides) < 2:
+        return [{}]
+    shown = ["×".join(f"{1e3 * c:.3g}" for c in side) for side in sides[:8]]
+    more = ", …" if len(sides) > 8 else ""
+    notes.append(f"it has {len(sides)} solids of {', '.join(shown)}{more} mm.")
+    largest: Read = {"piece": 1}
+    return [{"fragments": True}, largest] if len(sides) <= MOST_SOLIDS else [largest]
+
+
+def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read]:
+    """(mesh, way) of the first way that gives a mesh; the error of the first if none does."""
+    reason: InputError | None = None
+    for way in _with_pieces(ways):
+        if reason is not None and way.get("of_pieces") and not isinstance(reason, PiecesError):
+            continue
+        own = {key: value for key, value in way.items() if key != "of_pieces"}
+        try:
+            return antiosc.read_mesh(str(path), **read, **own), own
+        except InputError as error:
+            reason = reason or error
+    assert reason is not None
+    raise reason
+
+
+def _with_pieces(ways: list[Read]) -> Iterator[Read]:
+    """Each way, then with its pieces joined, or with the largest of them alone."""
+    for way in ways:
+        yield way
+        if "piece" not in way:
+            joined: list[Read] = [{"piece": 1}]
+            if not {"size", "fragments", "solid"} & set(way):
+                joined.insert(0, {"merge": MERGE_DISTANCE})
+            yield from ({**way, **one, "of_pieces": True} for one in joined)
+
+
+def _of_way(read: Read) -> list[str]:
+    """What the options of reading mean, in sentences."""
+    words = {
+        "fragments": "its solids are joined where they touch (fragments).",
+        "piece": "of its pieces the largest is read (piece).",
+        "merge": "its pieces are joined at nodes that coincide (merge).",
+        "cells": "cells of other dimensions are left out (cells).",
+    }
+    return [sentence for key, sentence in words.items() if key in read]
+
+
+# --- Decks ----------------------------------------------------------------------------------------
+
+
+def _of_deck(path: Path) -> ForeignPart:
+    """The model of a deck in the unit in which its materials are real ones.
+
+    One model that can be read says what the others would be.
+    """
+    from antiosc.fem.assembly import with_parts
+
+    reason: InputError | None = None
+    for unit in UNITS:
+        try:
+            structure, read = _model(path, unit)
+        except InputError as error:
+            reason = reason or error
+            continue
+        best = _likeliest(structure, unit, "density" in read)
+        if best != unit:
+            with contextlib.suppress(InputError):
+                structure, read = _model(path, best)
+        members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
+        mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
+        return ForeignPart(mesh, read, structure, _of_way(read))
+    assert reason is not None
+    raise reason
+
+
+def _model(path: Path, unit: str) -> tuple[Structure, Read]:
+    """The structure of a deck, and how it was read: with a density, or of one piece if needed."""
+    read: Read = {"unit": unit}
+    while True:
+        try:
+            with warnings_to(list[str]().append):
+                return antiosc.read_model(str(path), **read), read
+        except PiecesError:
+            if "piece" in read:
+                raise
+            read["piece"] = 1
+        except InputError as error:
+            if "no density" not in str(error) or "density" in read:
+                raise
+            read["density"] = STEEL["rho"]
+
+
+def _likeliest(structure: Structure, unit: str, of_scene: bool) -> str:
+    """The unit in which moduli, densities and size are those of real parts, of equals the first.
+
+    `of_scene`: the densities are in SI units.
+    """
+    from antiosc.fem.assembly import with_parts
+    from antiosc.io.neutral import UnitSystem
+
+    now = UnitSystem.of(unit)
+    members = with_parts(structure).members()
+    materials = [vars(m) for member in members for m, _ in member.part.parts]
+    moduli = np.array([own["E"] for own in materials if isinstance(own.get("E"), float)])
+    rho = np.array([own["rho"] for own in materials if isinstance(own.get("rho"), float)])
+    extent = max(member.part.mesh.extent() for member in members)
+
+    def off(name: str) -> float:
+        then = UnitSystem.of(name)
+        total = _outside(moduli * then.stress / now.stress, MODULI)
+        if not of_scene:
+            total += _outside(rho * then.density / now.density, DENSITIES)
+        return total + _outside(np.array([extent * then.length / now.length]), LENGTHS)
+
+    return min(UNITS, key=lambda name: round(off(name), 3))
+
+
+def _outside(values: Any, between: tuple[float, float]) -> float:
+    """Decades by which values lie outside, in the mean."""
+    low, high = (log10(end) for end in between)
+    decades = np.log10(np.maximum(values, 1e-30))
+    return float(np.abs(decades - np.clip(decades, low, high)).mean()) if len(values) else 0.0

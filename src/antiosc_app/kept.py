@@ -1,0 +1,107 @@
+"""What `antiosc open` keeps between calls of its page: results by their text, and free modes."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import ModelInfo
+from antiosc.models.free_modes import from_free_modes
+from antiosc_app.set_up import COUNT
+
+if TYPE_CHECKING:
+    from antiosc.fem.site import Site
+    from antiosc.fem.structure.structure import Structure
+
+T = TypeVar("T")
+
+#: Free modes that are known after each round of the search between the calls of the page.
+ROUNDS = (10, 20, 40)
+#: Models that are kept.
+MODELS = 50
+
+
+class Kept(OrderedDict[str, T]):
+    """The last results by the text of what they were made from."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self._most = most
+
+    def of(self, key: str, make: Callable[[], T]) -> T:
+        """The result for a key, made where it is not known."""
+        if key not in self:
+            self[key] = make()
+            while len(self) > self._most:
+                self.popitem(last=False)
+        self.move_to_end(key)
+        return self[key]
+
+
+class FreeModes:
+    """Free modes of a structure, found in rounds, and models at any site from them."""
+
+    def __init__(self, structure: Structure) -> None:
+        from antiosc.fem.extraction.eigenmodes import ModeSolver
+
+        self._structure, self._solver = structure, ModeSolver(structure)
+        #: numbers of modes of the rounds that are left
+        self.left = list(ROUNDS)
+        self._known: tuple[Array, Array] | None = None
+        self._models: Kept[AntiOscillators] = Kept(MODELS)
+
+    def search(self) -> bool:
+        """One more round; whether another is left."""
+        count = self.left[0]
+        try:
+            modes = self._solver.lowest(count)
+        finally:
+            self.left.pop(0)
+        rigid = self._structure.rigid_modes
+        omega = np.concatenate([np.zeros(rigid.shape[1]), modes.omega])
+        self._known = omega, np.column_stack([rigid, modes.phi])
+        self._models.clear()
+        return bool(self.left) and not modes.complete
+
+    def model(self, key: str, site: Site) -> AntiOscillators | None:
+        """The model of a site for balls, without shapes and bars; None before a round.
+
+        `key`: the text of what it depends on.
+        """
+        if self._known is None:
+            return None
+        return self._models.of(key, lambda: self._made(site))
+
+    def _made(self, site: Site) -> AntiOscillators:
+        """A model by one solve."""
+        from antiosc.fem.extraction.extract import UNNAMED, surfaces
+        from antiosc.fem.linalg.algebra import multiply
+        from antiosc.fem.site import functional
+
+        assert self._known is not None
+        structure, (omega, phi) = self._structure, self._known
+        seen = functional(structure, site)
+        y = structure.factorize().solve_block(seen.b[:, None])[:, 0]
+        inertia = float(y @ multiply(structure.M, y))
+        of_site = seen.b @ phi, float(seen.b @ y), inertia
+        found = from_free_modes(omega, *of_site, COUNT, structure.shift, "krylov")
+        assert seen.point is not None
+        assert seen.direction is not None
+        info = ModelInfo(
+            point=seen.point.tolist(),
+            direction=seen.direction.tolist(),
+            surfaces=surfaces(structure, {UNNAMED: seen}, lengths=False),
+        )
+        return replace(
+            found,
+            local_compliance=seen.local_compliance,
+            radius=seen.radius,
+            direction=seen.direction,
+            info=info,
+        )

@@ -1,0 +1,417 @@
+"""Tables of a scene file as calls, and their objects; every mistake is noted."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any, NoReturn
+
+from antiosc.base import checks, plausible, progress
+from antiosc.base.errors import (
+    AntioscError,
+    InputError,
+    MissingDependencyError,
+    warnings_to,
+)
+from antiosc_app.scene_file.document import (
+    Document,
+    Place,
+    Table,
+    label,
+    listed,
+    meant,
+    nearest,
+    unknown,
+)
+from antiosc_app.scene_file.schema import (
+    FORMS,
+    KIND,
+    SECTIONS,
+    WITHHELD,
+    Kind,
+    Parameter,
+    Section,
+    constructors_of,
+    only_checks,
+    parameters,
+    resolved,
+    words,
+)
+
+#: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
+_WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
+#: Largest list of a scene file.
+LONGEST_LIST = 200_000
+
+
+class Mistake(Exception):
+    """A value that cannot be taken; its sentence is noted already."""
+
+
+@dataclass(frozen=True, eq=False)
+class Call:
+    """A call that a table of the scene file describes.
+
+    Attributes
+    ----------
+    make : the public function or constructor, or a method of an object.
+    arguments : name -> value, calls among them.
+    place : of the table in the scene file.
+    made : the object; None while it waits for the run.
+    """
+
+    make: Callable[..., Any]
+    arguments: Table
+    place: Place = ()
+    made: Any = None
+
+    @property
+    def name(self) -> str:
+        """Name of the callable: "simulate", "Structure.from_files"."""
+        return str(getattr(self.make, "__qualname__", ""))
+
+    def refused(self, error: Exception) -> tuple[Place, str]:
+        """The place of a mistake and its sentence; checks begin theirs with the argument's name."""
+        what = str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
+        name = what.removeprefix("every ").partition(" ")[0]
+        within = (name,) if name in self.arguments else ()
+        return (*self.place, *within), f"{label(self.place)}: {what.rstrip('.')}."
+
+
+#: Laws that bodies make: "ball.hertz" -> (its class and method, the ball; None if that is wrong).
+Methods = Mapping[str, tuple[str, Call | None]]
+
+
+def calls_in(value: object) -> Iterator[Call]:
+    """The calls within a value, inner ones first."""
+    if isinstance(value, Call):
+        yield from calls_in(value.arguments)
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for each in value.values() if isinstance(value, Mapping) else value:
+            yield from calls_in(each)
+
+
+def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -> Any:
+    """A value with what `made` returns in place of each call in it."""
+    if isinstance(value, Call):
+        return made(value)
+    if isinstance(value, dict):
+        return {key: replaced(each, made) for key, each in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)(replaced(each, made) for each in value)
+    return value
+
+
+class Evaluation:
+    """Makes the object of each call once; an InputError becomes a SceneFileError with its line."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self._made: dict[Call, object] = {}
+
+    def know(self, call: Call, made: object) -> None:
+        """Take an object as that of a call."""
+        self._made[call] = made
+
+    def __call__(self, value: Any) -> Any:
+        """A value with the objects of the calls in it."""
+        return replaced(value, self._object)
+
+    def _object(self, call: Call) -> object:
+        if call.made is None and call not in self._made:
+            arguments = {name: self(value) for name, value in call.arguments.items()}
+            with progress.doing(f"computing [{label(call.place)}]" if call.place else call.name):
+                try:
+                    self._made[call] = call.make(**arguments)
+                except InputError as error:
+                    if not call.place:
+                        raise
+                    raise self.document.problems.error(*call.refused(error)) from error
+        return self._made.get(call, call.made)
+
+
+def with_named_materials(data: Table) -> Table:
+    """A scene with tables in place of the names of materials, also of parts and of groups."""
+    found = dict(data)
+    if "material" in data:
+        found["material"] = _material_table(data["material"])
+    if isinstance(data.get("parts"), dict):
+        found["parts"] = {
+            name: with_named_materials(part) if isinstance(part, dict) else part
+            for name, part in data["parts"].items()
+        }
+    return found
+
+
+def _material_table(value: object) -> object:
+    """The table of a material, or of groups of cells, that may be given by names."""
+    if isinstance(value, str):
+        return {KIND: "material", "name": value}
+    if not isinstance(value, dict) or KIND in value:
+        return value
+    if "name" in value:
+        return {KIND: "material", **value}
+    return {group: _material_table(each) for group, each in value.items()}
+
+
+class Builder:
+    """Makes calls of the tables of one document, and notes the mistakes in them."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.data: Table = with_named_materials(document.data)
+        #: (place, sentence): notes a mistake
+        self.note = document.problems.add
+        #: warnings of the objects that were made
+        self.warnings: list[str] = []
+
+    # -- sections, each by its form: [x], [[x]], [x.NAME]
+
+    def known_sections(self, data: Table, known: Mapping[str, Section], place: Place = ()) -> None:
+        """Note sections that do not exist and sections of the wrong form."""
+        for name, value in data.items():
+            at = (*place, name)
+            if name not in known:
+                close = nearest(name, known)
+                hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
+                what = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
+                there = f"There is {listed(known)}."
+                self.note(at, f"{what} {checks.shown(name)}{hint} {there}")
+                continue
+            form, what, heading = FORMS[known[name].form]
+            if not isinstance(value, form):
+                self.note(at, f"{label(at)} must be {what}{heading.format(label(at))}.")
+
+    def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
+        """A section, or an empty one where it is missing or of the wrong form."""
+        value = (self.data if data is None else data).get(name)
+        return value if isinstance(value, form) else form()
+
+    def table(
+        self,
+        name: str,
+        data: Table | None = None,
+        place: Place = (),
+        always: bool = False,
+        **options: Any,
+    ) -> Call | None:
+        """The call of a section [x]; None where it is missing, unless it is made `always`."""
+        data = self.data if data is None else data
+        if not always and not isinstance(data.get(name), dict):
+            return None
+        return self.call(SECTIONS[name], self.part(name, dict, data), (*place, name), **options)
+
+    def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
+        """The calls of a section [[x]]."""
+        tables = enumerate(self.part(name, list, data))
+        made = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
+        return [call for call in made if call is not None]
+
+    def named(self, name: str, given: Table | None = None) -> dict[str, Call]:
+        """The calls of a section [x.NAME]."""
+        tables = self.part(name).items()
+        made = {key: self.call(SECTIONS[name], table, (name, key), given) for key, table in tables}
+        return {key: call for key, call in made.items() if call is not None}
+
+    # -- calls
+
+    def call(
+        self,
+        section: Section | Sequence[str],
+        table: object,
+        place: Place,
+        given: Table | None = None,
+        methods: Methods | None = None,
+    ) -> Call | None:
+        """The call that a table describes, or None if it is wrong.
+
+        Parameters
+        ----------
+        section : a section, or the names from which `kind` chooses.
+        given : arguments from other sections; None where one of them is wrong.
+        methods : laws of bodies, which `kind` may name too.
+        """
+        makes = section.makes if isinstance(section, Section) else section
+        given = dict(given or {})
+        withheld = {*given, *(section.given.split() if isinstance(section, Section) else ())}
+        try:
+            if not isinstance(table, dict):
+                got = checks.shown(table)
+                self._wrong(place, f"{label(place)} must be a table of keys; got {got}.")
+            function = self._function([*makes, *(methods or ())], table, place)
+            if methods and function in methods:
+                function, given["self"] = methods[function]
+            known = {n: p for n, p in parameters(function).items() if n not in withheld}
+        except MissingDependencyError as error:
+            self.note(place, f"{label(place)} cannot be used here: {error}")
+            return None
+        except Mistake:
+            return None
+        arguments, whole = self._values(known, table, place, function)
+        arguments = {**given, **arguments}
+        if not whole or None in arguments.values():
+            return None
+        made = Call(resolved(function), arguments, place)
+        return self._tried(made) if only_checks(function) else made
+
+    def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
+        """The callable that `kind` chooses."""
+        chosen = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
+        if chosen is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
+            chosen = kinds[0]  # the class itself, where the others are its constructors
+        if chosen is None:
+            self._wrong(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
+        if not isinstance(chosen, str) or chosen not in kinds:
+            what = f"{label(place)} has no {KIND} {checks.shown(chosen)}{meant(chosen, kinds)}"
+            self._wrong((*place, KIND), f"{what} It may be {listed(kinds)}.")
+        return chosen
+
+    def _values(
+        self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
+    ) -> tuple[dict[str, object], bool]:
+        """The sound values of a table, and whether all are sound and there."""
+        found, whole = {}, True
+        for key, value in table.items():
+            if key == KIND and key not in known:
+                continue
+            try:
+                if key not in known:
+                    self._no_key(place, key, known, function)
+                found[key] = self.value(known[key], value, (*place, key))
+            except Mistake:
+                whole = False
+        missing = [one for one in known.values() if one.needed and one.name not in table]
+        named = {nearest(key, known) for key in table if missing and key not in known}
+        for one in missing:
+            if one.name not in named:  # a key that does not exist means it
+                what = f"{one.name!r}, {words(one.kinds)}{_about(one.about)}"
+                self.note(place, f"{label(place)} lacks {what}.")
+        return found, whole and not missing
+
+    def _no_key(
+        self, place: Place, key: str, known: Mapping[str, Parameter], function: str
+    ) -> NoReturn:
+        """Note a key that does not exist, with the nearest that does and what that holds."""
+        at = (*place, key)
+        if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
+            self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
+        close = nearest(key, known)
+        about = f": {known[close].about}" if close and known[close].about else ""
+        hint = f"; did you mean {close!r} ({words(known[close].kinds)}{about})?" if close else "."
+        there = f"It takes {listed(known)}." if known else "It takes no keys."
+        self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
+
+    def _tried(self, call: Call) -> Call | None:
+        """The call with its object; None after noting what its constructor refuses."""
+        if any(each.made is None for each in calls_in(call.arguments)):
+            return call  # it waits for a file that the run reads
+        messages: list[str] = []
+        try:
+            with warnings_to(messages.append):
+                made = call.make(**replaced(dict(call.arguments)))
+                if isinstance(made, plausible.Material):
+                    plausible.warn_each([plausible.of_material(made)])
+        except Exception as error:
+            self.note(*call.refused(error))
+            return None
+        self.warnings += [one for one in messages if one not in self.warnings]
+        return replace(call, made=made)
+
+    # -- values
+
+    def value(self, parameter: Parameter, value: object, place: Place) -> object:
+        """A value as an argument; raises Mistake after noting what is wrong."""
+        converted = self._converted(parameter.kinds, value, place, parameter.about)
+        if parameter.check is not None and not any(calls_in(converted)):
+            try:
+                parameter.check(parameter.name, converted)
+            except InputError as error:
+                self._wrong(place, f"{label(place)}: {error}")
+        return converted
+
+    def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> object:
+        fitting = [kind for kind in kinds if kind.fits(value)]
+        for kind in [kind for kind in fitting if kind.first_entry_fits(value)] or fitting:
+            return self._of_kind(kind, value, place, about)
+        hint = "."
+        if isinstance(value, str):
+            choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
+            if any(k.name in ("number", "whole") for k in kinds) and _WITH_UNIT.fullmatch(value):
+                hint = "; write the number alone: all numbers are in SI units, lengths in m."
+            hint = meant(value, choices) if choices else hint
+        if isinstance(value, list) and any(kind.each for kind in kinds):
+            hint = f"; the list has {len(value)} entries."
+        got = str(value).lower() if isinstance(value, bool) else checks.shown(value)
+        got = "a table" if isinstance(value, dict) else got
+        what = f"{label(place)} must be {words(kinds)}{_about(about)}"
+        self._wrong(place, f"{what}; got {got}{hint}")
+
+    def _of_kind(self, kind: Kind, value: Any, place: Place, about: str) -> object:
+        if isinstance(value, list) and len(value) > LONGEST_LIST:
+            self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
+        if kind.name == "path":
+            return self._path(value, place)
+        if isinstance(value, list):
+            items = (kind,) if kind.name == "data" else kind.items
+            pairs = enumerate(zip(kind.each or (items,) * len(value), value, strict=True))
+            return tuple(self._converted(k, v, (*place, i), about) for i, (k, v) in pairs)
+        if kind.name == "table":
+            nodes = kind.kind is int
+            for key in value if nodes else ():
+                if not re.fullmatch(r"\d{1,15}", key):
+                    sentence = f"{label(place)} has node numbers as keys; got {key!r}."
+                    self._wrong((*place, key), sentence)
+            return {
+                int(key) if nodes else key: self._converted(kind.items, one, (*place, key), about)
+                for key, one in value.items()
+            }
+        if kind.name == "object":
+            made = self.call(constructors_of(kind.kind), value, place)
+            if made is None:
+                raise Mistake
+            return made
+        if kind.name == "number":
+            try:
+                return float(value)
+            except OverflowError:
+                self._wrong(place, f"{label(place)} is larger than any number that can be stored.")
+        return value
+
+    def _path(self, value: str, place: Place) -> str:
+        """A file that the scene names; it must be there."""
+        what = "which does not exist"
+        try:
+            path = Path(os.path.normpath(self.document.path.parent / checks.path("it", value)))
+            if path.is_file():
+                return str(path)
+            if path.exists():
+                what = "which is no regular file"
+            elif path.parent.is_dir():
+                siblings = [each.name for each in islice(path.parent.iterdir(), 1000)]
+                close = nearest(path.name, siblings, 0.7)
+                what += f" (there is {close!r} in that folder)" if close else ""
+        except (OSError, ValueError):  # a name that no system takes
+            pass
+        named = f"{label(place)} names the file {checks.shown(value)}, {what}"
+        self._wrong(place, f"{named}; paths begin at the folder of the scene file.")
+
+    def names(self, what: str, name: str, known: Iterable[str], place: Place) -> bool:
+        """Note a name that refers to nothing; whether it does exist."""
+        known = list(known)
+        if name not in known:
+            self.note(place, unknown(f"{label(place)}: the {what}", name, known))
+        return name in known
+
+    def _wrong(self, place: Place, sentence: str) -> NoReturn:
+        self.note(place, sentence)
+        raise Mistake
+
+
+def _about(text: str) -> str:
+    return f" ({text})" if text else ""

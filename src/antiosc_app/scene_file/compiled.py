@@ -1,0 +1,126 @@
+"""From a document to the objects that it describes, or to all its mistakes."""
+
+from __future__ import annotations
+
+from itertools import product
+
+from antiosc_app.scene_file import run
+from antiosc_app.scene_file.build import Builder, Call
+from antiosc_app.scene_file.document import Document
+from antiosc_app.scene_file.scene import (
+    MESHED,
+    Compiled,
+    model,
+    pair,
+    requested,
+    search,
+    several,
+    single,
+    source,
+    structure,
+    worst_by_strengths,
+)
+from antiosc_app.scene_file.schema import SECTIONS, SOURCES, headed
+
+_MANY = "contacts bodies run"
+_ONE = "simulate strike"
+_SEVERAL = f"{_MANY} loads base motion scene"
+_REDUCED = "sites extract probes sweep map stress"
+_KEEP = "keep one of the two"
+#: Sections, and others of which each of them needs one.
+NEEDS = (
+    ("joints at points assembly", "parts"),
+    ("from_frf", "frf"),
+    ("sites", f"{MESHED} matrices"),
+    ("scene loads base motion", _MANY),
+    ("accelerometers worst", "drop"),
+    ("drop", f"{MESHED} matrices frf"),
+    ("sensors", "find"),
+    ("find map stress", MESHED),
+    ("find", "sensors"),
+    ("probes", f"{MESHED} matrices"),
+    ("probes stress", f"{_ONE} run"),
+    *(("sweep monte_carlo", other) for other in ("impactor", "simulate")),
+)
+#: Sections, others beside which they have no place, and what to do.
+EXCLUDES = (
+    ("material structure", "parts", "give each part its own"),
+    ("material structure", "deck matrices model frf", "leave it out"),
+    ("supports attached", "matrices", 'fix nodes by supports = {12 = "all"} there'),
+    ("supports attached", "model frf", "leave it out"),
+    ("prestress", "deck matrices model frf", "give the part a [geometry], or [parts]"),
+    ("prestress", "strike drop", "leave it out"),
+    ("supports", "drop", "a part that is dropped is free: leave it out"),
+    ("simulate extract", "strike", _KEEP),
+    (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),
+    (f"{_ONE} {_SEVERAL} {_REDUCED} drop", "find", _KEEP),
+)
+
+
+def _check_together(build: Builder) -> None:
+    """Note sections that contradict each other, or lack what they need."""
+    there = {name for name, value in build.data.items() if value or name != "sensors"}
+    for names, others in NEEDS:
+        for name in names.split():
+            if name in build.data and not there & set(others.split()):
+                build.note((name,), f"{headed(name)} needs {_one_of(others)}.")
+    for names, others, remedy in EXCLUDES:
+        for name, other in product(names.split(), others.split()):
+            if name in build.data and other in there:
+                what = f"{headed(name)} has no place beside {_one_of(other)}"
+                build.note((name,), f"{what}; {remedy}.")
+    sources = [name for name in SOURCES if name in there]
+    if len(sources) > 1:
+        both = f"[{sources[0]}] and [{sources[1]}]"
+        build.note((sources[1],), f"{both} both say what is struck; {_KEEP}.")
+    if not sources and not build.data.get("bodies"):
+        names = ", ".join(f"[{name}]" for name in SOURCES)
+        build.note((), f"the scene does not say what is struck: give one of {names}.")
+    alone = [n for n in ("impactor", "contact", *_ONE.split()) if n in there]
+    many = [n for n in _MANY.split() if n in there]
+    if alone and many:
+        sentence = f"[{alone[0]}] describes one impact and [{many[0]}] a scene of several contacts"
+        build.note((many[0],), f"{sentence}; {_KEEP}.")
+    if "ensemble" in build.part("drop"):
+        for name in there.intersection(("accelerometers", "worst")):
+            build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
+
+
+def _one_of(names: str) -> str:
+    """A section with what it is, or several that may be chosen from."""
+    first, *rest = names.split()
+    if rest:
+        return f"one of {', '.join(map(headed, names.split()))}"
+    return f"{headed(first)}, {SECTIONS[first].about}"
+
+
+def compiled(document: Document) -> Compiled:
+    """The objects of a document; SceneFileError with all its mistakes."""
+    build = Builder(document)
+    build.known_sections(build.data, SECTIONS)
+    _check_together(build)
+    found = Compiled(document=document, warnings=build.warnings)
+    found.structure = structure(build)
+    found.model = model(build, found.structure)
+    if "find" in build.data:
+        search(build, found)
+    elif set(_MANY.split()) & set(build.data):
+        several(build, found)
+    elif {"impactor", "contact", *_ONE.split()} & set(build.data):
+        found.impactor, found.contact = pair(build)
+        single(build, found)
+    requested(build, found)
+    if "drop" in build.data:
+        found.fall = build.table("drop", given={"part": found.structure})
+        given = {"self": found.fall}
+        found.peaks = build.named("accelerometers", given | {"quantity": "acceleration"})
+        found.worst = build.table("worst", given=given)
+        meshed = source(build) in MESHED.split() and "ensemble" not in build.part("drop")
+        if "worst" not in build.data and meshed:
+            found.worst = Call(worst_by_strengths, given)
+    found.batch = run.sweep(build, found)
+    found.map = run.surface(build, found)
+    found.sample = run.monte_carlo(build, found)
+    found.output = build.table("output")
+    document.problems.raise_if_any()
+    return found

@@ -1,0 +1,241 @@
+"""The outline of the files that a scene names: their boxes and groups, and what lies outside them.
+
+Finished meshes and decks are read for it (by the reader that a run takes), geometries are opened;
+nothing is meshed or assembled.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import floor, log10
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import antiosc
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import (
+    AntioscError,
+    InputError,
+    MissingDependencyError,
+    finite_element_packages,
+    without_warnings,
+)
+from antiosc.fem.site import SNAP_SHARE
+from antiosc_app.scene_file.build import Call, calls_in
+from antiosc_app.scene_file.document import Place, label, unknown
+from antiosc_app.scene_file.scene import Compiled
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure import Placement
+
+#: Largest file that is read for its groups, bytes.
+LARGEST = 50_000_000
+#: Endings of files that have to be meshed first.
+GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
+#: Sections of points, and keys that hold a point or names of groups.
+POINTS, KEYS = ("sites", "probes", "accelerometers", "sensors"), ("point", "at", "where")
+#: Names of groups that are listed, and digits of a box.
+MOST_NAMES, DIGITS = 12, 4
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is known of a file without meshing it.
+
+    Attributes
+    ----------
+    name : of the file.
+    groups : their names.
+    low, high : (3,) corners of the box around it [m].
+    element : size of its largest cell [m]; of a geometry that of the scene, or 0.
+    """
+
+    name: str
+    groups: list[str]
+    low: Array
+    high: Array
+    element: float
+
+    def text(self) -> str:
+        """The box and the groups in words."""
+        groups = ", ".join(self.groups[:MOST_NAMES]) or "none"
+        more = len(self.groups) - MOST_NAMES
+        return (
+            f"from {checks.point_text(self.low)} to {checks.point_text(self.high)};"
+            f" groups: {groups}" + (f" and {more} more" if more > 0 else "")
+        )
+
+    def distance(self, point: Array) -> float:
+        """Distance of a point (3,) from the box [m]; 0 within what a snap may bridge."""
+        off = float(np.linalg.norm(point - np.clip(point, self.low, self.high)))
+        size = float(np.linalg.norm(self.high - self.low))
+        return off if off > max(SNAP_SHARE * size, self.element) else 0.0
+
+    def placed(self, at: Placement) -> Outline:
+        """The box around its box after a `Placement`."""
+        corners = np.array(list(itertools.product(*zip(self.low, self.high, strict=True))))
+        x = at.placed(corners)
+        return replace(self, low=x.min(axis=0), high=x.max(axis=0))
+
+
+def check(found: Compiled) -> list[str]:
+    """Note groups that do not exist and points outside the part, and raise; return sentences.
+
+    They describe the box and the groups of each file, or say why it was not read.
+    """
+    problems, sentences = found.document.problems, []
+    known: dict[str, Outline] = {}
+    calls = list(dict.fromkeys(calls_in(list(vars(found).values()))))
+    for part, call in _meshes(found):
+        try:
+            known[part] = one = outline(call)
+        except InputError as error:
+            problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
+            continue
+        except AntioscError as error:
+            sentences.append(f"{_path(call).name} was not looked at: {error}")
+            continue
+        sentences.append(f"{one.name} reaches {one.text()}.")
+        for place, group in _named(calls, part):
+            if group not in one.groups:
+                what = f"{label(place)}: in {one.name} the group"
+                problems.add(place, unknown(what, group, one.groups))
+    if known and len(known) == sum(1 for _ in _meshes(found)):
+        _check_points(found, calls, known)
+    problems.raise_if_any()
+    return sentences
+
+
+def outlines(found: Compiled) -> list[Outline]:
+    """The outlines of all files that can be read."""
+    known = []
+    for _, call in _meshes(found):
+        with contextlib.suppress(AntioscError):
+            known.append(outline(call))
+    return known
+
+
+def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outline]) -> None:
+    """Note sites and probes that lie outside all boxes."""
+    with finite_element_packages():
+        from antiosc.fem.structure import placement
+    at = {} if found.structure is None else found.structure.arguments.get("at", {})
+    boxes = {
+        part: one.placed(placement(part, at[part].made if part in at else None))
+        for part, one in known.items()
+    }
+    for call in calls:
+        key = "at" if "at" in call.arguments else "point"
+        point, snap = call.arguments.get(key), call.arguments.get("snap")
+        if not isinstance(point, tuple) or call.place[:1] not in {(one,) for one in POINTS}:
+            continue
+        x, part = np.resize([*point, 0.0], 3), call.arguments.get("part")
+        own = [boxes[part]] if part in boxes else list(boxes.values())
+        nearest = min(own, key=lambda one: one.distance(x))
+        off, place = nearest.distance(x), (*call.place, key)
+        if off and (isinstance(snap, bool) or snap is None or off > snap):
+            box = f"{checks.point_text(nearest.low)} to {checks.point_text(nearest.high)}"
+            sentence = f"{label(place)}: the point {checks.point_text(x)} lies {off:.3g} m outside"
+            sentence += f" the box of {nearest.name}, from {box}: coordinates are in metres."
+            found.document.problems.add(place, sentence)
+
+
+def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
+    """("" or name of a part, the call of read_mesh or read_model)."""
+    source = found.structure
+    if source is None and found.history is not None and found.striking:
+        source = found.history.arguments["source"]
+        if isinstance(source, str):
+            source = Call(antiosc.read_mesh, {"source": source}, ("geometry",))
+    for call in calls_in(source):
+        if call.name in ("read_mesh", "read_model"):
+            yield (str(call.place[1]) if call.place[0] == "parts" else "", call)
+
+
+def check_size(path: Path) -> None:
+    """AntioscError for a file that is too large to be read for its outline."""
+    if path.stat().st_size > LARGEST:
+        raise AntioscError(f"the file is larger than {LARGEST / 1e6:g} MB.")
+
+
+def _path(call: Call) -> Path:
+    """The file that a call of read_mesh or read_model reads."""
+    return Path(str(call.arguments["path" if call.name == "read_model" else "source"]))
+
+
+def outline(call: Call) -> Outline:
+    """The outline of what a call of read_mesh or read_model reads.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read.
+    AntioscError
+        A file that is not read for this: too large, or a package for it is missing.
+    """
+    path = _path(call)
+    check_size(path)
+    with without_warnings():  # a run warns of what it does not take
+        try:
+            groups, pieces = _read(call, path)
+        except (MissingDependencyError, InputError):
+            raise
+        except AntioscError as error:
+            raise InputError(str(error)) from None
+    x = np.vstack([points for points, _ in pieces])
+    box = np.pad([x.min(axis=0), x.max(axis=0)], ((0, 0), (0, 3 - x.shape[1])))
+    longest = float(np.ptp(box, axis=0).max())
+    digits = DIGITS - floor(log10(longest)) if longest else DIGITS
+    low, high = np.round(box, digits) + 0.0  # gmsh's boxes are wider by 1e-7
+    return Outline(path.name, groups, low, high, max(size for _, size in pieces))
+
+
+def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]:
+    """(names of groups, [(points [m], size of the largest cell [m])]) of a file."""
+    with finite_element_packages():
+        from antiosc.fem.assembly.from_deck import outline_of_deck
+        from antiosc.io.neutral import UnitSystem
+        from antiosc.io.reading import outline as opened
+    if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
+        unit = call.arguments.get("unit")
+        keys = ("solid", "fragments", "piece")
+        options = {key: call.arguments[key] for key in keys if key in call.arguments}
+        found = opened(path, None if unit is None else UnitSystem.of(unit), **options)
+        return list(found.groups), [(found.points, call.arguments.get("size") or 0.0)]
+    if call.name == "read_model":
+        names, raws = outline_of_deck(**call.arguments)
+        return names, [(raw.points, _largest(raw.points[raw.cells])) for raw in raws]
+
+    mesh = call.make(**call.arguments)
+    return list(mesh.groups), [(mesh.dolfinx.geometry.x, _largest(mesh.geometry.nodes))]
+
+
+def _largest(cells: Array) -> float:
+    """Largest diagonal [m] of the boxes around cells (n, nodes, d)."""
+    return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
+
+
+def _named(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
+    """Places of a scene that name a group of its mesh, or of that of a part, and the group."""
+    for call in calls:
+        own = not part or call.place[:2] == ("parts", part)
+        material = call.arguments.get("material")
+        if own and isinstance(material, dict):
+            start = call.place[:2] if part else ()
+            yield from (((*start, "material", group), group) for group in material)
+        joined = ("a", "b", "group") if call.place[:1] == ("joints",) else ()
+        for key in (*KEYS, "face", *joined):
+            value = call.arguments.get(key)
+            for text in value if isinstance(value, tuple) else [value]:
+                if not isinstance(text, str) or (key == "face" and text[:1] in "+-"):
+                    continue
+                if own:
+                    yield (*call.place, key), text
+                elif text.startswith(f"{part}:"):
+                    yield (*call.place, key), text.removeprefix(f"{part}:")

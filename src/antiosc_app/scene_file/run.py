@@ -1,0 +1,352 @@
+"""Running a scene: its objects one by one, the same on all ranks, with their messages."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import antiosc
+from antiosc.base import progress
+from antiosc.base.errors import AntioscError, warn, warnings_to
+from antiosc_app.scene_file.build import Builder, Call, Evaluation
+from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
+from antiosc_app.scene_file.scene import Compiled, Objects, model, pair, source, structure
+from antiosc_app.scene_file.schema import (
+    DATA,
+    DISTRIBUTIONS,
+    DRAWN,
+    KIND,
+    MODELS,
+    POINT,
+    SECTIONS,
+    STRUCTURAL,
+    VARIED,
+    parameters,
+)
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+T = TypeVar("T")
+
+
+@dataclass(kw_only=True)
+class Results(Objects[Any]):
+    """What a scene has made, and the title of a report; no scene: a program made it."""
+
+    compiled: Any = None
+    title: str = ""
+
+
+def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
+    """Make objects of a scene; SceneFileError with the line where one of them fails."""
+    evaluate = Evaluation(compiled.document)
+    title = str(compiled.document.data.get("title") or compiled.document.path.stem)
+    found = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
+    with collected_warnings(found.warnings):
+        for name in wanted:
+            setattr(found, name, evaluate(getattr(compiled, name)))
+        hit = found.history
+        if hit and (compiled.striking or (compiled.scene is None and hit.assembly.stretched)):
+            found.model = hit.model
+        if compiled.striking and hit:
+            found.structure = found.structure or hit.structure
+    return found
+
+
+@contextlib.contextmanager
+def collected_warnings(sentences: list[str]) -> Iterator[None]:
+    """Collect warnings, each once; on an error they are printed first, for they may explain it."""
+
+    def keep(message: str) -> None:
+        text = " ".join(message.split())
+        if text not in sentences:
+            sentences.append(text)
+
+    try:
+        with warnings_to(keep):
+            yield
+    except AntioscError:
+        for sentence in sentences:
+            progress.say(f"warning: {sentence}", sys.stderr)
+        raise
+
+
+# -- ranks
+
+
+def communicator() -> MPI.Comm | None:
+    """MPI's ranks where mpi4py has been loaded; otherwise None: one process."""
+    loaded = sys.modules.get("mpi4py.MPI")
+    return getattr(loaded, "COMM_WORLD", None)
+
+
+def on_first(work: Callable[[], T]) -> T:
+    """What `work` returns on the first rank, on every rank; its error is raised on all of them.
+
+    For files: a rank that goes on alone after an error of another would wait for it for ever.
+    """
+    comm = communicator()
+    if comm is None or comm.size == 1:
+        return work()
+    from antiosc.fem.platform import on_root
+
+    return on_root(comm, work)  # type: ignore[no-any-return]
+
+
+#: Most impacts of a sweep, and most structures.
+MOST_IMPACTS, MOST_MODELS = 100_000, 1000
+#: What the other sections give to a batch.
+_GIVEN = ("models", "impactors", "contacts")
+
+# -- a scene with other values in it
+
+
+def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
+    """(place, value) of each value in nested tables; a table with a `kind` counts as a value."""
+    for key, value in table.items():
+        if isinstance(value, dict) and KIND not in value:
+            yield from leaves(value, (*place, key))
+        else:
+            yield (*place, key), value
+
+
+def variant(
+    build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
+) -> Builder:
+    """The scene with these values; its mistakes are noted in `main` at `origins` in the file."""
+    data = dict(build.data)
+    for place, value in values.items():
+        table = data
+        for key in map(str, place[:-1]):
+            own = table.get(key)
+            table[key] = dict(own) if isinstance(own, dict) else {}
+            table = table[key]
+        table[str(place[-1])] = value
+    return Builder(replace(build.document, data=data, problems=replace(main, origins=origins)))
+
+
+# -- [sweep]
+
+
+def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
+    """The lists of [sweep] by their places in the scene."""
+    data = build.data if isinstance(build, Builder) else build.document.data
+    table = data.get("sweep")
+    return dict(leaves(table)) if isinstance(table, dict) else {}
+
+
+def sweep(build: Builder, found: Compiled) -> Call | None:
+    """The batch; None without [sweep], or after a mistake in it."""
+    lists, known = varied(build), _known(build)
+    if "sweep" in build.data and not lists:
+        sentence = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
+        build.note(("sweep",), sentence)
+    whole: list[list[object]] = []
+    for place, values in lists.items():
+        most = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
+        at = ("sweep", *place)
+        if place[0] not in known or len(place) < 2:
+            sentence = f"[sweep] has lists of {listed(known)}, as impactor.velocity = [1.0, 2.0]"
+            build.note(at, f"{sentence}; got {label(place)}.")
+        elif not isinstance(values, list) or not 0 < len(values) <= most:
+            build.note(at, f"{label(at)} must be a list of 1 to {most} values.")
+        elif place[0] == "simulate" and place[1] not in _of_batch():
+            sentence = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
+            build.note(at, f"{sentence}; got {place[1]!r}.")
+        else:
+            whole.append(values)
+    if len(whole) < len(lists):
+        return None
+    sizes = {label(place): len(values) for place, values in lists.items()}
+    if len(set(sizes.values())) > 1:
+        text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
+        build.note(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
+        return None
+    if not lists or None in (found.model, found.impactor, found.contact, found.history):
+        return None
+    return _batch(build, found, lists, next(iter(sizes.values())))
+
+
+def _known(build: Builder) -> list[str]:
+    """The sections that a sweep of this scene may vary."""
+    reduced = source(build) not in MODELS
+    own = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
+    return [*VARIED, *own]
+
+
+def _of_batch() -> list[str]:
+    """The keys of [simulate] of which a batch takes lists."""
+    batch, one = parameters("simulate_many"), parameters("simulate")
+    return [name for name in batch if name in one and DATA in batch[name].kinds]
+
+
+def _batch(
+    build: Builder, found: Compiled, lists: Mapping[Place, list[object]], count: int
+) -> Call | None:
+    """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
+    table = build.part("simulate")
+    swept = {place[0] for place in lists}
+    rows: list[tuple[Call | None, ...]] = []
+    times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
+    for i in range(count):
+        values = {place: each[i] for place, each in lists.items()}
+        origins = {place: ("sweep", *place, i) for place in lists}
+        other = variant(build, values, origins, build.document.problems)
+        # only what the values change is made anew
+        same = (found.impactor, found.contact)
+        part = found.model if swept <= {*VARIED} else _model(other)
+        rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
+        if times:
+            named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
+            hit = other.table("simulate", given=dict(named))
+            for name, each in times.items():
+                each.append(None if hit is None else hit.arguments[name])
+        build.warnings += [
+            sentence for sentence in other.warnings if sentence not in build.warnings
+        ]
+    if None in chain(*rows, *times.values()):
+        return None
+    given = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
+    rest = {name: value for name, value in table.items() if name not in times}
+    return build.call(("simulate_many",), rest, ("simulate",), given)
+
+
+def _model(build: Builder) -> Call | None:
+    """A call that makes the model of a variant without shapes, and keeps nothing else of it."""
+    made = model(build, structure(build))
+
+    def alone() -> object:
+        return replace(Evaluation(build.document)(made), shapes=None, hidden=None)
+
+    return None if made is None else Call(alone, {})
+
+
+# -- [monte_carlo]
+
+
+def monte_carlo(build: Builder, found: Compiled) -> Call | None:
+    """The study of [monte_carlo]; None without it, or after a mistake in it."""
+    table = build.data.get("monte_carlo")
+    if not isinstance(table, dict):
+        return None
+    drawn = {name: value for name, value in table.items() if isinstance(value, dict)}
+    rest = {name: value for name, value in table.items() if name not in drawn}
+    point = _surface(build, found.structure, drawn.pop(POINT)) if POINT in drawn else None
+    inputs = _inputs(build, drawn)
+    if not inputs and POINT not in table:
+        like = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
+        build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {like}.")
+    shared = {place: law for place, law in inputs.items() if place[0] not in VARIED}
+    models = point if POINT in table else found.model
+    if shared and POINT in table:
+        build.note(("monte_carlo",), "[monte_carlo] draws points, or values of the structure.")
+    elif shared:
+        models = _nearby(build, found, shared)
+    if models is None or found.history is None or None in inputs.values():
+        return None
+    names = {label(place): place for place in inputs}
+    run = partial(_run, build, names, found.history.arguments["duration"])
+    laws = {label(place): law for place, law in inputs.items()}
+    laws |= {POINT: point} if POINT in table else {}
+    given = {"run": Call(run, {"models": models}), "inputs": laws}
+    return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), given)
+
+
+def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
+    """The distribution of each value, by its place in the scene."""
+    found: dict[Place, Call | None] = {}
+    for place, value in leaves(drawn):
+        at: Place = ("monte_carlo", *place)
+        if place[0] not in DRAWN or place[0] not in build.data or len(place) < 2:
+            there = listed([n for n in DRAWN if n in build.data])
+            sentence = f"[monte_carlo] draws values of {there}, or a point; got {label(place)}."
+            build.note(at, sentence)
+            continue
+        law = found[place] = build.call(DISTRIBUTIONS.split(), value, at)
+        if law is not None:  # a scene with the median has to be sound
+            middle = {place: float(law.made.median())}
+            other = variant(build, middle, {place: at}, build.document.problems)
+            pair(other) if place[0] in VARIED else structure(other)
+    return found
+
+
+def _surface(build: Builder, structure: Call | None, table: object) -> Call | None:
+    """The map of the points that are drawn."""
+    if structure is None or source(build) not in ("geometry", "deck", "parts"):
+        build.note(("monte_carlo", POINT), "points are drawn on a structure with a mesh.")
+        return None
+    withheld = {"structure": structure}
+    return build.call(("impact_map",), table, ("monte_carlo", POINT), withheld)
+
+
+def _nearby(build: Builder, found: Compiled, inputs: Mapping[Place, Call | None]) -> Call | None:
+    """The models of structures with other values."""
+    sites = build.named("sites")
+    if found.structure is None or len(sites) != 1:
+        build.note(("monte_carlo",), "values of the structure are drawn where there is one site.")
+        return None
+    names = {label(place): place for place in inputs}
+
+    def made(**values: float) -> object:
+        other = _drawn(build, {names[name]: value for name, value in values.items()})
+        call = structure(other)
+        other.document.problems.raise_if_any()
+        return Evaluation(other.document)(call)
+
+    given = {"build": made, "site": next(iter(sites.values()))}
+    given["ranges"] = {label(place): law for place, law in inputs.items()}
+    if "n" in build.part("extract"):
+        given["n"] = build.part("extract")["n"]
+    return Call(antiosc.nearby, given, ("monte_carlo",))
+
+
+def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
+    """The scene with values that were drawn, and with mistakes of its own."""
+    known = build.document.problems
+    origins = {place: ("monte_carlo", *place) for place in values}
+    return variant(build, values, origins, Problems(known.name, known.text))
+
+
+def _run(
+    build: Builder, places: Mapping[str, Place], duration: float, models: Any
+) -> Callable[..., tuple[object, ...]]:
+    """The function of the inputs, as impactor.velocity, that `monte_carlo` calls."""
+    shared = [name for name, place in places.items() if place[0] not in VARIED]
+
+    def run(**values: Any) -> tuple[object, ...]:
+        own = {place: values[name] for name, place in places.items() if name not in shared}
+        other = _drawn(build, own)
+        both = pair(other)
+        other.document.problems.raise_if_any()
+        for sentence in other.warnings:
+            warn(sentence)
+        made = (None if one is None else one.made for one in both)
+        model = models(**{n: values[n] for n in shared}) if shared else values.get(POINT, models)
+        return (model, *made, duration)
+
+    return run
+
+
+# -- [map]
+
+
+def surface(build: Builder, found: Compiled) -> Call | None:
+    """The map of [map]."""
+    given: dict[str, object] = {"structure": found.structure}
+    table = dict(build.part("map"))
+    if table.get("where") == []:
+        build.note(("map", "where"), "map.where: a map needs at least one point or group.")
+    if "map" in build.data and {"impactor", "contact"} & set(build.data):
+        given |= {"impactor": found.impactor, "contact": found.contact}
+        if "duration" in build.part("simulate"):
+            table.setdefault("duration", build.part("simulate")["duration"])
+        if "duration" not in table:
+            build.note(("map",), "[map] lacks 'duration', of each impact in s.")
+    return build.table("map", {"map": table} if "map" in build.data else {}, given=given)

@@ -1,0 +1,505 @@
+"""A scene file as objects: which sections make which, and how they refer to each other.
+
+geometry | deck | matrices | parts → structure → sites → model → impactor, contact → history
+                                                         bodies, contacts → scene → history
+
+A scene file is an impact described in TOML, one to one the Python objects: document → schema →
+build → scene → run. The tables of a file become calls to antiosc, which are checked or made. Which
+keys a section takes is read from the signatures of the objects that it makes, so that a new
+parameter is taken by itself. A scene file holds data only: nothing in it is executed, imported or
+evaluated.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
+
+import antiosc
+from antiosc.base._types import Array
+from antiosc.base.errors import finite_element_packages
+from antiosc.contact.base import ContactLaw
+from antiosc.simulation.auto_contact import AUTO
+from antiosc.simulation.histories import History
+from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
+from antiosc_app.scene_file.document import Document, Place, Table, label
+from antiosc_app.scene_file.schema import (
+    KIND,
+    LAWS,
+    MODELS,
+    SECTIONS,
+    SOURCES,
+    parameters,
+    resolved,
+)
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.models.anti_oscillators import AntiOscillators
+    from antiosc.results.peaks import PeakField
+    from antiosc_studies.drops.fall import Fall, WorstField
+
+T = TypeVar("T")
+#: Number of even times over a run at which probes are evaluated, besides those of the run.
+PROBE_TIMES = 1001
+#: Of a section that is missing.
+MISSING: Any = None
+
+
+@dataclass(kw_only=True)
+class Objects(Generic[T]):
+    """What the sections of a scene make, as calls or as objects; None where a section is missing.
+
+    Attributes
+    ----------
+    structure, model : what is struck; None where [strike] makes them.
+    impactor, contact : of one impact; `scene` of several contacts.
+    history : of the simulation.
+    probes : name -> displacements and others, of the structure and the history.
+    stresses : {quantity: its largest values over the run}.
+    batch, map, sample : of [sweep], [map] and [monte_carlo].
+    fall : of [drop]; `peaks` by name, and `worst`, of the fall.
+    found : of [find].
+    warnings : sentences of warnings, each once.
+    """
+
+    structure: T = MISSING
+    model: T = MISSING
+    impactor: T = MISSING
+    contact: T = MISSING
+    scene: T = MISSING
+    history: T = MISSING
+    probes: Mapping[str, T] = field(default_factory=dict)
+    stresses: T = MISSING
+    batch: T = MISSING
+    map: T = MISSING
+    sample: T = MISSING
+    fall: T = MISSING
+    peaks: Mapping[str, T] = field(default_factory=dict)
+    worst: T = MISSING
+    found: T = MISSING
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(kw_only=True)
+class Compiled(Objects[Call | None]):
+    """The sections of a document as calls, and the files that are written."""
+
+    document: Document
+    output: Call | None = None
+
+    @property
+    def simulation(self) -> Call | None:
+        """What `antiosc run` computes."""
+        return self.history or self.fall or self.found
+
+    @property
+    def striking(self) -> bool:
+        """Whether the impact is one of [strike], which chooses mesh and model."""
+        return self.history is not None and self.history.name == "strike"
+
+    def does(self) -> list[str]:
+        """The commands that this scene is for."""
+        there = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
+        return [f"antiosc {name}" for name in there]
+
+
+class Study(NamedTuple):
+    """A command that computes.
+
+    Attributes
+    ----------
+    result : the object of the scene that it is for.
+    lacking : what a scene without it has.
+    makes : the objects that it makes, in their order.
+    """
+
+    result: str
+    lacking: str
+    makes: tuple[str, ...]
+
+
+#: What has a mesh.
+MESHED = "geometry deck parts"
+
+STUDIES = {
+    "run": Study(
+        "simulation",
+        "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
+        " [find]",
+        ("structure", "model", "impactor", "contact", "history", "probes", "stresses", "fall",
+         "peaks", "worst", "found"),
+    ),
+    "sweep": Study(
+        "batch",
+        "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
+        ("structure", "model", "impactor", "batch"),
+    ),
+    "map": Study(
+        "map",
+        "no [map]; with that line alone all of the surface is struck",
+        ("structure", "impactor", "contact", "map"),
+    ),
+    "monte-carlo": Study(
+        "sample",
+        "no [monte_carlo]; one is, for instance, [monte_carlo] with"
+        ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
+        ("structure", "impactor", "sample"),
+    ),
+}  # fmt: skip
+
+
+# -- the objects
+
+
+def source(build: Builder) -> str:
+    """The section that says what is struck; "" for rigid bodies alone."""
+    return next((name for name in SOURCES if name in build.data), "")
+
+
+def structure(build: Builder) -> Call | None:
+    """The structure; None for a saved model, for rigid bodies, and for a mesh that is refined."""
+    name = source(build)
+    if name == "parts":
+        return _assembly(build)
+    if name == "matrices":
+        return build.table("matrices")
+    if name == "deck" or (name == "geometry" and not refined(build)):
+        return _part(build, build.data, ())
+    return None
+
+
+def refined(build: Builder) -> bool:
+    """Whether the mesh is chosen by [strike]: not where the structure has more than a mesh."""
+    mesh = {"geometry", "strike"} <= set(build.data)
+    return mesh and not {"attached", "structure", "prestress"} & set(build.data)
+
+
+def _part(build: Builder, data: Table, place: Place) -> Call | None:
+    """The structure of a deck, or of a mesh, in a scene or in a part of it."""
+    supported = _supported(build, data, place)
+    if "deck" in data:
+        return build.table("deck", data, place, given=supported)
+    given = {"mesh": build.table("geometry", data, place), **supported}
+    given["material"] = _material(build, data, place)
+    at = "structure" if "structure" in data else "material"  # the section that is there
+    if not place and "prestress" in data:
+        given["prestress"] = build.table("prestress")
+    options = build.part("structure", dict, data)
+    return build.call(SECTIONS["structure"], options, (*place, at), given)
+
+
+def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
+    """The arguments `supports` and `attached`, where there are any."""
+    given = {name: build.listed(name, data, place) for name in ("supports", "attached")}
+    return {name: value for name, value in given.items() if value}
+
+
+def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
+    """One material, or a table of them by groups of cells."""
+    table, at = data.get("material"), (*place, "material")
+    section = SECTIONS["material"]
+    if not isinstance(table, dict):
+        sentence = f"there is no [{label(at)}]; it takes kind and the constants"
+        build.note(
+            place,
+            f'{sentence}, as in `[{label(at)}]` `kind = "Solid"`, '
+            f'or a name, as `{label(at)} = "steel S235"`.',
+        )
+        return None
+    if table and all(isinstance(each, dict) for each in table.values()):
+        made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
+        sound = {group: call for group, call in made.items() if call is not None}
+        return sound if len(sound) == len(made) else None
+    return build.call(section, table, at)
+
+
+def _assembly(build: Builder) -> Call | None:
+    parts: dict[str, Call | None] = {}
+    for name, data in build.part("parts").items():
+        place: Place = ("parts", name)
+        if not isinstance(data, dict):
+            build.note(place, f"{label(place)} must be a table, [parts.{name}].")
+            continue
+        build.known_sections(data, SECTIONS["parts"].inner, place)
+        if "deck" in data or "geometry" in data:
+            parts[name] = _part(build, data, place)
+        else:
+            build.note(place, f"{label(place)} lacks a geometry or a deck.")
+    points: object = {}
+    with contextlib.suppress(Mistake):
+        rule = parameters("assemble")["points"]
+        points = build.value(rule, build.part("points"), ("points",))
+    joints, placed = build.listed("joints"), build.named("at")
+    for call in joints:
+        for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point
+            end = call.arguments.get(key)
+            end = end[0] if isinstance(end, tuple) and end else end
+            if isinstance(end, str) and parts:
+                known = [*parts, *build.part("points")]
+                build.names("part", end.partition(":")[0], known, (*call.place, key))
+    for name in placed:
+        build.names("part", name, parts, ("at", name))
+    more = {"at": placed, "points": points, **_supported(build, build.data, ())}
+    given: dict[str, object] = {"parts": parts if None not in parts.values() else None}
+    given |= {"joints": joints} | {name: value for name, value in more.items() if value}
+    if "prestress" in build.data:
+        given["prestress"] = build.table("prestress")
+    return build.table("assembly", always=True, given=given)
+
+
+def model(build: Builder, structure: Call | None) -> Call | None:
+    """The reduced model, where something needs one."""
+    name, sites = source(build), build.named("sites")
+    if name == "model":
+        return build.table("model")
+    if name == "frf":
+        return build.table("from_frf", always=True, given={"frf": build.table("frf")})
+    needed = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
+    if not name or "strike" in build.data or not (needed or sites):
+        return None
+    if not build.data.get("sites"):
+        build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
+    several = len(build.part("sites")) > 1 or "contacts" in build.data
+    if several and "contacts" not in build.data and "simulate" in build.data:
+        sentence = "[simulate] takes one site, and there are several: give [[contacts]] between"
+        build.note(("sites",), f'{sentence} "structure:SITE" and [bodies.NAME].')
+    site = sites if several else next(iter(sites.values()), None)
+    return build.table("extract", always=True, given={"structure": structure, "site": site})
+
+
+# -- one impact, a blow that is looked for, or several contacts
+
+
+def pair(build: Builder) -> tuple[Call | None, Call | None]:
+    """Impactor and contact, whose law may be one of the impactor's."""
+    impactor = build.table("impactor")
+    methods = own_laws("impactor", build.data.get("impactor"), impactor)
+    return impactor, _law(build, build.data.get("contact"), ("contact",), methods)
+
+
+def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call | None:
+    """The law of a table; "auto" without one, or where its kind says so."""
+    if table is None or table == AUTO or (isinstance(table, dict) and table.get(KIND) == AUTO):
+        if isinstance(table, dict) and len(table) > 1:
+            build.note(place, f"{label(place)} of the kind {AUTO!r} takes no other keys.")
+        return Call(str, {}, place, AUTO)
+    return build.call(SECTIONS["contact"], table, place, methods=methods)
+
+
+def single(build: Builder, found: Compiled) -> None:
+    both: dict[str, object] = {"impactor": found.impactor, "contact": found.contact}
+    if "impactor" not in build.data:
+        build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
+    if "strike" not in build.data:
+        made = build.table("simulate", given={"model": found.model, **both})
+        found.history = _with_second_order(build, found, made)
+        _warn_of_opening(build, found)
+        return
+    sites = list(build.named("sites").values())
+    if len(build.part("sites")) != 1:
+        build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
+        return
+    both["source"] = found.structure
+    if refined(build):  # a file or mesh with material and supports
+        read = build.table("geometry")
+        alone = read is not None and set(read.arguments) == {"source"}
+        both["source"] = read.arguments["source"] if alone and read is not None else read
+        both["material"] = _material(build, build.data, ())
+        both |= _supported(build, build.data, ())
+    found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
+
+
+def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> Call | None:
+    """An impact with second-order forces where they matter, unless [extract] says otherwise."""
+    given_there = "stretch" in build.part("extract")
+    if impact is None or None in (found.structure, found.model) or given_there:
+        return impact
+    make = impact.make
+
+    def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
+        with finite_element_packages():
+            from antiosc.studies.second_order import simulated
+        return simulated(structure, model, functools.partial(_struck_by, make, given))
+
+    given = {"structure": found.structure, "model": found.model, **impact.arguments}
+    return replace(impact, make=run, arguments=given)
+
+
+def _struck_by(
+    run: Callable[..., History], given: dict[str, Any], model: AntiOscillators
+) -> History:
+    """An impact, or a scene of several bodies, on another model of the structure."""
+    scene = given.get("self")
+    if scene is None:
+        return run(model=model, **given)
+    other = replace(scene, bodies={**scene.bodies, STRUCTURE: model})
+    return run(**{**given, "self": other})
+
+
+#: Keys of [simulate] that may close a gap which the impactor opens.
+_CLOSING = {"initial_velocity", "gravity"}
+
+
+def _warn_of_opening(build: Builder, found: Compiled) -> None:
+    """Warn of an impactor that flies away from the structure."""
+    speed = getattr(getattr(found.impactor, "made", None), "velocity", 0.0)
+    if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
+        build.warnings.append(
+            f"impactor.velocity = {speed:g} m/s leads away from the structure, which is not "
+            f"touched: a positive one leads along the direction of the site; give {-speed:g}."
+        )
+
+
+def search(build: Builder, found: Compiled) -> None:
+    sensors = list(build.named("sensors").values())
+    given: dict[str, object] = {"structure": found.structure, "sensors": sensors}
+    both = zip(("impactor", "contact"), pair(build), strict=True)
+    given |= {name: call for name, call in both if name in build.data}
+    found.found = build.table("find", given=given)
+
+
+def own_laws(variable: str, table: object, body: Call | None) -> Methods:
+    """Contact laws that a body makes itself: "impactor.hertz" -> ("Sphere.hertz", the body).
+
+    Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
+    """
+    if body is not None:
+        classes: list[type] = [type(body.made)]
+    else:
+        kind = table.get(KIND) if isinstance(table, dict) else None
+        classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
+        classes = [each for each in classes if each.__name__ == kind] or classes
+    return {
+        f"{variable}.{law}": (f"{each.__name__}.{law}", body)
+        for each in classes
+        for law in _laws_of(each)
+    }
+
+
+@functools.cache
+def _laws_of(body: type) -> list[str]:
+    """The methods of a class that return a contact law."""
+    methods = inspect.getmembers(body, inspect.isfunction)
+    made = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
+    known = (*LAWS.split(), ContactLaw.__name__)
+    return [name for name, law in made.items() if law in known]
+
+
+#: The bodies of a scene by name; None: one that is wrong.
+Bodies: TypeAlias = Mapping[str, Call | None]
+#: The name of the structure among the bodies of a scene.
+STRUCTURE = "structure"
+
+
+def several(build: Builder, found: Compiled) -> None:
+    own = {STRUCTURE: found.model} if source(build) else {}
+    named, tables = build.named("bodies"), build.part("bodies")
+    if STRUCTURE in tables and own:
+        build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
+    methods: dict[str, tuple[str, Call | None]] = {}
+    for name, table in tables.items():
+        methods |= own_laws(name, table, named.get(name))
+    every = {**own, **dict.fromkeys(tables), **named, **own}
+    bodies = {**own, **named}
+    given: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
+    given["contacts"] = _contacts(build, methods, every)
+    for i, table in enumerate(build.part("loads", list)):
+        _check_end(build, every, table, "end", ("loads", i))
+    for name in build.part("motion"):
+        build.names("body", name, every, ("motion", name))
+    more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
+    more |= {"motion": build.named("motion")}
+    given |= {name: one for name, one in more.items() if one}
+    found.scene = build.table("scene", always=True, given=given)
+    if "run" not in build.data and "map" not in build.data:
+        build.note((), "a scene of several contacts needs [run] with its duration.")
+    made = build.table("run", given={"self": found.scene})
+    found.history = _with_second_order(build, found, made) if own else made
+
+
+def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
+    """[[contacts]], whose `law` may be one of a body."""
+    if not build.part("contacts", list):
+        build.note((), "a scene of several bodies needs [[contacts]].")
+    found = []
+    for i, table in enumerate(build.part("contacts", list)):
+        place: Place = ("contacts", i)
+        if not isinstance(table, dict):
+            build.note(place, f"{label(place)} must be a table, [[contacts]].")
+            continue
+        law = _law(build, table.get("law"), (*place, "law"), methods)
+        for key in ("a", "b"):
+            _check_end(build, bodies, table, key, place)
+        rest = {key: value for key, value in table.items() if key != "law"}
+        found.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
+    return found
+
+
+def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: Place) -> None:
+    """Note an end "body:site" of a table that names no body of a scene, or no site of it."""
+    end = table.get(key) if isinstance(table, dict) else None
+    if not isinstance(end, str):
+        return
+    body, _, site = end.partition(":")
+    if not build.names("body", body, bodies, (*place, key)):
+        return
+    made, sites = bodies[body], list(build.part("sites"))
+    if body != STRUCTURE or not source(build):
+        if made is None or made.name == "AntiOscillators.load":
+            return  # of bodies that are wrong or not read yet nobody knows the sites
+        sites = list(made.arguments.get("sites", ()))
+    elif source(build) in MODELS:
+        return
+    if site or sites:
+        build.names(f"site of {body!r}", site, sites, (*place, key))
+
+
+# -- what a simulation is asked for
+
+
+def probe_times(history: History) -> Array:
+    """Times [s] of probes: those of a history lie far apart while bodies fly."""
+    return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
+
+
+def requested(build: Builder, found: Compiled) -> None:
+    """[probes] and [stress]; without it the criteria for which the materials have strengths."""
+    part: Call | None = found.structure
+    if found.striking and part is None:
+        part = Call(lambda history: history.structure, {"history": found.history})
+    given = {"structure": part, "history": found.history}
+    times = Call(probe_times, {"history": found.history})
+    found.probes = {
+        name: replace(probe, arguments={"times": times, **probe.arguments})
+        for name, probe in build.named("probes", given).items()
+    }
+    meshed = found.history is not None and source(build) in MESHED.split()
+    if "stress" in build.data:
+        asked = build.table("stress", given=given)
+        if asked is not None:
+            found.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
+    elif meshed:
+        found.stresses = Call(by_strengths, given)
+
+
+def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
+    """The fields of the criteria for which the materials have strengths; {} without any."""
+    with finite_element_packages():
+        from antiosc.results.margin import criteria_of
+    return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}
+
+
+def worst_by_strengths(self: Fall) -> WorstField | None:
+    """The field of the criterion that a fall exposes most; None for materials without strengths."""
+    with finite_element_packages():
+        from antiosc.results.margin import criteria_of
+    structure: Any = self.body.structure
+    found = [self.worst(name) for name in criteria_of(structure)]
+    return max(found, key=lambda field: field.margin().exposure, default=None)

@@ -1,0 +1,595 @@
+"""What a scene file may hold: its sections, the objects that they make, and the keys of each.
+
+What a section takes is read from the signature and the docstring of what it makes, so that a new
+parameter is taken by itself.
+"""
+
+from __future__ import annotations
+
+import builtins
+import collections.abc
+import dataclasses
+import functools
+import inspect
+import os
+import pkgutil
+import re
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+import antiosc
+from antiosc.base import checks
+from antiosc.contact.base import ContactLaw
+from antiosc.models.body import LinearBody
+from antiosc.models.modal import as_damping
+
+# -- kinds of values
+
+#: Name of a kind -> types of its values, in words, several of them in words, JSON schema.
+_KINDS: dict[str, tuple[tuple[type, ...], str, str, dict[str, object]]] = {
+    "number": ((int, float), "a number", "numbers", {"type": "number"}),
+    "whole": ((int,), "a whole number", "whole numbers", {"type": "integer"}),
+    "text": ((str,), 'a text in "quotes"', "texts", {"type": "string"}),
+    "path": ((str,), 'a file name in "quotes"', "file names", {"type": "string"}),
+    "flag": ((bool,), "true or false", "true or false", {"type": "boolean"}),
+    "object": ((dict,), "a table { … }", "tables { … }", {"type": "object"}),
+    "data": (
+        (int, float, str, list),
+        "a number, a list of numbers or a text",
+        "numbers or texts",
+        {"type": ["number", "string", "array"]},
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of value.
+
+    Attributes
+    ----------
+    name : one of those above, or "choice", "list", "table".
+    options : texts of a choice.
+    kind : class of an object; type of a table's keys.
+    items : kinds of the entries of a list or table.
+    each : kinds of every entry of a list of fixed length, in order.
+    """
+
+    name: str
+    options: tuple[str, ...] = ()
+    kind: type = object
+    items: tuple[Kind, ...] = ()
+    each: tuple[tuple[Kind, ...], ...] = ()
+
+    def fits(self, value: object) -> bool:
+        """Whether a TOML value is of this kind; its entries are looked at later."""
+        if self.name == "list":
+            return isinstance(value, list) and (not self.each or len(value) == len(self.each))
+        if self.name == "choice":
+            return isinstance(value, str) and value in self.options
+        types = (dict,) if self.name == "table" else _KINDS[self.name][0]
+        return isinstance(value, types) and (bool in types or not isinstance(value, bool))
+
+    def first_entry_fits(self, value: object) -> bool:
+        """Whether a value of this kind is a list whose first entry is of its kinds, or no list."""
+        if not isinstance(value, list) or not value or self.name != "list":
+            return True
+        return any(kind.fits(value[0]) for kind in (self.each or (self.items,))[0])
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        if self.name == "choice":
+            return " or ".join(f'"{option}"' for option in self.options)
+        if self.each:
+            return f"a list [{', '.join(words(each).removeprefix('a ') for each in self.each)}]"
+        if self.name in ("list", "table"):
+            return f"a {self.name} of {plural(self.items)}"
+        return _KINDS[self.name][1]
+
+    @property
+    def plural_text(self) -> str:
+        """Several of them, in words."""
+        if self.name == "list":
+            return f"lists of {plural(self.items or self.each[0])}"
+        return _KINDS[self.name][2] if self.name in _KINDS else self.text
+
+
+NUMBER, WHOLE, TEXT, FLAG, PATH, DATA = map(
+    Kind, ("number", "whole", "text", "flag", "path", "data")
+)
+NUMBERS = Kind("list", items=(NUMBER,))
+
+
+def words(kinds: Sequence[Kind]) -> str:
+    """What a parameter may hold, in words."""
+    *texts, last = dict.fromkeys(kind.text for kind in kinds)
+    return f"{', '.join(texts)} or {last}" if texts else last
+
+
+def plural(kinds: Sequence[Kind]) -> str:
+    """Several of such values, in words."""
+    return " or ".join(dict.fromkeys(kind.plural_text for kind in kinds))
+
+
+class Unknown:
+    """Stands for a name that is imported for type checkers only: a type that no file can hold."""
+
+
+class _Names(dict[str, object]):
+    """Names for annotations; one that a module imports for type checkers only is Unknown."""
+
+    def __missing__(self, name: str) -> object:
+        known = (vars(one).get(name) for one in (builtins, typing, collections.abc))
+        return next((one for one in known if one is not None), Unknown)
+
+
+_PLAIN: dict[object, Kind] = {
+    **{float: NUMBER, int: WHOLE, str: TEXT, bool: FLAG, Any: DATA},
+    **{Path: PATH, os.PathLike: PATH, Unknown: DATA},
+}
+_LISTS = (collections.abc.Sequence, collections.abc.Iterable, list, tuple, set)
+
+
+def kinds_of(annotation: object) -> tuple[Kind, ...]:
+    """The kinds of an annotation; () if no file can hold it: None, functions, communicators."""
+    if isinstance(annotation, dataclasses.InitVar):
+        return kinds_of(annotation.type)
+    if hasattr(annotation, "__value__"):  # a name for a type, as ArrayLike is from NumPy 2.4
+        return kinds_of(annotation.__value__)
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin in (typing.Union, types.UnionType):
+        if complex in arguments:  # NumPy's ArrayLike
+            return (DATA,)
+        own = (kind for part in arguments if part is not Unknown for kind in kinds_of(part))
+        return tuple(dict.fromkeys(own))
+    if origin is typing.Literal:
+        texts = tuple(one for one in arguments if isinstance(one, str))
+        flags = (FLAG,) if len(texts) < len(arguments) else ()
+        return (Kind("choice", texts), *flags) if texts else flags
+    if origin is np.ndarray:
+        return (Kind("list", items=(NUMBER, NUMBERS)),)
+    if origin is tuple and arguments and arguments[-1] is not ...:
+        return (Kind("list", each=tuple(map(kinds_of, arguments))),)
+    if origin in _LISTS:
+        return (Kind("list", items=kinds_of(arguments[0]) or (DATA,)),)
+    if origin in (collections.abc.Mapping, dict):
+        return (Kind("table", kind=arguments[0], items=kinds_of(arguments[1])),)
+    known = _PLAIN.get(origin or annotation)
+    if known is None and isinstance(annotation, type) and annotation.__module__[:8] == "antiosc.":
+        known = Kind("object", kind=annotation)
+    return () if known is None else (known,)
+
+
+# -- parameters of what the sections make
+
+#: Parameters that no file may give, beside those that only Python objects can be.
+WITHHELD = {
+    "trust": "a file cannot permit itself to run commands; use Python for a script that you trust",
+    "shapes": "shapes are always kept, for fields and probes",
+    **dict.fromkeys(
+        ("comm", "earlier", "groups", "info", "history", "self"), "it is an object of Python"
+    ),
+}
+#: Parameters whose texts are file names, beside those whose annotation says it.
+FILES = ("Structure.from_files.map", "find_impact.signals")
+#: Parameters that take an object of a class or its name, beside those whose annotation says it.
+OBJECTS = {"Floor.material": "Solid"}
+#: Functions and classes that only check and store values, or do more than that.
+LIGHT, HEAVY = (
+    ("material", "named_impactor", "normal", "lognormal", "uniform", "soil_cone"),
+    ("Structure", "Scene", "AntiOscillators", "Fall"),
+)
+
+#: (name, value) -> the value, or InputError
+Check = Callable[[str, Any], object]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One key of a section: its kinds, whether it must be there, what it means, and its check."""
+
+    name: str
+    kinds: tuple[Kind, ...]
+    needed: bool = True
+    default: object = None
+    about: str = ""
+    check: Check | None = None
+
+
+@functools.cache
+def parameters(function: str) -> Mapping[str, Parameter]:
+    """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
+    call = resolved(function)
+    described = descriptions(call)
+    inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
+    names = _Names(getattr(inner, "__func__", inner).__globals__)
+    # fields of dataclasses have checks; the values of a batch are lists
+    checked = CHECKS if not only_checks(function) and function != "simulate_many" else {}
+    if dataclasses.is_dataclass(call):
+        own = {one.name: one.metadata for one in dataclasses.fields(call)}
+        checked = {key: each["check"] for key, each in own.items() if "check" in each}
+    found = {}
+    for name, given in inspect.signature(
+        call, globals=names, locals=names, eval_str=True
+    ).parameters.items():
+        full, kinds = f"{function}.{name}", kinds_of(given.annotation)
+        if full in OBJECTS:
+            kinds = (Kind("object", kind=resolved(OBJECTS[full])), TEXT)
+        if full in FILES or PATH in kinds:
+            kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
+        if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
+            needed = given.default in (given.empty, checks.REQUIRED)
+            default = None if needed else given.default
+            check = CHECKS.get(full, checked.get(name))
+            found[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
+    return found
+
+
+def resolved(function: str) -> Any:
+    """The public callable of a dotted name; "output" is the section of the files."""
+    if function == "output":
+        return Output
+    return functools.reduce(getattr, function.split("."), antiosc)
+
+
+def only_checks(function: str) -> bool:
+    """Whether a call only checks and stores values: a class of antiosc that holds data."""
+    head = function.partition(".")[0]
+    return function in LIGHT or (inspect.isclass(resolved(head)) and head not in HEAVY)
+
+
+def descriptions(call: object) -> dict[str, str]:
+    """Name -> first sentence of the docstring's section "Parameters"."""
+    text = inspect.getdoc(call) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", text, re.M | re.S)
+    found: dict[str, str] = {}
+    for entry in re.split(r"\n(?=\S)", section.group(1)) if section else ():
+        head, _, body = entry.partition("\n")
+        names, _, rest = head.partition(" : ")
+        # the text after the colon is a type, or says more than that
+        more = rest if len(rest.split()) > 6 and "optional" not in rest else ""
+        about = " ".join(f"{more} {body}".split())
+        about = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", about, maxsplit=1)[0].rstrip(".")
+        about = about if len(about) <= 160 else f"{about[:157].rsplit(' ', 1)[0]} …"
+        found |= {name.strip(): about for name in names.split(",")}
+    return found
+
+
+def _among(name: str) -> Check:
+    """A choice from "module:name", which is imported when it is needed: it may need dolfinx."""
+    return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
+
+
+def _by(name: str) -> Check:
+    return lambda _, value: pkgutil.resolve_name(name)(value)
+
+
+def _of(unit: str) -> Check:
+    return functools.partial(checks.positive, unit=unit)
+
+
+#: What a support may fix.
+COMPONENTS = ("all", "x", "y", "z", "rx", "ry", "rz")
+#: Parameter, or function and parameter, -> the check of its value. A function checks its values
+#: when it runs, which is too late for a file that is only looked at.
+CHECKS: dict[str, Check] = {
+    **dict.fromkeys(("duration", "step", "timeout"), _of("s")),
+    **dict.fromkeys(("size", "merge", "radius", "height", "corner_radius"), _of("m")),
+    **dict.fromkeys(("max_contacts", "max_steps", "modes"), checks.whole),
+    "accuracy": checks.positive,
+    "band": _of("rad/s"),
+    "damping": lambda _, value: as_damping(value),
+    "density": _of("kg/m³"),
+    "filter": _among("antiosc_studies.drops.fall:CLASSES"),
+    "gap": functools.partial(checks.nonnegative, unit="m"),
+    "method": _among("antiosc.simulation.reference:METHODS"),
+    "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
+    "order": functools.partial(checks.choice, options=(1, 2)),
+    "quantity": _among("antiosc.results.probe:PROBED_QUANTITIES"),
+    "times": checks.nonempty,
+    "tol": lambda name, value: checks.tolerance(value, name),
+    "unit": _by("antiosc.io.neutral:UnitSystem.of"),
+    "from_frf.band": functools.partial(checks.array, shape=(2,)),
+    "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
+    "read_frf.quantity": functools.partial(
+        checks.choice, options=("receptance", "mobility", "accelerance")
+    ),
+    "read_frf.unit": checks.positive,
+    "until": _by("antiosc_studies.drops.drop:end_of"),
+    "Sphere.radius": _of("m"),
+    "Support.fix": lambda _, value: [
+        checks.choice("fix", each, COMPONENTS) for each in np.ravel(value).tolist()
+    ],
+    "Sphere.E": _of("Pa"),
+    "Sphere.nu": lambda _, value: checks.poisson(value),
+    "Sphere.rho": _of("kg/m³"),
+}
+
+# -- sections
+
+
+@dataclass(frozen=True)
+class Output:
+    """The files that `antiosc run` writes; their names are fixed.
+
+    Parameters
+    ----------
+    csv : bool
+        The histories as tables: history.csv, probes.csv, of a sweep or a map sweep.csv, map.csv, of
+        a blow that is found force.csv.
+    json : bool
+        All numbers of the result: result.json.
+    plot : "svg", "png" or "pdf", optional
+        Pictures of the force, the motion and the model, in this format.
+    fields : bool
+        The motion of the whole structure as series.pvd, for ParaView.
+    model : bool
+        The reduced model as model.npz, which [model] reads.
+    """
+
+    csv: bool = True
+    json: bool = True
+    plot: Literal["svg", "png", "pdf"] | None = None
+    fields: bool = False
+    model: bool = False
+
+
+#: The key that chooses one of several classes or constructors.
+KIND = "kind"
+# Classes and other constructors that `kind` chooses from. Materials:
+FAMILIES = "AnisotropicSolid Beam Laminate Shell Solid Truss material"
+LAWS = (
+    "ElasticPlastic Flores Gonthier HuntCrossley LankaraniNikravesh Stronge TanSun Thornton"
+    " Thornton.from_material YangSun Hertz Hertz.from_radii Linear Power Tabulated"
+)
+IMPACTORS = "Impactor Obstacle RigidMass Sphere named_impactor"
+DISTRIBUTIONS = "normal lognormal uniform"
+JOINTS = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section of a scene file.
+
+    Attributes
+    ----------
+    form : "table" [x], "list" [[x]], "named" [x.NAME], or "text": a key at the top of the file.
+    names : of the callables of which `kind` chooses one.
+    about : what it is, for `antiosc new`, messages and the schema.
+    given : names of parameters that other sections give.
+    inner : sections within it.
+    alone : of a named section: whether [x] may also stand alone, without a name.
+    """
+
+    form: Literal["table", "list", "named", "text"]
+    names: str
+    about: str
+    given: str = ""
+    inner: Mapping[str, Section] = field(default_factory=dict)
+    alone: bool = False
+
+    @property
+    def makes(self) -> tuple[str, ...]:
+        """The callables of which `kind` chooses one."""
+        return tuple(self.names.split())
+
+
+def constructors_of(kind: type) -> tuple[str, ...]:
+    """What makes an object of an annotated class: "Section", "Section.rectangle", …"""
+    if issubclass(kind, ContactLaw):
+        return tuple(LAWS.split())
+    if kind is LinearBody:
+        return ("AntiOscillators.load", "soil_cone")
+    name = kind.__name__
+    try:
+        methods = inspect.getmembers(resolved(name), inspect.ismethod)
+    except AttributeError:  # not public
+        return ()
+    made = {n: inspect.signature(m).return_annotation for n, m in methods if n[0] != "_"}
+    return (name, *(f"{name}.{n}" for n, returned in made.items() if returned in (name, kind)))
+
+
+#: Form of a section -> its type, what it must be, and its heading.
+FORMS: dict[str, tuple[type, str, str]] = {
+    "table": (dict, "a table, ", "[{0}]"),
+    "named": (dict, "a table of names, ", "[{0}.NAME]"),
+    "list": (list, "a list of tables, ", "[[{0}]]"),
+    "text": (str, 'a text in "quotes"', ""),
+}
+
+
+def headed(name: str) -> str:
+    """The heading of a section: "[material]", "[[contacts]]", "[sites.NAME]"."""
+    section = SECTIONS[name]
+    return FORMS["table" if section.alone else section.form][2].format(name)
+
+
+_STRUCTURE: dict[str, Section] = {
+    "geometry": Section("table", "read_mesh", "the mesh or CAD file of the structure"),
+    "deck": Section("table", "read_model",
+        "a deck of Abaqus, CalculiX or Nastran with materials and supports", "supports attached"),
+    "material": Section("named", FAMILIES,
+        'the material, of all cells or of named groups of them; by name: material = "steel S235"',
+        alone=True),
+    "supports": Section("list", "Support", "displacements that are fixed"),
+    "attached": Section("list", "PointMass Spring Damper Footing",
+        "point masses, springs, dampers, footings on soil"),
+    "structure": Section("table", "Structure", "options of the structure",
+        "mesh material supports attached prestress"),
+}  # fmt: skip
+SECTIONS: dict[str, Section] = {
+    "title": Section("text", "", "what the scene shows; for tables and the report"),
+    **_STRUCTURE,
+    "prestress": Section("table", "Prestress",
+        "loads that the structure carries all the time: spin, pressure, tensions"),
+    "matrices": Section("table", "Structure.from_files",
+        "stiffness and mass matrices of another program"),
+    "parts": Section("named", "", "the parts of an assembly, each with its own sections",
+        inner=_STRUCTURE),
+    "joints": Section("list", JOINTS, "how the parts are joined"),
+    "at": Section("named", "Placement", "where each part stands"),
+    "points": Section("table", "", "reference points of the assembly: name = [x, y, z]"),
+    "assembly": Section("table", "assemble", "options of the assembly",
+        "parts joints at points supports attached prestress"),
+    "model": Section("table", "AntiOscillators.load",
+        "a reduced model that antiosc has saved"),
+    "frf": Section("table", "read_frf",
+        "measured frequency responses in place of a structure"),
+    "from_frf": Section("table", "from_frf", "the model of a measurement", "frf"),
+    "sites": Section("named", "Site", "where the structure is struck"),
+    "extract": Section("table", "extract", "the reduction to a model", "structure site"),
+    "impactor": Section("table", IMPACTORS, "what strikes the structure"),
+    "contact": Section("table", LAWS,
+        'the contact law between structure and impactor; without it the one they need, "auto"'),
+    "simulate": Section("table", "simulate", "the impact of the impactor",
+        "model impactor contact"),
+    "strike": Section("table", "strike",
+        "the impact to a tolerance, for which mesh, model and step are chosen",
+        "source site impactor contact material supports"),
+    "bodies": Section("named", f"{IMPACTORS} RigidBody AntiOscillators.load soil_cone",
+        "bodies of a scene of several contacts"),
+    "contacts": Section("list", "Contact", "contacts between the sites of bodies"),
+    "loads": Section("list", "Load", "forces in time"),
+    "base": Section("table", "Base", "acceleration of the supports"),
+    "motion": Section("named", "Motion", "how free bodies start"),
+    "scene": Section("table", "Scene", "options of a scene of several contacts",
+        "bodies contacts loads base motion"),
+    "run": Section("table", "Scene.run", "the simulation of a scene of several contacts"),
+    "sweep": Section("table", "", "values of a sweep: impactor.velocity = [1.0, 2.0]"),
+    "map": Section("table", "impact_map", "the same impact at many points of the surface",
+        "structure impactor contact"),
+    "monte_carlo": Section("table", "monte_carlo",
+        'runs with random values: n, seed, impactor.velocity = {kind = "normal", …}',
+        "run inputs executor store"),
+    "drop": Section("table", "drop",
+        "the fall of the structure from a height onto a floor, in place of an impact",
+        "part executor"),
+    "accelerometers": Section("named", "Fall.peak",
+        "points of a fall whose peak acceleration is reported", "self quantity"),
+    "worst": Section("table", "Fall.worst", "the largest stress of a fall at every node",
+        "self"),
+    "sensors": Section("named", "Sensor", "sensors whose signals identify a blow, in their order"),
+    "find": Section("table", "find_impact",
+        "a blow that is looked for in the signals of sensors, in place of an impact",
+        "structure sensors impactor contact"),
+    "stress": Section("table", "peak_field", "the largest stress of the impact at every node",
+        "structure history"),
+    "probes": Section("named", "probe", "points whose motion is written", "structure"),
+    "output": Section("table", "output", "the files that are written"),
+}  # fmt: skip
+#: Sections of which exactly one says what is struck.
+SOURCES = ("geometry", "deck", "matrices", "parts", "model", "frf")
+#: Those that have no structure: their model has its own sites.
+MODELS = ("model", "frf")
+#: Sections whose values a sweep may vary, and further ones that say what is struck.
+VARIED = ("impactor", "contact", "simulate")
+STRUCTURAL = (
+    *("geometry", "deck", "matrices", "parts", "model", "frf", "material", "structure"),
+    *("at", "points", "assembly", "sites", "extract", "from_frf"),
+)
+#: Sections of which [monte_carlo] draws values, and its input whose values are points of a map.
+DRAWN, POINT = ("impactor", "contact", "material", "structure", "parts"), "point"
+
+# -- the JSON schema, for editors
+
+
+def schema() -> dict[str, object]:
+    """The schema of a whole scene file (JSON Schema, draft 2020-12)."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "antiosc scene",
+        "description": "An impact on a structure; all numbers are in SI units.",
+        **_sections(SECTIONS),
+    }
+
+
+def _closed(properties: Mapping[str, object]) -> dict[str, object]:
+    return {"type": "object", "additionalProperties": False, "properties": dict(properties)}
+
+
+def _many(one: object) -> dict[str, object]:
+    return {"type": "object", "additionalProperties": one}
+
+
+def _sections(known: Mapping[str, Section]) -> dict[str, object]:
+    return _closed({n: {"description": s.about, **_section(n, s)} for n, s in known.items()})
+
+
+def _section(name: str, section: Section) -> dict[str, object]:
+    given = section.given.split()
+    if section.form == "text":
+        return {"type": "string"}
+    if name == "points":
+        return _any(parameters("assemble")[name].kinds)
+    if name == "sweep":  # of a named section: tables of lists
+        return _closed(dict.fromkeys((*VARIED, *STRUCTURAL), _many({"type": ["array", "object"]})))
+    if name == "monte_carlo":
+        own = {n: _parameter(p) for n, p in parameters(name).items() if n not in given}
+        drawn = {key: {"type": "object"} for key in DRAWN}
+        return _closed(own | drawn | {POINT: _one_of(["impact_map"], ["structure"])})
+    if section.inner:
+        return _many(_sections(section.inner))
+    one = _one_of(section.makes, given, methods=name == "contact")
+    if section.form == "list":
+        return {"type": "array", "items": one}
+    if section.form == "named":
+        return {"anyOf": [one, _many(one), _NAME, _many(_NAME)]} if section.alone else _many(one)
+    return one
+
+
+#: A material by its name.
+_NAME = {"type": "string"}
+
+
+def _one_of(
+    makes: Sequence[str], given: Iterable[str] = (), methods: bool = False
+) -> dict[str, object]:
+    """A table of one of several kinds; `methods`: also of laws that a body makes."""
+    tables = []
+    for name in makes:
+        known = {n: p for n, p in parameters(name).items() if n not in set(given)}
+        kind: dict[str, object] = {KIND: {"const": name}} if len(makes) > 1 else {}
+        needed = [*kind, *(n for n, p in known.items() if p.needed)]
+        table = _closed(kind | {n: _parameter(p) for n, p in known.items()})
+        tables.append(table | ({"required": needed} if needed else {}))
+    if methods:  # as "impactor.hertz"
+        kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
+        tables.append({"type": "object", "required": [KIND], "properties": kind})
+        tables.append(_closed({KIND: {"const": "auto"}}))
+    return tables[0] if len(tables) == 1 else {"anyOf": tables}
+
+
+def _parameter(one: Parameter) -> dict[str, object]:
+    found = _any(one.kinds)
+    if one.about:
+        found["description"] = one.about
+    if isinstance(one.default, bool | int | float | str) and one.default != "":
+        found["default"] = one.default
+    return found
+
+
+def _any(kinds: Sequence[Kind]) -> dict[str, object]:
+    found = [_kind(kind) for kind in kinds]
+    return found[0] if len(found) == 1 else {"anyOf": found}
+
+
+def _kind(kind: Kind) -> dict[str, object]:
+    if kind.each:
+        entries = [_any(each) for each in kind.each]
+        return {"type": "array", "prefixItems": entries, "minItems": len(entries)}
+    if kind.name == "list":
+        return {"type": "array", "items": _any(kind.items)}
+    if kind.name == "table":
+        return _many(_any(kind.items))
+    if kind.name == "choice":
+        return {"enum": list(kind.options)}
+    if kind.name == "object" and (makes := constructors_of(kind.kind)):
+        return _one_of(makes, methods="Hertz" in makes)
+    return dict(_KINDS[kind.name][3])

@@ -1,0 +1,233 @@
+"""A page and its calls for the browser of this user on this machine, and for nobody else.
+
+The server listens on 127.0.0.1. The page's address holds a random token, and each call sends it
+again as a header that no foreign page may send. A foreign Host (DNS rebinding) or Origin is
+refused, so is what is too large, too slow, or not JSON. A call has a name and a table of values;
+nothing that comes from the page is a path.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import json
+import math
+import secrets
+import signal
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any, TypeAlias
+
+from antiosc.base import checks
+from antiosc.base.errors import AntioscError
+from antiosc_app.live import embedded
+
+HOST = "127.0.0.1"
+#: Header of the calls that repeats the token of the page's address.
+TOKEN = "X-Antiosc-Token"
+#: Largest body of a call [bytes], most bytes of its headers, most requests at a time, seconds in
+#: which a request must have arrived.
+LARGEST_BODY, LARGEST_HEADERS, MOST_REQUESTS, PATIENCE = 65_536, 16_384, 32, 10.0
+#: Seconds after which it sees that it is closed.
+POLL = 0.1
+#: Deepest brackets of a call.
+DEEPEST = 8
+#: Headers of every answer.
+ALWAYS = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Opener-Policy": "same-origin",
+}
+
+#: A call: its values -> a value of JSON.
+Call: TypeAlias = Callable[[dict[str, Any]], object]
+
+
+class Refused(Exception):
+    """A request that is not answered: its status and a sentence."""
+
+    def __init__(self, status: HTTPStatus, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status = status
+
+
+class Server(ThreadingHTTPServer):
+    """Serves one page and its calls until `close`; `address` is that of the page.
+
+    Parameters
+    ----------
+    page : its HTML, and its Content-Security-Policy.
+    calls : name -> what answers a call; an AntioscError becomes a sentence on the page.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, page: tuple[str, str], calls: Mapping[str, Call]) -> None:
+        super().__init__((HOST, 0), _Request)
+        self.token = secrets.token_urlsafe(24)
+        self.calls = calls
+        self.page, self.policy = page[0].encode(), page[1]
+        self.hosts = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
+        self.address = f"http://{HOST}:{self.server_port}/{self.token}/"
+        self._room = threading.BoundedSemaphore(MOST_REQUESTS)
+
+    def start(self) -> None:
+        """Serve in a thread of its own."""
+        # PETSc that another program started aborts the process on a broken pipe; signals can be
+        # set in the main thread alone, as `antiosc open` and notebooks do
+        with contextlib.suppress(ValueError, AttributeError):
+            signal.signal(signal.SIGPIPE, signal.SIG_IGN)
+        threading.Thread(target=self.serve_forever, args=(POLL,), daemon=True).start()
+
+    def close(self) -> None:
+        """End; requests that are being answered are left alone."""
+        self.shutdown()
+        self.server_close()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if not self._room.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a connection that broke."""
+
+
+class _Request(BaseHTTPRequestHandler):
+    """One request on a connection, which ends with it."""
+
+    server: Server
+    timeout = PATIENCE
+    server_version = "antiosc"
+    sys_version = ""
+
+    def handle_one_request(self) -> None:
+        """End the connection of a request that comes in drops."""
+        arrived = threading.Event()
+        threading.Thread(target=self._hang_up_unless, args=(arrived,), daemon=True).start()
+        self._arrived = arrived.set
+        try:
+            super().handle_one_request()
+        finally:
+            arrived.set()
+
+    def _hang_up_unless(self, arrived: threading.Event) -> None:
+        """Hang up after PATIENCE, of which one POLL passes while PETSc holds the interpreter."""
+        for _ in range(round(PATIENCE / POLL)):
+            if arrived.wait(POLL):
+                return
+        with contextlib.suppress(OSError):  # it may have ended meanwhile
+            self.connection.shutdown(socket.SHUT_RDWR)
+
+    def do_GET(self) -> None:
+        self._answer(self._page)
+
+    def do_POST(self) -> None:
+        self._answer(self._call)
+
+    def _answer(self, work: Callable[[], tuple[str, bytes]]) -> None:
+        try:
+            self._check_source()
+            kind, content = work()
+            status = HTTPStatus.OK
+        except Refused as error:
+            kind, content, status = "text/plain", f"{error}\n".encode(), error.status
+        self.send_response(status)
+        for name, value in {**ALWAYS, "Content-Security-Policy": self.server.policy}.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", f"{kind}; charset=utf-8")
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _check_source(self) -> None:
+        """Refuse what does not come from the page itself, by its address on this machine."""
+        headers = self.headers
+        if sum(len(name) + len(value) for name, value in headers.items()) > LARGEST_HEADERS:
+            raise Refused(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "the headers are too long.")
+        hosts = headers.get_all("Host", [])
+        if len(hosts) != 1 or hosts[0] not in self.server.hosts:
+            raise Refused(HTTPStatus.FORBIDDEN, "the Host is not this server.")
+        origins = headers.get_all("Origin", [])
+        if any(origin != f"http://{hosts[0]}" for origin in origins):
+            raise Refused(HTTPStatus.FORBIDDEN, "another Origin may not ask.")
+        if "Transfer-Encoding" in headers:
+            raise Refused(HTTPStatus.NOT_IMPLEMENTED, "a body needs a Content-Length.")
+
+    def _check_token(self, token: str) -> None:
+        if not hmac.compare_digest(token.encode(), self.server.token.encode()):
+            raise Refused(HTTPStatus.FORBIDDEN, "the token is missing or wrong.")
+
+    def _page(self) -> tuple[str, bytes]:
+        self._arrived()
+        parts = self.path.split("/")
+        self._check_token(parts[1] if len(parts) > 1 else "")
+        if parts[2:] != [""]:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page.")
+        return "text/html", self.server.page
+
+    def _call(self) -> tuple[str, bytes]:
+        self._check_token(self.headers.get(TOKEN, ""))
+        call = self.server.calls.get(self.path.removeprefix("/"))
+        if call is None:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such call.")
+        values = self._values()
+        self._arrived()
+        try:
+            answer = {"answer": call(values)}
+        except AntioscError as error:
+            answer = {"error": str(error)}
+        return "application/json", embedded(answer).encode()
+
+    def _values(self) -> dict[str, Any]:
+        """The values of a call: JSON, a table, without NaN and not too deep."""
+        if self.headers.get("Content-Type") != "application/json":
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "a call is application/json.")
+        length = self.headers.get_all("Content-Length", [])
+        if len(length) != 1 or not length[0].isascii() or not length[0].isdigit():
+            raise Refused(HTTPStatus.LENGTH_REQUIRED, "a call needs one Content-Length.")
+        if len(length[0]) > 9 or int(length[0]) > LARGEST_BODY:
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the call is too large.")
+        body = self.rfile.read(int(length[0]))
+        if len(body) < int(length[0]):
+            raise Refused(HTTPStatus.BAD_REQUEST, "the call is cut.")
+        try:
+            text = body.decode()
+            if checks.nests_deeper(text, DEEPEST + 1):  # the table itself is one
+                raise ValueError("too deep")
+            return _checked(json.loads(text, parse_constant=_no_number))
+        except ValueError:
+            raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.") from None
+
+    def log_message(self, *_: object) -> None:
+        """Keep the terminal free of requests."""
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(text)
+
+
+def _checked(values: object) -> dict[str, Any]:
+    """A table whose numbers are finite and whose brackets are few; else ValueError."""
+    if not isinstance(values, dict):
+        raise ValueError("no table")
+    level: list[object] = [values]
+    for _ in range(DEEPEST):
+        inner = [list(each.values()) if isinstance(each, dict) else each for each in level]
+        level = [one for each in inner if isinstance(each, list) for one in each]
+        if any(isinstance(one, float) and not math.isfinite(one) for one in level):
+            raise ValueError("not finite")
+    if any(isinstance(one, dict | list) for one in level):
+        raise ValueError("too deep")
+    return values

@@ -1,0 +1,122 @@
+"""The skin of a part for the page that opens it, and the faces that may be held there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.fields import source
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.structure.structure import Structure
+from antiosc_app.live import Data
+from antiosc_app.live_meshes import geometry, surface
+from antiosc_app.new import ON_PLANE, Inspection, sides_of
+
+#: The name of the plane on which a new scene holds a part without names.
+PLANE = "lowest plane"
+#: The table of a support.
+Held: TypeAlias = Mapping[str, Any]
+
+
+class Skin(NamedTuple):
+    """Points and triangles of a part with the number of their face.
+
+    Attributes
+    ----------
+    data : for the page; `tags` (T,) number the faces from 1 on, 0 for none.
+    faces : name -> the support that holds it; groups of edges and points have no triangles.
+    held : names of those that a new scene holds.
+    """
+
+    data: Data
+    faces: dict[str, Held]
+    held: list[str]
+
+
+def skin(structure: Structure, look: Inspection) -> Skin:
+    """The skin of a part."""
+    members = with_parts(structure).members()
+    mesh = members[0].part.mesh
+    if len(members) > 1 or mesh.tdim == 1:
+        points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
+        drawn = surface(points, cells)
+        used, faces = np.unique(drawn.faces, return_inverse=True)
+        shape = geometry(drawn.points[used], faces.reshape(-1, 3))
+        shape["tags"] = np.zeros(len(drawn.faces), dtype=np.uint32)
+        return Skin(shape, *_with_usual(_groups(mesh), look))
+    outer = Faces(mesh, mesh.tdim < 3)
+    held, owner = _groups(mesh), np.zeros(len(outer), dtype=int)
+    for number, name in enumerate(held, start=1):
+        owner[np.isin(outer.facets, mesh.groups[name].get(outer.dim, []))] = number
+    if not outer.sheet:
+        held |= _flat_sides(mesh, outer, owner, len(held))
+    corners = outer.vertices
+    if corners.shape[1] == 4:  # in tensor order: 0 1 / 2 3
+        corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
+        owner = np.tile(owner, 2)
+    used, faces = np.unique(corners, return_inverse=True)
+    shape = geometry(mesh.dolfinx.geometry.x[used], faces.reshape(-1, 3))
+    usual = _faces_on(outer, look.plane, mesh.extent())
+    numbers = np.unique(owner[usual][owner[usual] > 0])
+    beyond = np.isin(np.delete(owner[: len(outer)], usual), numbers).any()
+    names = [name for number, name in enumerate(held, start=1) if number in numbers]
+    # a face that goes on beyond the plane would hold more, perhaps the site
+    every, first = _with_usual(held, look) if beyond or not names else (held, names)
+    return Skin({**shape, "tags": owner.astype(np.uint32)}, every, first)
+
+
+def _groups(mesh: Mesh) -> dict[str, Held]:
+    """The groups that can be held: faces, edges and points, the largest first."""
+    size = {
+        name: sum(len(own) for dim, own in parts.items() if dim == max(parts))
+        for name, parts in mesh.groups.items()
+        if min(parts) < mesh.tdim
+    }
+    return {name: {"where": name} for name in sorted(size, key=lambda one: -size[one])}
+
+
+def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Held], list[str]]:
+    """Faces with the plane on which a new scene holds the part, and the names that it holds."""
+    if look.of_deck:
+        return {}, []
+    if look.where is not None:
+        return faces, [look.where]
+    if look.plane is None:
+        return faces, []
+    return {**faces, PLANE: {"plane": look.plane}}, [PLANE]
+
+
+def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float) -> IntArray:
+    """Numbers of the faces on a plane [point, normal]; none without it."""
+    if plane is None:
+        return np.zeros(0, dtype=int)
+    point, normal = np.array(plane)
+    return np.flatnonzero(_on_plane(outer.corners, point, normal, size))
+
+
+def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[str, Held]:
+    """The flat sides among faces without a name, whose `owner` they become."""
+    x, size = mesh.dolfinx.geometry.x, mesh.extent()
+    held: dict[str, Held] = {}
+    side = sides_of(x, outer)
+    for number in np.unique(side[owner == 0]):
+        own = np.flatnonzero((side == number) & (owner == 0))
+        if not len(own):
+            continue
+        point, normal = outer.corners[own[0], 0], outer.normals[own[0]]
+        if not _on_plane(outer.corners[own], point, normal, size).all():
+            continue
+        held[f"flat side {len(held) + 1}"] = {"plane": [point.tolist(), normal.tolist()]}
+        owner[(owner == 0) & _on_plane(outer.corners, point, normal, size)] = names + len(held)
+    return held
+
+
+def _on_plane(corners: Array, point: Array, normal: Array, size: float) -> BoolArray:
+    """Which faces (F, v, 3) lie on a plane."""
+    off = np.abs((corners - point) @ normal).max(axis=1)
+    return np.asarray(off < ON_PLANE * size)

@@ -1,0 +1,131 @@
+"""A part on a page in the browser: `antiosc open PART`, and `view` for a notebook."""
+
+from __future__ import annotations
+
+import os
+import threading
+import webbrowser
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.base.progress import say
+from antiosc_app import live
+from antiosc_app.opened import Opened
+from antiosc_app.report import rendered
+from antiosc_app.scene_file.outline import check_size
+from antiosc_app.scene_file.run import communicator
+from antiosc_app.server import Server
+
+if TYPE_CHECKING:
+    from antiosc.fem.site import Site
+    from antiosc.fem.structure.structure import Structure
+
+#: Who may show the page in a frame: nobody, or a notebook of this machine.
+NOBODY, NOTEBOOKS = "'none'", "'self' http://127.0.0.1:* http://localhost:*"
+#: Height of the frame in a notebook [pixels].
+HEIGHT = 900
+
+
+class View:
+    """The page of a part, served on this machine until `close`.
+
+    Attributes
+    ----------
+    address : of the page, with its token: who knows it may use it.
+    """
+
+    def __init__(self, opened: Opened, title: str, frames: str) -> None:
+        self._opened = opened
+        program = live.script(live.OPEN)
+        html = rendered(
+            live.FOLDER / "open.html", title=title, style=live.style(), script=program, drawn=""
+        )
+        more = f"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors {frames}"
+        self._server = Server((html, f"{live.policy(program)}; {more}"), opened.calls)
+        self._server.start()
+        self.address = self._server.address
+
+    @property
+    def site(self) -> Site | None:
+        """The site that was struck last on the page; None before the first blow."""
+        return self._opened.site
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.close()
+        self._opened.close()
+
+    def __repr__(self) -> str:
+        return f"View at {self.address}"
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe src="{escape(self.address)}" width="100%" height="{HEIGHT}"'
+            ' style="border: 0"></iframe>'
+        )
+
+
+def view(part: Structure | str | os.PathLike[str]) -> View:
+    """Open a part on a page that strikes it: in a notebook below the cell, else by its address.
+
+    A click is a site; the page shows it as `Site(…)` to copy, and the returned object has it as
+    `site`. The page is for the browsers of this machine.
+
+    Parameters
+    ----------
+    part : Structure or path
+        A structure with a mesh, which keeps its material and supports; or a file, as for
+        `antiosc open`.
+
+    Returns
+    -------
+    View
+        With `address`, `site` and `close()`. It is served as long as the program runs.
+
+    Raises
+    ------
+    InputError
+        No file, a structure without a mesh, or a run on several MPI ranks.
+    """
+    if not isinstance(part, str | os.PathLike):
+        from antiosc.fem.assembly import with_parts
+        from antiosc.fem.structure.structure import Structure
+
+        checks.instance("part", part, Structure, "a Structure or the path of a file")
+        with_parts(part)
+        # scenes name a file that exists; the structure takes its place
+        return _shown(Path(__file__), part, NOTEBOOKS)
+    return _shown(_file(part), None, NOTEBOOKS)
+
+
+def until_interrupted(path: str, browser: bool) -> None:
+    """Serve the page of a file until Ctrl-C."""
+    shown = _shown(_file(path), None, NOBODY)
+    say(f"{path} is open at {shown.address}\nit is for this machine alone; Ctrl-C ends it.")
+    if browser:
+        webbrowser.open(shown.address)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        say("closed.")
+    finally:
+        shown.close()
+
+
+def _file(given: str | os.PathLike[str]) -> Path:
+    path = checks.path("the part", given)
+    if not path.is_file():
+        raise InputError(f"there is no file {checks.shown(str(path))} to open.")
+    check_size(path)
+    return path
+
+
+def _shown(path: Path, structure: Structure | None, frames: str) -> View:
+    comm = communicator()
+    if comm is not None and comm.size > 1:
+        raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")
+    title = path.name if structure is None else "A part"
+    return View(Opened(path, structure), title, frames)

@@ -1,0 +1,115 @@
+"""`contact_between`: the law of the contact of a part with something else, by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.contact import ContactLaw
+from antiosc.contact.choice import choose
+from antiosc.contact.curvature import CURVED, SHARP, Curvature
+from antiosc.contact.surfaces import RIGID, Surface, matter_of
+from antiosc.fem.site import Site, functional
+from antiosc.fem.site.surface import surface_at
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.body import Body
+from antiosc_studies.drops.floor import Floor, law_of
+
+
+@checks.within_range
+def contact_between(
+    part: Structure | Body,
+    other: Any = None,
+    *,
+    at: Site | ArrayLike | None = None,
+    radius: float | None = None,
+) -> ContactLaw:
+    """The law that `contact="auto"` takes between a part and something else.
+
+    Parameters
+    ----------
+    part : Structure, or a model with its surface
+    other : Sphere, RigidMass, a model, a material or its name, Floor or Structure, optional
+        What touches it: of a material the flat face of a half-space, of a structure its surface
+        next to the point. None: a rigid plane.
+    at : Site or array_like (3,)
+        Where a Structure is touched [m].
+    radius : float, optional
+        Radius of the part there [m], in place of its curvature: needed at edges and corners.
+
+    Returns
+    -------
+    ContactLaw
+        `antiosc.contact.choice` has the table of laws and their sources.
+
+    Raises
+    ------
+    InputError
+        Surfaces that are not known, that fit into each other, or that are both rigid.
+    """
+    own = _surface_of(part, at)
+    if radius is not None:
+        bent = 1 / checks.positive("radius", radius, "m")
+        own = replace(own, curvatures=(bent, bent), error=0.0, kind=CURVED, along=None)
+    elif own.kind in SHARP:
+        point = checks.point_text(np.asarray(getattr(at, "point", at)))
+        raise InputError(f"the part has a sharp {own.kind} at {point}: give radius=.")
+    if not isinstance(other, Floor):
+        return choose(own, _other(other, at)).law
+    if other.law is not None:
+        return other.law
+    if other.layer is not None:
+        material = np.array([own.matter.E, own.matter.nu])
+        return law_of(other, Curvature.of_radii(*_radii(own)), material)
+    face = Surface(RIGID) if other.material is None else _other(other.material, None)
+    return choose(own, face, other.restitution).law
+
+
+def _radii(surface: Surface) -> list[float]:
+    """Principal radii [m]; inf: flat."""
+    return [1 / bent if bent else inf for bent in surface.curvatures]
+
+
+def _other(other: Any, at: object) -> Surface:
+    """The surface of what touches the part."""
+    if other is None:
+        return Surface(RIGID)
+    if isinstance(other, Structure | Body):
+        return _surface_of(other, at)
+    matter = matter_of(other)
+    assert matter is not None
+    return Surface(matter)
+
+
+def _surface_of(body: Structure | Body, at: object) -> Surface:
+    """The surface of a structure at a place, or of a body."""
+    if isinstance(body, Structure):
+        found = surface_at(body, *_place(body, at))
+    else:
+        kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
+        found = checks.instance("part", body, Body, kinds).surface()
+    if found is None:
+        raise InputError(
+            f"the material and the curvature of {checks.shown(body)} are not known there: give the "
+            "law of the contact."
+        )
+    return found
+
+
+def _place(part: Structure, at: object) -> tuple[Array, Array | None, float | None]:
+    """Point, direction and radius of a place on a structure."""
+    if isinstance(at, Site):
+        found = functional(part, at)
+        if found.point is None:
+            raise InputError("at= needs a Site with a point; a dof or a vector has no surface.")
+        return found.point, found.direction, found.radius
+    if at is None:
+        raise InputError("at= says where the part is touched: a Site, or a point in m.")
+    return checks.array("at", at, (3,)), None, None

@@ -1,0 +1,457 @@
+"""`drop`: a part falls from a height onto a floor, and what comes after."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from math import hypot, inf, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.plausible import FASTEST_WAVE
+from antiosc.base.process import one_thread
+from antiosc.base.progress import counting
+from antiosc.base.texts import FieldsRepr, ReprMixin
+from antiosc.models.motion import unit_vector
+from antiosc.simulation.batch import check_executor
+from antiosc_studies.chance.monte_carlo import made, sample_of
+from antiosc_studies.chance.sample import Quantile, quantile
+from antiosc_studies.drops.bed import bedded
+from antiosc_studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
+from antiosc_studies.drops.course import MOST_IMPACTS, hung
+from antiosc_studies.drops.fall import Fall, fall_of
+from antiosc_studies.drops.flight import State, turned
+from antiosc_studies.drops.floor import Floor, Setting, as_floor
+from antiosc_studies.drops.lines import with_lines
+
+#: Number of faces that an edge and a corner belong to.
+FACES = {"face": 1, "edge": 2, "corner": 3}
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def orientation(
+    body: FreeBody,
+    tilt: Sequence[float],
+    face: str | None,
+    edge: str | None,
+    corner: str | None,
+    toward: Sequence[float] | None,
+) -> Array:
+    """R (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
+    given = {"face": face, "edge": edge, "corner": corner, "toward": toward}
+    asked = {name: value for name, value in given.items() if value is not None}
+    if len(asked) > 1:
+        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(asked)}.")
+    R = np.eye(3)
+    for name, value in asked.items():
+        down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
+        R = onto(down, DOWN)
+    angles = checks.array("tilt", tilt, None)
+    if angles.shape != (3,):
+        shown = checks.shown(tilt)
+        raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {shown}.")
+    return tilted(angles) @ R
+
+
+def tilted(angles: Array) -> Array:
+    """Rotation (3, 3) by angles (3,) [degree] about fixed x, then y, then z."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
+
+
+def onto(direction: Array, other: Array) -> Array:
+    """The smallest rotation (3, 3) of one unit vector onto another."""
+    middle = direction + other
+    if middle @ middle < 1e-12:  # half a turn about an axis across
+        axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+        return np.asarray(2 * np.outer(axis, axis) / (axis @ axis) - np.eye(3))
+    turn = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
+    return np.asarray(np.eye(3) + turn)
+
+
+def _named(body: FreeBody, kind: str, given: object) -> Array:
+    """The unit direction in the body that points down where a face, edge or corner is lowest."""
+    name = checks.text(kind, given)
+    found = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
+    if not len(name) / 2 == len(found) == FACES[kind]:
+        if kind == "face" and body.structure is not None:
+            return _group(body, name)
+        example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
+        raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
+    signs = np.array([found.get(axis, 0.0) for axis in "xyz"])
+    if kind == "face":
+        return signs
+    # next to the corner of the box may be none of the part: the point that lies farthest along it
+    at = body.points[np.argmax(body.points @ signs)]
+    if kind == "edge":
+        low, high = body.points.min(axis=0), body.points.max(axis=0)
+        at = np.where(signs > 0, high, low) * (signs != 0)
+    return np.asarray(at / np.linalg.norm(at))
+
+
+def _group(body: FreeBody, name: str) -> Array:
+    """The mean outward normal of a group of faces."""
+    from antiosc.fem.site.map_sites import surface
+    from antiosc.fem.structure.structure import on_mesh
+
+    assert body.structure is not None
+    part = on_mesh(body.structure, 'an assembly has no groups of its own: name a face as "-z".')
+    normal = surface(part, name).normals.sum(axis=0)
+    size = float(np.linalg.norm(normal))
+    if size < 1e-9:
+        raise InputError(f"the normals of the faces {name!r} have no mean: give toward=(...).")
+    return np.asarray(normal / size)
+
+
+#: Falls that one call of an executor computes.
+AT_ONCE = 20
+#: What is kept of each impact.
+QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
+
+
+@dataclass(frozen=True)
+class Tilts(FieldsRepr):
+    """What varies in an ensemble of falls.
+
+    Parameters
+    ----------
+    sigma : float
+        Standard deviation of the tilt about each of the two horizontal axes [degree]; inf: any
+        orientation, all equally probable.
+    height : float
+        Standard deviation of the height over the height.
+    friction : float
+        Standard deviation of the coefficient of friction; draws below 0 are 0.
+    spin : float
+        Standard deviation of the spin about each axis [rad/s].
+    """
+
+    sigma: float = 0.0
+    height: float = 0.0
+    friction: float = 0.0
+    spin: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("height", "friction", "spin"):
+            checks.store(self, **{name: checks.nonnegative(name, getattr(self, name))})
+        if not checks.is_rigid(self.sigma):
+            checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
+        if not any((self.sigma, self.height, self.friction, self.spin)):
+            raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Drops(ReprMixin):
+    """The falls of an ensemble.
+
+    Attributes
+    ----------
+    values : name -> (n, k) of each fall and its impacts, NaN beyond its last: "peak_force" [N],
+        "impulse" [N s], "contact_time" [s], "lost" [J].
+    orientations : (n, 3, 3) at the start.
+    impacts : (n,) numbers of impacts.
+    failed : message of each fall that failed, by its number.
+    yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
+        part, and whether contact forces do not reach `tol`.
+    """
+
+    values: dict[str, Array]
+    orientations: Array
+    impacts: Array
+    failed: dict[int, str]
+    yields: BoolArray
+    missed: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.impacts)
+
+    def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
+        """(n,) largest value of each fall, or its value in one impact (from 0)."""
+        checks.choice("quantity", quantity, tuple(self.values))
+        table = self.values[quantity]
+        if impact is not None:
+            most = table.shape[1] - 1
+            return table[:, checks.whole("impact", impact, least=0, most=most)]
+        return np.nanmax(np.where(np.isnan(table), -np.inf, table), axis=1)
+
+    def quantile(
+        self,
+        quantity: str,
+        q: float,
+        impact: int | None = None,
+        confidence: float = 0.95,
+    ) -> Quantile:
+        """The quantile q of the falls' largest values, with the bar of its sampling.
+
+        The bar is that between order statistics, for any distribution (binomial).
+        """
+        found = self.largest(quantity, impact)
+        found = found[np.isfinite(found)]
+        if not len(found):
+            raise InputError("no fall has such an impact.")
+        return quantile(found, q, confidence)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
+        of = [f"{len(self.failed)} of them failed"]
+        of += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
+        of += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
+        return [
+            ("falls", ", ".join([f"{len(self)}", *of])),
+            ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
+        ]
+
+
+def tumbles(
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    ensemble: Tilts,
+    n: int,
+    seed: int,
+    executor: Executor | None,
+) -> Drops:
+    """The falls of an ensemble; each has its own seed, so that they do not depend on each other."""
+    seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
+    drawn = partial(_drawn, body.alone(), start, setting, ensemble)
+    parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
+    found: dict[int, list[dict[str, float] | str]] = {}
+    with counting("falls", n) as ready:
+        for k, rows in made(partial(_tumble, drawn), parts, executor):
+            found[k] = rows
+            ready(sum(map(len, found.values())))
+    sample = sample_of("falls", {}, [row for k in sorted(found) for row in found[k]])
+    table = {
+        name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
+        for name in QUANTITIES
+    }
+    count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
+    yields, missed, unsure = (sample.values[n] > 0 for n in ("yields", "missed", "unsure"))
+    for told, why in (
+        (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
+        (unsure, "land along lines whose forces are not sure: see the notes of one fall"),
+        (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
+    ):
+        if told.any():
+            warn(f"{told.sum()} of {n} falls {why}.", AccuracyWarning)
+    starts = np.array([drawn(s)[1].R for s in seeds])
+    return Drops(table, starts, count, sample.failed, yields, missed)
+
+
+def _drawn(
+    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: np.random.SeedSequence
+) -> tuple[FreeBody, State, Setting]:
+    """The body, the start and the setting of one fall."""
+    rng = np.random.default_rng(seed)
+    if np.isinf(tilts.sigma):
+        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+    else:
+        R = turned(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)) @ start.R
+    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
+    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
+    own = replace(setting, height=height, floor=floor)
+    return body, hung(body, own, R, spin, start.velocity), own
+
+
+def _tumble(
+    drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
+) -> dict[str, float]:
+    """The values of the impacts of one fall, by name and number."""
+    fall = fall_of(*drawn(seed))
+    told = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
+    return {name: float(value) for name, value in told.items()} | {
+        f"{name} {k}": float(getattr(one, name))
+        for name in QUANTITIES
+        for k, one in enumerate(fall.impacts)
+    }
+
+
+#: Of the floor [m/s^2].
+GRAVITY = 9.81
+#: Longest first flight [s], and least height [m]: below it there is no flight.
+LONGEST, LEAST_HEIGHT = 1e4, 1e-9
+#: Standard deviations that a draw of an ensemble is meant to lie within.
+DRAWN = 3.0
+#: Least mass of a floor's model at its site over that of the part. A block of 0.5 kg on a soil cone
+#: with 1e-3, 1e-5 and 1e-6 kg takes 0.2, 2.2 and 7.2 s for an impact: with 1e-9 kg minutes.
+LIGHTEST = 1e-8
+
+
+@checks.within_range
+@one_thread()
+def drop(
+    part: Any,
+    height: float,
+    tilt: Sequence[float] = (0.0, 0.0, 0.0),
+    floor: Floor | None = None,
+    until: str | int | float = "rest",
+    *,
+    face: str | None = None,
+    edge: str | None = None,
+    corner: str | None = None,
+    toward: Sequence[float] | None = None,
+    spin: Sequence[float] = (0.0, 0.0, 0.0),
+    velocity: Sequence[float] = (0.0, 0.0, 0.0),
+    gravity: float = GRAVITY,
+    damping: Any = None,
+    modes: int = MODES,
+    corner_radius: float | None = None,
+    tol: float = 1e-3,
+    ensemble: Tilts | None = None,
+    n: int = 100,
+    seed: int = 0,
+    executor: Executor | None = None,
+) -> Fall | Drops:
+    """Drop a part from a height: flight, impacts, flight, and so on until it rests.
+
+    Parameters
+    ----------
+    part : Structure, RigidBody, Sphere or FreeBody
+        Free in space, without supports: of a mesh, an assembly, or matrices with coordinates. Of a
+        RigidBody the sites are the points that may touch. z of its mesh points up. The `body` of
+        another fall has its modes, damping and corner_radius already.
+    height : float
+        Of the lowest point over the floor [m].
+    tilt : (a, b, c)
+        Rotations [degree] about the x, then the y, then the z axis before the fall, after what
+        face, edge, corner or toward say.
+    floor : Floor, optional
+        Default: rigid, without friction.
+    until : "rest", int or float
+        Its rest, a number of impacts, or a time [s]. It rests on points around its centre of mass
+        when the energy that the floor could still take of its rigid motion would lift it by 0.1 %
+        of the height: a ball that rolls and a part that slides without friction are at rest.
+        Also "rest" ends after 200 impacts or 600 contacts.
+    face, edge, corner : str, optional
+        What is lowest: "-z", "-x-z", "+x-y-z", the extremes of the part in the axes of its mesh,
+        its centre of mass above them; a face may also be the name of a group.
+    toward : (x, y, z), optional
+        Direction in the axes of the mesh that points down.
+    spin, velocity : (x, y, z)
+        At the start, of the centre, in the axes of the floor [rad/s], [m/s].
+    gravity : float
+        [m/s^2].
+    damping : float, sequence or Damping, optional
+        Of the free modes; default: a ratio of 1 %.
+    modes : int
+        Number of free modes.
+    corner_radius : float, optional
+        Radius [m] of sharp corners and edges; default 1 mm, at most a quarter of the part's least
+        dimension.
+    tol : float
+        Relative error of the contact forces in an impact, all contacts together.
+    ensemble : Tilts, optional
+        What varies: n falls are computed, and `Drops` are returned.
+    n, seed, executor
+        Of the ensemble: number of falls, seed of the draws, and who computes them.
+
+    Returns
+    -------
+    Fall, or Drops with `ensemble`.
+
+    Raises
+    ------
+    InputError
+        A part that supports hold, one without points or materials, and values out of range.
+
+    Warns
+    -----
+    AccuracyWarning
+        A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
+        does not come to rest; contact forces that do not reach `tol` in 50 000 steps; a layer that
+        is pressed in deeper than its thickness or than 0.3 of the radius of a round point; a
+        contact along a line that is inclined or has no law of its own; falls of an ensemble that
+        failed, or of which one of these is true.
+    """
+    setting = Setting(
+        as_floor(floor),
+        checks.positive("gravity", gravity, "m/s^2"),
+        checks.positive("height", height, "m"),
+        *end_of(until),
+        checks.tolerance(tol),
+    )
+    moving = {
+        name: checks.array(name, given, (3,))
+        for name, given in (("spin", spin), ("velocity", velocity))
+    }
+    count = checks.whole("modes", modes, most=MOST_MODES)
+    body = free_body(part, count, damping, corner_radius)
+    body = with_lines(body, setting.floor)
+    body = replace(body, bed=None) if setting.floor.layer is None else bedded(body)
+    if ensemble is not None:
+        checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
+    _check_ground(body, setting.floor)
+    _check_flight(body, setting, ensemble, **moving)
+    arrival = float(np.sqrt(2 * setting.gravity * setting.height))
+    plausible.warn_each([plausible.of_blow(None, (), arrival, moving["velocity"])])
+    R = orientation(body, tilt, face, edge, corner, toward)
+    start = hung(body, setting, R, **moving)
+    if ensemble is None:
+        if executor is not None:
+            raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
+        fall = fall_of(body, start, setting)
+        fall.warn()
+        return fall
+    check_executor(executor)
+    return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed, executor)
+
+
+def end_of(until: str | int | float) -> tuple[int, float]:
+    """Most impacts and longest time [s] of a fall; InputError for what is neither nor "rest"."""
+    if isinstance(until, str):
+        if until != "rest":
+            raise InputError(f'until is "rest", a number of impacts or a time in s; got {until!r}.')
+        return MOST_IMPACTS, inf
+    if isinstance(until, int) and not isinstance(until, bool):
+        return checks.whole("until", until), inf
+    return MOST_IMPACTS, checks.positive("until", until, "s")
+
+
+def _check_ground(body: FreeBody, floor: Floor) -> None:
+    """InputError for a floor's model that is too light: it would take minutes for each impact."""
+    moving = 0.0 if floor.model is None else float(np.sum(floor.model.modal().b ** 2))
+    least = LIGHTEST * body.mass
+    if moving * least > 1:
+        raise InputError(
+            f"the floor's model has {1 / moving:.3g} kg at its site, and must have at least "
+            f"{LIGHTEST:g} of the part's mass, {least:.3g} kg: it follows each force at once, in "
+            f"steps too small to compute. Give it more, as with soil_cone(...).model(mass)."
+        )
+
+
+def _check_flight(
+    body: FreeBody, setting: Setting, ensemble: Tilts | None, spin: Array, velocity: Array
+) -> None:
+    """InputError for a first flight that is too fast or too long to be meant."""
+    whirl, height, of = float(np.linalg.norm(spin)), setting.height, ""
+    if ensemble is not None:
+        whirl += DRAWN * ensemble.spin
+        height *= 1 + DRAWN * ensemble.height
+        of = f"{DRAWN:g} standard deviations of the ensemble off, "
+    speed = float(np.linalg.norm(velocity)) + body.extent * whirl
+    fast = hypot(speed, sqrt(2 * setting.gravity * height))
+    long = sqrt(2 * height / setting.gravity)
+    if fast > FASTEST_WAVE:
+        raise InputError(
+            f"{of}the part would touch at {fast:.3g} m/s, at most {FASTEST_WAVE:g} are meant: "
+            f"height is in m ({height:g}), gravity in m/s^2 ({setting.gravity:g}), spin in rad/s "
+            f"({whirl:g})."
+        )
+    if setting.height < LEAST_HEIGHT:
+        raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")
+    if long > LONGEST:
+        raise InputError(
+            f"{of}the part would fall for {long:.3g} s, at most {LONGEST:g} are meant: height is "
+            f"in m ({height:g}), gravity in m/s^2 ({setting.gravity:g})."
+        )

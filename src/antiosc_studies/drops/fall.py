@@ -1,0 +1,490 @@
+"""What a fall returns: its impacts, what points of the part feel, and how far it is predictable."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import pi, sqrt, tan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
+from antiosc.base.texts import ReprMixin
+from antiosc.results.peaks import PeakField, peak_field
+from antiosc.results.spectra import ShockSpectrum, srs
+from antiosc_studies.drops.body import FreeBody
+from antiosc_studies.drops.course import Impacts, Peak, contact_yield, course, hung, impact_of
+from antiosc_studies.drops.episode import BODY, LIMITS, Episode
+from antiosc_studies.drops.flight import Flight, State, ringing, turned
+from antiosc_studies.drops.floor import Setting, SoftLayer
+from antiosc_studies.drops.lines import STATIONS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Name -> class [Hz].
+CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
+#: Corner of one pass over the class, and least sampling rate over the class (SAE J211-1).
+CORNER, LEAST_RATE = 2.0775, 10.0
+#: What a filter remembers is over after this many periods of its class.
+MEMORY = 2.0
+
+
+def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
+    """The signal (n,) or (n, k), sampled at equal steps [s], through a channel frequency class.
+
+    Raises
+    ------
+    InputError
+        An unknown class, or a rate below ten times the class.
+    """
+    step = checks.positive("step", step, "s")
+    checks.choice("filter", name, tuple(CLASSES))
+    x, cfc = checks.array("signal", signal, None), CLASSES[name]
+    if x.ndim not in (1, 2):
+        raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
+    if step * cfc * LEAST_RATE > 1:
+        raise InputError(
+            f"{name} needs at least {LEAST_RATE * cfc:g} samples a second; got {1 / step:.4g}."
+        )
+    from scipy.signal import lfilter  # which takes long to load
+
+    wa = tan(pi * CORNER * cfc * step)
+    whole = 1 + sqrt(2) * wa + wa * wa
+    b = np.array([1.0, 2.0, 1.0]) * wa * wa / whole
+    a = np.array([1.0, 2 * (wa * wa - 1) / whole, (1 - sqrt(2) * wa + wa * wa) / whole])
+    forward = lfilter(b, a, x, axis=0)
+    return np.asarray(lfilter(b, a, forward[::-1], axis=0)[::-1])
+
+
+#: Samples of a period of the highest mode, and most samples of a signal.
+SAMPLES, MOST = 12, 200_000
+#: Looks at stresses in a period of the highest mode, and the least and the most in an episode.
+LOOKS, FEW, MANY = 8, 20, 200
+#: Spin over the lowest natural frequency above which the stiffening by the spin matters.
+STIFFENS = 0.02
+#: Indentation of a layer over the radius up to which the force of a ball is that of a paraboloid.
+BLUNT = 0.3
+NO_IMPACT = "the fall has no impact; let it last longer (until=)."
+#: Nudges of the predictability: angle [rad], and what a peak force may differ by.
+NUDGE, SPREAD = 1e-4, 0.05
+
+#: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
+At: TypeAlias = Sequence[float] | str | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WorstField(PeakField):
+    """A `PeakField` over the impacts of a fall; its times are those of the fall.
+
+    Attributes
+    ----------
+    impact : (P,) number of the impact, from 0, in which each node has its largest value.
+    """
+
+    impact: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fall(ReprMixin):
+    """A fall from its start to its end: flights and episodes of contact in turn.
+
+    Attributes
+    ----------
+    body : the free modes of the part; `drop` takes it in place of the part.
+    setting : floor, gravity and tolerances of the fall.
+    start, end : position, orientation, velocity and spin at the start and at the end.
+    episodes : the contacts, each linear about its first orientation, on the path of the part.
+    flights : the motions between the episodes.
+    groups : of each impact the indices of its episodes.
+    status : why the fall ended.
+    """
+
+    body: FreeBody
+    setting: Setting
+    start: State
+    end: State
+    episodes: list[Episode]
+    flights: list[Flight]
+    groups: list[list[int]]
+    status: str
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """The impacts, as a table."""
+        gravity = self.setting.gravity
+        own = range(len(self.groups))
+        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in own)
+
+    @property
+    def peak_force(self) -> float:
+        """Largest sum of the normal forces of all impacts [N]."""
+        return float(max((one.peak_force for one in self.impacts), default=0.0))
+
+    @property
+    def fastest_spin(self) -> float:
+        """Largest spin [rad/s] before and after the impacts."""
+        states = [self.start, *(one.end for one in self.episodes)]
+        return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
+
+    def energy(self) -> tuple[Array, Array]:
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
+
+        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
+        """
+        rows = [(self.start, 0.0)]
+        for one in self.episodes:
+            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
+        rows.append((self.end, rows[-1][1]))
+        gravity = self.setting.gravity
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
+
+    def _episodes(self, impact: int) -> list[Episode]:
+        if not self.groups:
+            raise InputError(NO_IMPACT)
+        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
+        return [self.episodes[i] for i in self.groups[k]]
+
+    # -- what a point feels
+
+    def signal(
+        self,
+        at: At = None,
+        impact: int = 0,
+        *,
+        filter: str | None = None,
+        before: float = 0.0,
+        after: float = 0.0,
+    ) -> tuple[Array, Array]:
+        """What an accelerometer at a point reads in an impact: times (n,) [s], (n, 3) [m/s^2].
+
+        Its axes are those of the mesh and turn with the part. It feels no gravity in flight, and
+        the rotation of the part with its centripetal acceleration.
+
+        Parameters
+        ----------
+        at : coordinates [m] or the name of a group
+            None: the centre of mass, as if the part were rigid.
+        impact : int
+            Number of the impact, from 0.
+        filter : "CFC60", "CFC180", "CFC600" or "CFC1000", optional
+            Channel frequency class of SAE J211-1.
+        before, after : float
+            Time before the first touch and after the last release [s]; at least what the filter
+            remembers.
+        """
+        own, rest, steps = self._episodes(impact), 0.0, [np.inf]
+        if filter is not None:
+            checks.choice("filter", filter, tuple(CLASSES))
+            rest = MEMORY / CLASSES[filter]
+            steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
+        begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
+        end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
+        begin, end = max(begin, 0.0), min(end, self._lasting)
+        steps += [one.duration / 50 for one in self.episodes]
+        steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
+        step = max(min(steps), (end - begin) / MOST)
+        t = begin + step * np.arange(max(int((end - begin) / step), 2))
+        a = self.acceleration(t, at)
+        return t, a if filter is None else cfc_filter(step, a, filter)
+
+    def acceleration(self, times: ArrayLike, at: At = None) -> Array:
+        """What an accelerometer at a point reads at times (n,) [s], (n, 3); see `signal`.
+
+        Beyond its end the fall goes on as a flight, for as long as a filter remembers.
+        """
+        t = checks.column("times", times)
+        if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
+            raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
+        begins, parts = [0.0], list[State | Episode]([self.start])
+        for one in self.episodes:
+            begins += [one.start.time, one.end.time]
+            parts += [one, one.end]
+        which, found = np.searchsorted(begins, t, side="right") - 1, np.zeros((t.size, 3))
+        point = self._point(at)
+        for k in np.unique(which):
+            found[which == k] = self._felt(parts[k], t[which == k] - begins[k], *point)
+        return found
+
+    @property
+    def _lasting(self) -> float:
+        """Time [s] up to which the motion is known: the end, and what filters remember."""
+        return self.end.time + MEMORY / min(CLASSES.values())
+
+    def _point(self, at: At) -> tuple[Array, Array]:
+        """Arm (3,) of a point from the centre of mass, and shapes (3, J) of the modes there."""
+        body = self.body
+        rigid = np.zeros((3, body.omega.size))
+        if at is None:
+            return np.zeros(3), rigid
+        if body.structure is None or body.basis is None:
+            return checks.array("at", at, (3,)) - body.centre, rigid
+        from antiosc.fem.fields import source
+        from antiosc.fem.site import Reach, point_of
+
+        x, part, _ = point_of(body.structure, at, None)
+        reach = Reach("the point", np.inf if isinstance(at, str) else None)
+        found = source(body.structure)
+        return x - body.centre, found.at_point(body.structure, body.basis, x, part, reach)
+
+    def _felt(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
+        """Accelerations (n, 3) less gravity in the axes of the body, at times in a flight from a
+        state or in an episode."""
+        body, gravity = self.body, self.setting.gravity
+        if isinstance(part, Episode):
+            R, spin, turning, a = part.motion(since)
+            linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
+            elastic = a[:, 6:]
+        else:
+            R = Flight(body, part, gravity).orientation(since)
+            spin = part.momentum @ R @ body.inverse
+            turning = linear = np.zeros(3)
+            q, p = ringing(body.omega, body.decay, part.q, part.p, since)
+            elastic = -(body.omega**2) * q - 2 * body.decay * p
+        turning = turning - np.cross(spin, spin @ body.tensor) @ body.inverse
+        carried = np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm))
+        return np.asarray(linear + elastic @ phi.T + carried)
+
+    def peak(
+        self, quantity: str = "acceleration", at: At = None, filter: str | None = None
+    ) -> Peak:
+        """The largest acceleration of a point (`signal`), or the largest "force", over all impacts.
+
+        Returns a `Peak`: `.value` in m/s^2 or N, `.g` in g, `.time` and `.impact`.
+        """
+        checks.choice("quantity", quantity, ("acceleration", "force"))
+        if not self.groups:
+            raise InputError(NO_IMPACT)
+        found = Peak(0.0, 0.0, 0)
+        for k, one in enumerate(self.impacts):
+            if quantity == "force":
+                best = Peak(one.peak_force, one.time, k)
+            else:
+                t, a = self.signal(at, k, filter=filter)
+                size = np.linalg.norm(a, axis=1)
+                i = int(np.argmax(size))
+                best = Peak(float(size[i]), float(t[i]), k)
+            found = max(found, best, key=float)
+        return found
+
+    def srs(
+        self,
+        at: At = None,
+        impact: int = 0,
+        frequencies: ArrayLike | None = None,
+        Q: float = 10.0,
+        *,
+        axis: Sequence[float] | None = None,
+        filter: str | None = None,
+    ) -> ShockSpectrum:
+        """Shock response spectrum of an impact at a point along an axis of the mesh [m/s^2].
+
+        axis: default the direction of the largest acceleration.
+        """
+        t, a = self.signal(at, impact, filter=filter)
+        strongest = a[np.argmax(np.linalg.norm(a, axis=1))]
+        along = strongest if axis is None else checks.array("axis", axis, (3,))
+        size = float(np.linalg.norm(along))
+        if size == 0:
+            raise InputError("axis must not be the zero vector.")
+        return srs(t, a @ along / size, frequencies, Q)
+
+    def velocity_change(self, at: At = None, impact: int = 0) -> float:
+        """Length of the change of velocity of a point over an impact, in its own axes [m/s]."""
+        from scipy.integrate import trapezoid
+
+        t, a = self.signal(at, impact)
+        return float(np.linalg.norm(trapezoid(a, t, axis=0)))
+
+    def half_sine(
+        self, at: At = None, impact: int = 0, filter: str | None = None
+    ) -> tuple[float, float]:
+        """Amplitude [m/s^2] and duration [s] of the half-sine of equal peak and velocity change."""
+        _, a = self.signal(at, impact, filter=filter)
+        peak = float(np.linalg.norm(a, axis=1).max())
+        return peak, float(np.pi * self.velocity_change(at, impact) / (2 * peak))
+
+    def worst(
+        self, quantity: str = "von_mises", impacts: Sequence[int] | None = None, **options: Any
+    ) -> WorstField:
+        """The largest value at every node, and its time; options as of `peak_field`.
+
+        impacts: numbers from 0; default: all.
+        """
+        if self.body.structure is None:
+            raise InputError("a rigid part has no stress: drop a Structure.")
+        every = range(max(len(self.groups), 1))
+        chosen = list(every if impacts is None else map(int, checks.column("impacts", impacts)))
+        periods, parts = self.body.omega.max(initial=0.0) / (2 * np.pi), []
+        for one in (one for k in chosen for one in self._episodes(k)):
+            count = int(min(max(LOOKS * periods * one.duration, FEW), MANY))
+            own = one.history.at(np.linspace(0.0, one.duration, count))[BODY]
+            parts.append(replace(own, time=own.time + one.start.time))
+        joined = {
+            n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
+        }
+        forces = np.zeros((joined["time"].size, parts[0].forces.shape[1]))
+        with without_warnings():
+            whole = replace(parts[0], forces=forces, **joined)
+            found = peak_field(self.body.structure, whole, quantity, **options)
+        begins = [self.episodes[own[0]].start.time for own in self.groups]
+        impact = np.searchsorted(begins, found.times, side="right") - 1
+        found = replace(found, error=None)
+        if found._margin is not None and found._margin.criterion == "yield":
+            told = self._contact_yield(chosen)
+            found = replace(found, _margin=replace(found._margin, contact=bool(told)))
+        return WorstField(**vars(found), impact=impact)
+
+    def _contact_yield(self, impacts: Iterable[int]) -> str:
+        """That the contact itself yields in one of the impacts; "" if not, or unknown."""
+        own = [one for k in impacts for one in self._episodes(k)]
+        return contact_yield(self.body, self.setting.floor, own)
+
+    @property
+    def notes(self) -> list[str]:
+        """What was taken for granted, and that the contact itself yields."""
+        told = [self._contact_yield(range(len(self.groups))), self._lines]
+        return [*self.body.notes, *filter(None, told)]
+
+    @cached_property
+    def _lines(self) -> str:
+        """That impacts are along lines, whose forces are not sure; "" if none is."""
+        told = (
+            (
+                Episode.along_line,
+                "the part lands along a line of its surface, as a cylinder on its side; the "
+                "contact is taken at vertices of the mesh, as points with their radii, and its "
+                "force depends on the mesh: tilt the part, or give the floor a layer",
+            ),
+            (
+                Episode.inclined,
+                "the part lands along a line that is inclined, with a part of its length; each "
+                f"of {STATIONS} places along it has its share of the law of the whole line, which "
+                "holds where the line is level: take the force as a rough one",
+            ),
+        )
+        return "; ".join(filter(None, (self._in_impacts(*one) for one in told)))
+
+    def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
+        """In how many impacts something happens, and what; "" if in none."""
+        found = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
+        of = f"in {len(found)} of {len(self.groups)} impacts, first in impact"
+        return f"{of} {found[0] + 1}, {what}" if found else ""
+
+    @property
+    def unsure(self) -> bool:
+        """Whether forces of contacts along lines are not sure, as the notes tell."""
+        return bool(self._lines)
+
+    @property
+    def contact_yields(self) -> bool:
+        """Whether the contact itself yields, as far as that is known."""
+        return bool(self._contact_yield(range(len(self.groups))))
+
+    @property
+    def missed(self) -> int:
+        """Number of episodes whose contact forces do not reach `tol`."""
+        return sum(not one.error <= self.setting.tol for one in self.episodes)
+
+    # -- how far it is predictable, in words and pictures
+
+    def horizon(self, angle: float = NUDGE, spread: float = SPREAD) -> int:
+        """How many impacts can be predicted: their peak forces differ by less than `spread`.
+
+        The fall is repeated with its start turned by +-angle [rad] about two horizontal axes.
+        """
+        angle, spread = checks.positive("angle", angle, "rad"), checks.positive("spread", spread)
+        own, known = self.impacts.column("peak_force"), len(self.impacts)
+        body, setting, s = self.body, self.setting, self.start
+        for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
+            nudged = hung(body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity)
+            other = fall_of(body, nudged, setting).impacts.column("peak_force")
+            count = min(len(own), len(other))
+            off = np.abs(other[:count] / own[:count] - 1) > spread
+            known = min(known, int(np.argmax(off)) if off.any() else count)
+        return known
+
+    def summary(self) -> str:
+        """The impacts as a table, and how the fall ended."""
+        notes = "".join(f"\n{note}" for note in self.notes)
+        return f"{self.impacts}\n{self.status} at {self.end.time:.4g} s{notes}"
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """The part as it first hits, its height, the energies and the forces of the impacts."""
+        from antiosc_studies.drops.pictures import overview
+
+        return overview(self, path)
+
+    def animate(self, path: str | os.PathLike[str], seconds: float = 8.0) -> Path:
+        """A film of the fall (.mp4 with ffmpeg, or .gif), slowed to `seconds`."""
+        from antiosc_studies.drops.pictures import film
+
+        return film(self, path, checks.positive("seconds", seconds, "s"))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [
+            ("impacts", f"{len(self.impacts)}, the strongest {self.peak_force:.4g} N"),
+            ("end", f"{self.status} at {self.end.time:.4g} s"),
+        ]
+
+    def warn(self) -> None:
+        """Warn of what makes the fall inaccurate: spin, steps, a layer; and of one without rest."""
+        ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
+        if ratio > STIFFENS:
+            warn(
+                f"the part spins with {self.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
+                f"natural frequency: the stiffening by the spin is left out, which matters above "
+                f"{STIFFENS:g}.",
+                AccuracyWarning,
+            )
+        if "not at rest" in self.status:
+            warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
+        if self.missed:
+            tol, most = self.setting.tol, max(one.error for one in self.episodes)
+            known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
+            warn(
+                f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
+                f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
+                AccuracyWarning,
+            )
+        if self._lines:
+            warn(f"{self._lines}.", AccuracyWarning)
+        layer = self.setting.floor.layer
+        if layer is not None:
+            self._warn_of(layer)
+
+    def _warn_of(self, layer: SoftLayer) -> None:
+        """Warn of points pressed into a layer deeper than its law holds."""
+        deep, over, place = 0.0, 0.0, 0.0
+        for one in self.episodes:
+            radii = one.body.radii[one.which].min(axis=1)
+            depth = one.sunk()
+            k = int(np.argmax(depth / radii))
+            deep = max(deep, one.deepest)
+            over, place = max((over, place), (float(depth[k] / radii[k]), float(radii[k])))
+        if deep > layer.thickness:
+            warn(
+                f"the layer is pressed in by {deep:.3g} m, and is {layer.thickness:g} m thick: its "
+                f"law knows no ground below. Take a thicker or a stiffer layer.",
+                AccuracyWarning,
+            )
+        if over > BLUNT:
+            warn(
+                f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} "
+                f"of it: the law of its curvature holds up to {BLUNT:g}.",
+                AccuracyWarning,
+            )
+
+
+def fall_of(body: FreeBody, start: State, setting: Setting) -> Fall:
+    """The fall of a body from a state."""
+    return Fall(body, setting, start, *course(body, start, setting))

@@ -1,0 +1,349 @@
+"""Free flight: exact rigid motion with large rotations, ringing of the modes, and the next touch.
+
+The floor is the plane z = 0, gravity points along -z. The orientation is that of a free rotation.
+The modes ring freely in the axes of the body: what the spin adds to their stiffness is left out,
+which holds while the spin is small against the lowest natural frequency.
+
+The height of a point over the floor is bounded from below by its rigid height minus the elastic
+displacements that the energies of the modes allow; only where this bound reaches the floor is the
+motion looked at in steps that resolve the modes, and the touch located.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from antiosc.base import march
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc_studies.drops.body import FreeBody
+from antiosc_studies.drops.floor import Ground
+
+#: Points by their numbers.
+Which: TypeAlias = "slice | IntArray | Sequence[int]"
+#: A spin whose axis deviates by less than this share from the angular momentum keeps it.
+SPINNING = 1e-12
+#: Largest parameter m of the elliptic functions: SciPy leaves their period out nearer to 1.
+LARGEST_M = 1 - 2e-10
+
+
+def turned(angle: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    flat = np.reshape(angle, (-1, 3))
+    return np.asarray(Rotation.from_rotvec(flat).as_matrix()).reshape(*np.shape(angle), 3)
+
+
+def free_rotation(
+    moments: Array, axes: Array, R: Array, momentum: Array
+) -> Callable[[Array], Array]:
+    """R (n, 3, 3) from the axes of the body to the fixed ones, as a function of times (n,) [s].
+
+    Parameters
+    ----------
+    moments, axes : (3,) principal moments [kg m^2], ascending, and their axes as rows (3, 3).
+    R : (3, 3) at the time 0.
+    momentum : (3,) angular momentum in the fixed axes [kg m^2/s].
+    """
+    own = axes @ R.T @ momentum
+    spin = R @ axes.T @ (own / moments)
+    size = float(np.linalg.norm(spin) * np.linalg.norm(momentum))
+    if size == 0.0:
+        return lambda t: np.broadcast_to(R, (len(t), 3, 3))
+    if np.linalg.norm(np.cross(spin, momentum)) <= SPINNING * size:
+        return lambda t: turned(t[:, None] * spin) @ R
+    # the axis that L circles: that of the largest moment, or that of the smallest
+    gain, loss = (abs(moments[i] - moments[1]) * own[i] ** 2 / moments[i] for i in (2, 0))
+    order = [0, 1, 2] if gain >= loss else [2, 1, 0]
+    axes = axes[order]
+    axes[1] *= np.sign(np.linalg.det(axes))
+    return _tumbling(moments[order], axes, R, momentum)
+
+
+def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Array], Array]:  # noqa: E741
+    from scipy.special import ellipj, ellipkinc
+
+    size = float(np.linalg.norm(momentum))
+    w = (axes @ R.T @ momentum) / I
+    d21, d31, d32 = abs(I[1] - I[0]), abs(I[2] - I[0]), abs(I[2] - I[1])
+    # |2 E I3 - L^2| and |L^2 - 2 E I1|, without cancellation
+    small = I[0] * d31 * w[0] ** 2 + I[1] * d32 * w[1] ** 2
+    large = I[1] * d21 * w[1] ** 2 + I[2] * d31 * w[2] ** 2
+    m = min(float(d21 * small / (d32 * large)), LARGEST_M)
+    rate = float(np.sqrt(d32 * large / I.prod()))
+    third = np.copysign(np.sqrt(I[2] * large / d31), w[2])  # largest component 3 of L
+    sign = np.copysign(1.0, w[2]) * np.sign(I[2] - I[1])
+    first, second = np.sqrt(I[0] * d32), sign * np.sqrt(I[1] * d31)
+    nutation = np.sqrt(small / (d31 * d32))
+    phase = np.arctan2(sign * w[1] * np.sqrt(I[1] * d32), w[0] * np.sqrt(I[0] * d31))
+    start = float(ellipkinc(phase, m))
+    third_integral = _third_integral(-I[2] * d21 / (I[0] * d32), m)
+    drift = size * (I[2] - I[0]) / (I[0] * I[2] * rate)
+
+    def looked(u: Array) -> tuple[Array, Array]:
+        """Axes (n, 3, 3) of nodes, L and both as columns, in those of the body; the third Pi."""
+        sn, cn, dn, am = ellipj(u, m)
+        x, y = first * cn, second * sn
+        across = np.hypot(x, y)
+        x, y, tilt, along = x / across, y / across, nutation * across, third * dn
+        length = np.hypot(tilt, along)
+        tilt, along, none = tilt / length, along / length, 0.0 * x
+        rows = [[x * along, -y, x * tilt], [y * along, x, y * tilt], [-tilt, none, along]]
+        return np.moveaxis(np.array(rows), 2, 0), third_integral(am)
+
+    before, angle0 = looked(np.array([start]))
+    fixed = R @ axes.T @ before[0]
+
+    def orientation(t: Array) -> Array:
+        nodes, angle = looked(rate * t + start)
+        angle = size * t / I[2] + drift * (angle - angle0)
+        c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        e1, e2, e3 = fixed.T
+        turning = np.stack([c * e1 + s * e2, c * e2 - s * e1, np.broadcast_to(e3, (len(t), 3))], 2)
+        return np.asarray(turning @ np.swapaxes(nodes, 1, 2) @ axes)
+
+    return orientation
+
+
+def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
+    """Pi(n; phi | m) of n < 0 at any phi, by Carlson's integrals."""
+    from scipy.special import elliprf, elliprj
+
+    def part(s: Array, c: Array) -> Array:
+        x, y = c * c, 1 - m * s * s
+        third = s**3 * elliprj(x, y, 1.0, 1 - n * s * s)
+        return np.asarray(s * elliprf(x, y, 1.0) + n / 3 * third)
+
+    half = part(np.ones(1), np.zeros(1))
+
+    def whole(phi: Array) -> Array:
+        halves = np.round(phi / np.pi)
+        rest = phi - halves * np.pi
+        return 2 * halves * half + part(np.sin(rest), np.cos(rest))
+
+    return whole
+
+
+#: Angle [rad] that the body turns between two looks at its rigid motion.
+TURN = 0.05
+#: Most looks at one flight.
+MOST_LOOKS = 1_000_000
+#: Looks at a period of the fastest mode that moves a point by more than `SEEN` of the extent.
+LOOKS, SEEN = 12, 1e-6
+#: Most times at which heights are looked at together: of the rigid body, of the modes too.
+AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
+#: The lowest point of a part without vibration is over the centre of mass by this share of the
+#: extent at most.
+SIDES = 0.01
+#: Height at which points touch, over the extent.
+TOUCH = 1e-10
+#: Accuracy of the time of a touch [s].
+CLOSE = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The motion of a free body at one time.
+
+    Attributes
+    ----------
+    time : [s].
+    centre, velocity : (3,) of the centre of mass, in the axes of the floor [m], [m/s].
+    R : (3, 3) from the axes of the body to those of the floor.
+    momentum : (3,) angular momentum about the centre [kg m^2/s].
+    q, p : (J,) elastic modal displacements and velocities.
+    floor : (2, F) displacements and rates of the modes of an elastic floor (`Ground`).
+    """
+
+    time: float
+    centre: Array
+    velocity: Array
+    R: Array
+    momentum: Array
+    q: Array
+    p: Array
+    floor: Array
+
+    def spin(self, body: FreeBody) -> Array:
+        """Angular velocity (3,) in the axes of the floor [rad/s]."""
+        return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
+
+    def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
+        """Arms (n, 3) [m] from the centre of mass to the lowest places at points."""
+        bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
+        arms = bent @ self.R.T
+        arms[:, 2] -= body.reach(self.R[2])[which]
+        return np.asarray(arms)
+
+    def heights(
+        self,
+        body: FreeBody,
+        ground: Ground | None,
+        which: Which = slice(None),
+    ) -> Array:
+        """Heights (n,) [m] of points over the floor."""
+        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
+
+    def lowered(self, ground: Ground | None) -> float:
+        """What the floor gives way [m]."""
+        return 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
+
+    def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
+        """Energies [J]: of the rigid motion, of the vibration, and of the height of the centre."""
+        rigid = 0.5 * body.mass * self.velocity @ self.velocity
+        rigid += 0.5 * self.momentum @ self.spin(body)
+        elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))
+        return float(rigid), float(elastic), float(body.mass * gravity * self.centre[2])
+
+
+def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
+    """Displacements and velocities (n, J) of free damped modes at times (n,) since the start."""
+    if np.any(decay >= omega):  # over-damped ones
+        P, W, S = march.responses(omega, decay, t[:, None])[:3]
+        return P * q + S * p, W * p - omega**2 * S * q
+    fast = np.sqrt(omega**2 - decay**2)
+    phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
+    c, s = fade * np.cos(phase), fade * np.sin(phase) / fast
+    return c * q + s * (p + decay * q), c * p - s * (decay * p + omega**2 * q)
+
+
+def most(omega: Array, q: Array, p: Array) -> Array:
+    """The largest displacements that the energies of free modes allow, now and later."""
+    return np.hypot(q, p / np.maximum(omega, np.finfo(float).tiny))
+
+
+class Flight:
+    """The flight of a body from a state, under a gravity [m/s^2] along -z, above a floor."""
+
+    def __init__(
+        self, body: FreeBody, start: State, gravity: float, ground: Ground | None = None
+    ) -> None:
+        self.body, self.start, self.gravity, self.ground = body, start, gravity, ground
+        #: R (n, 3, 3) at times (n,) since the start
+        self.orientation = free_rotation(*body.principal, start.R, start.momentum)
+
+    def longest(self) -> float:
+        """Time [s] at which the centre is so deep below the floor, even of a part that bends, that
+        something has touched before."""
+        v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
+        deep = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
+        return (v + np.sqrt(v * v + 2 * self.gravity * (z + deep))) / self.gravity
+
+    def at(self, t: float) -> State:
+        """The state a time t [s] after the start."""
+        s, g, at = self.start, np.array([0.0, 0.0, -self.gravity]), np.array([t])
+        q, p = self._ringing(at)
+        return State(
+            s.time + t,
+            s.centre + s.velocity * t + 0.5 * g * t * t,
+            s.velocity + g * t,
+            self.orientation(at)[0],
+            s.momentum,
+            q[0],
+            p[0],
+            s.floor if self.ground is None else self._floor_at(at)[:, 0],
+        )
+
+    def heights(self, t: Array, which: IntArray) -> Array:
+        """Heights (n, k) [m] over the floor of points (k,) at times (n,), ascending from start."""
+        up, shapes = self.orientation(t)[:, 2], self.body.shapes[which]
+        moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
+        found = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
+        if self.ground is not None:
+            found += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
+        return found
+
+    def _rigid(self, t: Array, up: Array, which: IntArray) -> Array:
+        """Heights without vibration; `up` (n, 3): the vertical in the axes of the body."""
+        s, body = self.start, self.body
+        z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
+        return np.asarray(z[:, None] + up @ body.points[which].T - body.reach(up)[..., which])
+
+    def _ringing(self, t: Array) -> tuple[Array, Array]:
+        return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
+
+    def _floor_at(self, t: Array) -> Array:
+        """Displacements and rates (2, n, F) of the modes of an elastic floor."""
+        assert self.ground is not None
+        own, (q, p) = self.ground.modes, self.start.floor
+        return np.array(ringing(own.omega, own.decay, q, p, t))
+
+    def touch(self, until: float) -> float | None:
+        """Time [s] since the start of the first touch up to `until`; None if there is none.
+
+        A point that is below the floor and rises has parted, and may touch again after it has
+        left.
+        """
+        parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
+        found = (self._within(*near, parted) for near in self._near(until))
+        return next((t for t in found if t is not None), None)
+
+    def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
+        """Intervals up to an end in which points may touch, in order, and which points."""
+        body, every = self.body, np.arange(len(self.body.points))
+        spin = float(np.linalg.norm(self.start.spin(body)))
+        reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
+        # between two looks the height deviates from a straight line by a'' h^2/8 at most
+        bend = self.gravity + 4 * spin**2 * reach
+        # a deviation of TURN^2 of the size does no harm
+        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / bend))
+        count = int(np.clip(np.ceil(end / h), 1, MOST_LOOKS))
+        edges = np.linspace(0.0, end, count + 1)
+        slack = bend * (edges[1] - edges[0]) ** 2 / 8
+        for first in range(0, count, AT_ONCE):
+            t = edges[first : first + AT_ONCE + 1]
+            low = self._rigid(t, self.orientation(t)[:, 2], every)
+            near = np.minimum(low[:-1], low[1:]) <= self._sizes(t[:-1]) + slack
+            for k in np.flatnonzero(near.any(axis=1)):
+                yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
+
+    def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
+        """The first touch of points between two times; `parted`: below since they parted."""
+        count = max(int(np.ceil((end - start) * LOOKS * self._fastest(start) / (2 * np.pi))), 2)
+        close = TOUCH * self.body.extent
+        for first in range(0, count, AT_ONCE_ELASTIC):
+            last = min(first + AT_ONCE_ELASTIC, count)
+            t = start + (end - start) * np.arange(first, last + 1) / count
+            h = self.heights(t, which)
+            # a point that has parted is free to touch once it has left the floor
+            free = np.logical_or.accumulate(h > close, axis=0) | ~parted[which]
+            falls = (h[1:] < 0) & (h[:-1] >= 0) & free[:-1]
+            sinks = ~free[:-1] & (h[1:] < h[:-1]) & (h[1:] < -close)
+            parted[which[free[-1]]] = False
+            touching = np.flatnonzero((falls | sinks).any(axis=1))
+            if len(touching):
+                i = int(touching[0])
+                if sinks[i].any():
+                    return float(t[i])
+                return self._located(float(t[i]), float(t[i + 1]), which[falls[i]])
+        return None
+
+    def _located(self, start: float, end: float, which: IntArray) -> float:
+        """The time at which the first of some points reaches the floor, which all do."""
+        from scipy.optimize import brentq
+
+        def lowest(t: float) -> float:
+            return float(self.heights(np.array([t]), which).min())
+
+        return start if lowest(start) <= 0 else float(brentq(lowest, start, end, xtol=CLOSE))
+
+    def _sizes(self, t: Array) -> Array:
+        """Largest elastic displacements (n, V) of the points [m] from times (n,) on."""
+        found = most(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
+        if self.ground is not None:
+            omega, (a, b) = self.ground.modes.omega, np.abs(self.ground.shape)
+            found = found + (most(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
+        return np.asarray(found)
+
+    def _fastest(self, start: float) -> float:
+        """Fastest frequency [rad/s] of the modes that move a point from a time on."""
+        at = np.array([start])
+        moves = most(self.body.omega, *self._ringing(at))[0] * self.body.sizes.max(axis=0)
+        seen = self.body.omega[moves > SEEN * self.body.extent]
+        if self.ground is not None and np.any(self.start.floor):
+            seen = np.append(seen, self.ground.modes.omega)
+        return float(seen.max(initial=0.0))

@@ -1,0 +1,340 @@
+"""Lines along which a part may land, as a cylinder on its side.
+
+A straight line of contact is one law of the whole line (`antiosc.contact.line`), shared by stations
+along it by their lengths. The stations are the nodes of a Gauss-Lobatto rule on the axis, each a
+ball of the cylinder's radius, so that the line rolls with the part and the force does not depend on
+the mesh. They touch where the axis is level; otherwise the part lands on an end, as a point.
+
+The law of the line is that of two half-spaces. What the part gives way more or less than a
+half-space, without its modes, is a compliance of the law: that of patches along the line on the
+mesh, less their compliance on a half-space.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, log, pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError, without_warnings
+from antiosc.base.texts import engineering
+from antiosc.contact import Tabulated
+from antiosc.contact.curvature import LINE, Curvature
+from antiosc.contact.geometry import effective_modulus
+from antiosc.contact.line import line_curve
+
+if TYPE_CHECKING:
+    from antiosc_studies.drops.body import FreeBody
+    from antiosc_studies.drops.flight import State
+    from antiosc_studies.drops.floor import Floor
+
+#: Number of stations of a line.
+STATIONS = 7
+#: Sine of the inclination of the axis up to which a cylinder lands along its line.
+LEVEL = 0.02
+#: Deviation of vertices from a cylinder over its radius, from fit to fit; the share of the length
+#: and the number of vertices that they cover at least.
+OFF, COVERED, LEAST = (0.25, 0.15, 0.08, 0.04, 0.02, 0.01, 0.01), 0.9, 6
+#: Curvature of vertices to which a cylinder is fitted over that of the surface.
+ROUND = 0.7
+#: Most places at which a line is looked for.
+LOOKS = 40
+#: Radius of the patches along a line over that of the cylinder, and the most of them. On steel
+#: cylinders of 20 x 100 mm with cells of 10, 6, 4 mm the line's compliance then is 0.99, 1, 1.
+PATCH, PATCHES = 0.4, 40
+#: Largest gap between the vertices around an axis [rad] of a whole cylinder.
+WHOLE = 1.2
+#: 2 (1 - ln 2): the mean displacement along a uniform force lies below that in the middle by this
+#: times F/(pi E* L).
+MEAN = 2 * (1 - log(2))
+#: Largest pressure of a line at first yield over the yield strength.
+FIRST_YIELD = 1.79
+#: Nodes from which the shapes of the modes at a station are taken.
+NEAREST = 3
+#: Least slope of the indentation over its first one.
+LEAST_SLOPE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Cylinder:
+    """A part of the surface that is straight in one direction.
+
+    Attributes
+    ----------
+    centre : (3,) of its axis, relative to the centre of mass [m]; axis : (3,) its direction.
+    radius, length : [m].
+    down, spread : (3,) direction of the middle of its arc, and half the angle of it [rad].
+    compliance : of the whole line without modes and half-space [m/N].
+    material : (2,) Young's modulus [Pa] and Poisson's ratio.
+    members : numbers of the points of the body on it.
+    nodes, shapes : (M, 3) nodes relative to the centre of mass [m], and (M, J, 3) the modes there.
+    """
+
+    centre: Array
+    axis: Array
+    radius: float
+    length: float
+    down: Array
+    spread: float
+    compliance: float
+    material: Array
+    members: IntArray
+    nodes: Array
+    shapes: Array
+
+    @property
+    def points(self) -> Array:
+        """(STATIONS, 3) of the axis [m]."""
+        return self.centre + np.outer(_rule()[0] * self.length / 2, self.axis)
+
+    def lands(self, up: Array) -> BoolArray:
+        """Whether it lands along its line, for verticals (..., 3) in the axes of the body."""
+        level = np.abs(up @ self.axis) <= LEVEL
+        inside = -up @ self.down >= np.cos(max(self.spread - LEVEL, 0.0))
+        return np.asarray(level & (inside | (self.spread >= pi)))
+
+    def shapes_at(self, up: Array) -> Array:
+        """Shapes (STATIONS, J, 3) of the modes where the line is for a vertical (3,)."""
+        away, number = cKDTree(self.nodes).query(self.points - self.radius * up, NEAREST)
+        weights = 1 / np.maximum(away, 1e-9 * self.radius)
+        weights /= weights.sum(axis=1, keepdims=True)
+        return np.asarray(np.einsum("sn,snjd->sjd", weights, self.shapes[number]))
+
+
+def _rule() -> tuple[Array, Array]:
+    """Nodes and weights (STATIONS,) of the Gauss-Lobatto rule; the weights add up to 1."""
+    last = np.polynomial.legendre.Legendre.basis(STATIONS - 1)
+    x = np.concatenate(([-1.0], np.sort(last.deriv().roots().real), [1.0]))
+    return x, 1 / (STATIONS * (STATIONS - 1) * last(x) ** 2)
+
+
+def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
+    """The body with stations on its cylinders, for floors on which lines have a law."""
+    plain = not (floor.layer or floor.law or (floor.restitution or 1.0) < 1)
+    body = _without(body)
+    if not (plain and body.cylinders):
+        return body
+    for one in body.cylinders:
+        body = _added(body, one, floor)
+    return body
+
+
+def _without(body: FreeBody) -> FreeBody:
+    """The body without its stations."""
+    if not body.stations:
+        return body
+    first = int(body.stations[0][0])
+    rows = ("points", "balls", "radii", "materials", "shapes", "strengths", "facing")
+    own = {name: getattr(body, name) for name in rows}
+    own = {name: None if one is None else one[:first] for name, one in own.items()}
+    return replace(body, **own, stations=(), laws={}, idle=None, _placed={})
+
+
+def _added(body: FreeBody, one: Cylinder, floor: Floor) -> FreeBody:
+    first, count = len(body.points), body.omega.size
+    which, shapes = np.arange(first, first + STATIONS), np.zeros((STATIONS, count, 3))
+    law = _law(one, floor)
+    shares = _rule()[1].tolist()
+    laws = {
+        int(i): Tabulated(law[0], share * law[1]) for i, share in zip(which, shares, strict=True)
+    }
+    idle = np.zeros(first, dtype=bool) if body.idle is None else body.idle
+    known = shapes[0], np.zeros((3, 3)), np.full(2, one.radius)
+    more = np.ones(STATIONS)
+    return replace(
+        body,
+        points=np.vstack((body.points, one.points)),
+        balls=np.append(body.balls, one.radius * more),
+        radii=np.vstack((body.radii, np.full((STATIONS, 2), one.radius))),
+        materials=np.vstack((body.materials, np.tile(one.material, (STATIONS, 1)))),
+        shapes=np.concatenate((body.shapes, shapes)),
+        strengths=None if body.strengths is None else np.append(body.strengths, np.nan * more),
+        facing=None if body.facing is None else np.vstack((body.facing, np.zeros((STATIONS, 3)))),
+        stations=(*body.stations, which),
+        laws=body.laws | laws,
+        idle=np.append(idle, more > 0),
+        _placed=body._placed | {int(i): known for i in which},
+    )
+
+
+def _law(one: Cylinder, floor: Floor) -> tuple[Array, Array]:
+    """Indentations [m] and forces [N] of the whole line."""
+    E, nu = one.material.tolist()
+    under = floor.face.matter
+    modulus = effective_modulus(E, nu, under.E, under.nu)
+    depth, force = line_curve(modulus, one.radius, one.length)
+    depth = depth + (one.compliance - MEAN / (pi * modulus * one.length)) * force
+    slope = np.diff(depth) / np.diff(force)
+    soft = np.append(True, slope > LEAST_SLOPE * slope[0])
+    last = len(soft) if soft.all() else int(np.argmin(soft))
+    return depth[:last], force[:last]
+
+
+def landing(body: FreeBody, start: State) -> FreeBody:
+    """The body at a touch: lines that are level touch with their stations, others with points."""
+    if not body.stations or body.idle is None:
+        return body
+    up, idle, shapes, known = start.R[2], body.idle.copy(), body.shapes.copy(), dict(body._placed)
+    for one, which in zip(body.cylinders, body.stations, strict=True):
+        if one.lands(up):
+            idle[which], idle[one.members] = False, True
+            shapes[which] = one.shapes_at(up)
+            stiff, radii = np.zeros((3, 3)), np.full(2, one.radius)
+            known |= {int(i): (shapes[i], stiff, radii) for i in which}
+    return replace(body, idle=idle, shapes=shapes, _placed=known)
+
+
+def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
+    """That a line yields under a force [N], by its law which is elastic; "" if not, or unknown.
+
+    Yield begins below the surface at 1.79 times the strength (von Mises; Johnson, 6.2).
+    """
+    one, which = body.cylinders[line], int(body.stations[line][0])
+    near = int(one.members[0]) if len(one.members) else which
+    strength = np.nan if body.strengths is None else float(body.strengths[near])
+    E, nu = one.material.tolist()
+    under = floor.face.matter
+    modulus = effective_modulus(E, nu, under.E, under.nu)
+    pressure = float(np.sqrt(force * modulus / (pi * one.radius * one.length)))
+    share = pressure / (FIRST_YIELD * strength)
+    if not share > 1:
+        return ""
+    return (
+        f"the line of contact yields: its pressure of {engineering(pressure, 'Pa')} is {share:.3g} "
+        f"times that of first yield; its law is elastic, and its force too high"
+    )
+
+
+# -- where the lines of a part are
+
+
+def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
+    """The straight lines of the surface of a solid; own: numbers of the points in the skin."""
+    from antiosc.fem.site.curvature import curvature_at
+
+    assert body.structure is not None
+    found, left = [], own[skin.lines[own] & (skin.half[own] == 0)]
+    sharp = cKDTree(skin.points[skin.sharp]) if skin.sharp.any() else None
+    for _ in range(LOOKS):
+        if not len(left):
+            break
+        away = np.zeros(len(left)) if sharp is None else sharp.query(skin.points[left])[0]
+        at = int(left[np.argmax(away)])
+        left = left[left != at]
+        try:
+            surface = curvature_at(body.structure, skin.points[at])
+        except InputError:  # of a mesh with too few nodes there
+            continue
+        one = _cylinder(body, skin, own, surface, at)
+        if one is not None:
+            found.append(one)
+            left = np.setdiff1d(left, own[one.members])
+    return tuple(found)
+
+
+def _cylinder(
+    body: FreeBody, skin: Any, own: IntArray, surface: Curvature, at: int
+) -> Cylinder | None:
+    """The cylinder at a place of the skin; None where the surface is none."""
+    bend = float(surface.values.max())
+    if surface.kind != LINE or surface.middle is None or bend <= 0:
+        return None
+    radius = 1 / bend
+    if surface.length == inf:
+        return None
+    axis = surface.directions[int(np.argmin(np.abs(surface.values)))]
+    middle = surface.middle - radius * surface.normal
+    curved = skin.lines & (skin.curvatures[:, 1] > ROUND * bend)  # not those on planes beside it
+    for near in OFF:
+        along, aside = _split(skin.points - middle, axis)
+        off = np.linalg.norm(aside, axis=1) - radius
+        on = (np.abs(off) < near * radius) & (np.abs(along) < 1.01 * surface.length / 2)
+        if on.sum() < LEAST or np.ptp(along[on]) < COVERED * surface.length:
+            return None
+        fit = on & curved if (on & curved).sum() >= LEAST else on
+        shift, turn, more = _closer(along[fit], aside[fit], off[fit], axis)
+        middle, axis, radius = middle + shift, axis + turn, radius + more
+        axis = axis / np.linalg.norm(axis)
+    down, spread = _arc(aside[fit], axis)
+    material, centre = skin.materials[at], middle - body.centre
+    if np.isnan(material).any():
+        return None
+    from antiosc.fem.fields import source
+
+    structure: Any = body.structure
+    nodes, _, moved = source(structure).at_nodes(structure, body.basis)
+    nearest = cKDTree(nodes).query(skin.points[on])[1]
+    one = Cylinder(
+        centre=centre,
+        axis=axis,
+        radius=radius,
+        length=surface.length,
+        down=down,
+        spread=spread,
+        compliance=0.0,
+        material=material,
+        members=np.flatnonzero(on[own]),
+        nodes=skin.points[on] - body.centre,
+        shapes=np.moveaxis(moved[nearest], 1, 2).copy(),
+    )
+    return replace(one, compliance=_compliance(body, one))
+
+
+def _split(way: Array, axis: Array) -> tuple[Array, Array]:
+    """Parts (n,) along an axis and (n, 3) across it."""
+    along = way @ axis
+    return along, way - np.outer(along, axis)
+
+
+def _closer(along: Array, aside: Array, off: Array, axis: Array) -> tuple[Array, Array, float]:
+    """Changes of the middle (3,), the axis (3,) and the radius of a cylinder, one step of
+    Gauss-Newton towards points at (along, aside) that are `off` it."""
+    basis = np.linalg.svd(axis[None])[2][1:]
+    facing = aside @ basis.T / np.linalg.norm(aside, axis=1, keepdims=True)
+    rows = np.column_stack((facing, along[:, None] * facing, np.ones(len(along))))
+    found = np.linalg.lstsq(rows, off, rcond=None)[0]
+    return found[:2] @ basis, found[2:4] @ basis, float(found[4])
+
+
+def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
+    """Direction (3,) of the middle of an arc of points around an axis, and half its angle [rad]."""
+    first = aside[0] / np.linalg.norm(aside[0])
+    second = np.cross(axis, first)
+    angles = np.sort(np.arctan2(aside @ second, aside @ first))
+    gaps = np.diff(np.append(angles, angles[0] + 2 * pi))
+    widest = int(np.argmax(gaps))
+    gap = float(gaps[widest])
+    middle = float(angles[widest]) + gap / 2 + pi
+    down = np.cos(middle) * first + np.sin(middle) * second
+    return down, pi if gap < WHOLE else pi - gap / 2
+
+
+def _compliance(body: FreeBody, one: Cylinder) -> float:
+    """What the part gives way along a line beyond its modes and a half-space [m/N]."""
+    from antiosc.fem.site import Site, functionals
+
+    structure: Any = body.structure
+    assert body.basis is not None
+    radius = max(PATCH * one.radius, one.length / (2 * PATCHES))
+    count = max(2, round(one.length / (2 * radius)))
+    along = ((np.arange(count) + 0.5) / count - 0.5) * one.length
+    places = body.centre + one.centre + one.radius * one.down + np.outer(along, one.axis)
+    push = tuple((-one.down).tolist())
+    sites = [Site(tuple(x), push, radius, snap=True) for x in places.tolist()]
+    with without_warnings():
+        found = functionals(structure, sites)
+    b = np.mean([each.b for each in found], axis=0)
+    y = structure.factorize().solve_block(b[:, None])[:, 0]
+    rigid, moved = b @ structure.rigid_modes, b @ body.basis
+    modes = float(np.sum(moved**2 / (body.omega**2 + structure.shift)))
+    whole = float(b @ y - rigid @ rigid / structure.shift)
+    E, nu = one.material.tolist()
+    apart = np.abs(along[:, None] - along)
+    np.fill_diagonal(apart, inf)
+    patches = sum(each.local_compliance for each in found) / count**2
+    others = float((1 / apart).sum()) * (1 - nu**2) / (pi * E * count**2)
+    return whole - modes - patches - others

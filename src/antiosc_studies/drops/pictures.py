@@ -1,0 +1,143 @@
+"""Pictures of a fall: an overview, and a film."""
+
+from __future__ import annotations
+
+import os
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from antiosc.base import checks, files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.charts import figure_or_path, new_figure
+from antiosc.base.errors import InputError
+from antiosc.base.surfaces import LIGHT
+from antiosc_studies.drops.body import skin_of
+from antiosc_studies.drops.flight import State
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from antiosc_studies.drops.fall import Fall
+
+#: Frames of a film in a second, and times of a fall at which heights are drawn.
+RATE, DRAWN = 25, 500
+#: Most triangles of a surface that are drawn, and their colour.
+TRIANGLES, COLOUR = 6000, (0.35, 0.55, 0.8)
+
+
+def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
+    """The part as it first hits, its height, the energies, and the forces of the impacts."""
+    figure = new_figure((9.0, 6.0), shown=path is None)
+    grid = figure.add_gridspec(2, 2)
+    first = fall.episodes[0].start if fall.episodes else fall.end
+    axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho", computed_zorder=False)
+    _posed(axes, fall, first, surface_of(fall))
+    axes.set_title("at the first touch", fontsize=10)
+    height = figure.add_subplot(grid[0, 1])
+    touches = [one.start.time for one in fall.episodes]
+    times = np.union1d(np.linspace(0.0, fall.end.time, DRAWN), touches)
+    states = [at(fall, t) for t in times.tolist()]
+    height.plot(times, [state.centre[2] for state in states], label="centre of mass")
+    lowest = [state.heights(fall.body, fall.setting.floor.ground).min() for state in states]
+    height.plot(times, lowest, label="lowest point")
+    height.set(xlabel="time (s)", ylabel="height (m)")
+    height.legend(fontsize=8)
+    energy = figure.add_subplot(grid[1, 0])
+    t, parts = fall.energy()
+    energy.plot(t, parts.sum(axis=1), label="whole")
+    energy.plot(t, parts[:, 1], label="vibration")
+    energy.set(xlabel="time (s)", ylabel="energy (J)", ylim=(0, None))
+    energy.legend(fontsize=8)
+    force = figure.add_subplot(grid[1, 1])
+    peaks = fall.impacts.column("peak_force")
+    force.bar(np.arange(1, len(peaks) + 1), peaks)
+    force.set(xlabel="impact", ylabel="peak force (N)")
+    force.xaxis.get_major_locator().set_params(integer=True)
+    return figure_or_path(figure, path)
+
+
+def surface_of(fall: Fall) -> tuple[Array, IntArray]:
+    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or those of the hull."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    body = fall.body
+    if body.structure is not None:
+        skin = skin_of(body.structure)
+        if 0 < len(skin.triangles) < TRIANGLES:
+            return skin.points - body.centre, skin.triangles
+    points = body.points
+    if body.balls.any() and len(points) == 1:  # a ball
+        grid = np.array([*product(np.linspace(-1, 1, 9), repeat=3)])
+        grid = grid[np.abs(grid).max(axis=1) == 1]
+        points = body.balls[0] * grid / np.linalg.norm(grid, axis=1, keepdims=True)
+    try:
+        return points, np.asarray(ConvexHull(points).simplices)
+    except (QhullError, ValueError):
+        return points, np.zeros((0, 3), dtype=int)
+
+
+def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray]) -> None:
+    """Draw the part in a state above the floor."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    points, triangles = surface
+    x = points @ state.R.T
+    x[:, 2] += state.centre[2]
+    half = 0.6 * fall.body.extent
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    axes.add_collection3d(
+        Poly3DCollection([np.column_stack((square, np.zeros(4)))], facecolors="0.85")
+    )
+    if len(triangles):
+        corners = x[triangles]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        shade = np.abs(normal @ LIGHT) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+        colours = np.clip(np.outer(0.55 + 0.45 * shade, COLOUR), 0, 1)
+        axes.add_collection3d(Poly3DCollection(corners, facecolors=colours))
+    else:
+        axes.scatter(*x.T, s=12)
+    top = max(float(x[:, 2].max()), half)
+    axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, top))
+    axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.15)
+    axes.view_init(elev=18.0)
+    axes.set_axis_off()
+
+
+def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
+    """A film of the whole fall from the first impact's approach on."""
+    target = checks.new_file("path", path)
+    if target.suffix.lower() not in (".mp4", ".gif"):
+        raise InputError(f"a film is .mp4 or .gif; got {target.name}.")
+    from matplotlib import animation
+
+    if target.suffix.lower() == ".mp4" and not animation.writers.is_available("ffmpeg"):
+        raise InputError("an .mp4 needs ffmpeg, which is not installed; write a .gif.")
+    figure = new_figure((6.0, 5.0), shown=False)
+    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    surface = surface_of(fall)
+    begin = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
+    times = np.linspace(begin, fall.end.time, max(int(RATE * seconds), 2))
+
+    def drawn(k: int) -> list[object]:
+        axes.clear()
+        _posed(axes, fall, at(fall, float(times[k])), surface)
+        axes.set_title(f"{times[k]:.4f} s", fontsize=10)
+        return []
+
+    moving = animation.FuncAnimation(figure, drawn, len(times))
+    kind = "ffmpeg" if target.suffix.lower() == ".mp4" else "pillow"
+    with files.atomic_file(target, "the film") as part:
+        own = part.with_name(f"{part.name}{target.suffix}")
+        moving.save(str(own), writer=kind, fps=RATE)
+        own.replace(part)
+    return target
+
+
+def at(fall: Fall, time: float) -> State:
+    """The state at a time [s] of the fall; during a contact that at its start."""
+    flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
+    since = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]
+    return since[-1] if since else flight.at(time - flight.start.time)

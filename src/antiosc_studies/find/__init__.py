@@ -1,0 +1,477 @@
+"""`find_impact`: the place and the strength of a blow from the signals of sensors.
+
+The structure's free modes give the model of every candidate place (`antiosc.maps.impact_map`). A
+scan with half-sine pulses (`scan`) finds the places at which a search begins; Gauss–Newton in
+logarithms (`fit`) finds the blow. Errors of the model are unknowns of known size: a relative change
+of each natural frequency, and of each mode's share in each signal. The bars contain them.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.charts import figure_or_path, panels
+from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
+from antiosc.base.process import one_thread
+from antiosc.base.texts import ReprMixin
+from antiosc.contact import ContactLaw, Hertz
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.platform import collective, warn
+from antiosc.fem.structure.structure import Structure, refuse_dampers
+from antiosc.maps.impact_map import ABOVE, FreeSites, Where, free_sites, on_plane
+from antiosc.models.free_modes import residual
+from antiosc.models.modal import Damping, as_damping
+from antiosc.simulation.auto_contact import AUTO, AnyLaw
+from antiosc.simulation.bodies import RigidMass
+from antiosc.simulation.histories import History
+from antiosc_studies.find.forward import Struck, Surface, has_stiffness
+from antiosc_studies.find.recording import Recording, Sensor, of_shapes, recording
+from antiosc_studies.find.search import POOR, Fit, Scan, most_probable, scan
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Values of `FoundImpact.status`.
+FOUND, UNDETERMINED, UNEXPLAINED = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FoundImpact(ReprMixin):
+    """A blow found from measured signals.
+
+    Attributes
+    ----------
+    place, direction : (3,) struck point [m], and unit vector of the blow.
+    mass [kg], velocity [m/s], stiffness (of the contact law; None of a law without one) : of the
+        impactor.
+    start : time of the first touch after the first sample [s], perhaps negative.
+    E : factor of the stiffness of the structure; 1 unless it was unknown.
+    bars : name -> half the width of the interval that holds the error with 95 %: "place" [m],
+        "start" [s]; relative for "mass", "velocity", "stiffness", "E", "peak_force", "impulse".
+        inf: the signals do not tell it. 0 of what was known.
+    chi2 : squared difference of the signals over what the noise explains, 1 for a sound fit.
+    rank, unknowns : how many of the unknowns the signals determine, and how many there are.
+    status : 0: found; 1: not all unknowns are determined, or other places are as probable; 2: the
+        model does not explain the signals.
+    message : the status in words.
+    history : the impact, from the first touch on; its shapes are not known.
+    time : (n,) samples [s]; force : (n,) contact force there [N].
+    measured, computed : (n', m) signals in their units, in the compared band, at `compared_time`.
+    band : the band that is compared [rad/s].
+    points, explained : (P, 3) sites of the scan [m], and (P,) the share of the signals that the
+        best pulse at each explains.
+    others : places [m] that explain the signals as well.
+    info : seconds, numbers of sites and modes.
+    """
+
+    place: Array
+    direction: Array
+    mass: float
+    velocity: float
+    stiffness: float | None
+    start: float
+    E: float
+    bars: Mapping[str, float]
+    chi2: float
+    rank: int
+    unknowns: int
+    status: int
+    message: str
+    history: History
+    time: Array
+    force: Array
+    compared_time: Array
+    measured: Array
+    computed: Array
+    band: float
+    points: Array
+    explained: Array
+    others: Array
+    info: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def peak_force(self) -> float:
+        """Largest contact force [N]."""
+        return self.history.peak_force
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the contact force [N s]."""
+        return self.history.impulse
+
+    def summary(self) -> str:
+        """A table of what was found with its bars, and the message."""
+        return "\n".join([*(f"{name:<12}{value}" for name, value in self.rows()), self.message])
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Names and values of what was found, with their bars."""
+        place = ", ".join(f"{c:.5g}" for c in self.place)
+        rows = [
+            ("place", f"{place} m  ± {self.bars['place']:.2g} m"),
+            ("start", f"{self.start:.5g} s  ± {self.bars['start']:.2g} s"),
+        ]
+        for name in ("peak_force", "impulse", "mass", "velocity", "stiffness", "E"):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            bar = self.bars[name]
+            told = "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {bar:.2%}"
+            unit = {"peak_force": " N", "impulse": " N s", "mass": " kg", "velocity": " m/s"}
+            rows.append((name, f"{value:.5g}{unit.get(name, '')}  {told}"))
+        return [*rows, ("chi2", f"{self.chi2:.3g}")]
+
+    def numbers(self) -> dict[str, object]:
+        """The results in SI units, with their bars, the status and the message."""
+        names = ("place", "direction", "mass", "velocity", "stiffness", "start", "E", "peak_force")
+        more = ("impulse", "bars", "chi2", "rank", "unknowns", "status", "message", "others")
+        return {name: getattr(self, name) for name in (*names, *more)}
+
+    def _facts(self) -> list[tuple[str, str]]:
+        place, _, *rows = self.rows()
+        return [place, *rows[:2], ("status", f"{self.status}: {self.message}")]
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """The measured and the computed signals, the force, and the scan of the places.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        count = self.measured.shape[1]
+        figure, axes = panels(1, 2, (9.5, 1.2 + 1.1 * max(count, 3)), shown=path is None)
+        left, right = axes[0]
+        step = 2.2 * float(np.abs(self.measured / np.abs(self.measured).max(axis=0)).max())
+        for s in range(count):
+            size, at = float(np.abs(self.measured[:, s]).max()), -step * s
+            t = 1e3 * self.compared_time
+            left.plot(t, at + self.measured[:, s] / size, color="0.75", lw=4)
+            left.plot(t, at + self.computed[:, s] / size, color="C0", lw=1)
+        left.set(xlabel="time (ms)", title="measured (grey), computed", yticks=[])
+        left.set_ylabel("sensors, the first on top")
+        end = min(1.5 * max(self.history.contact_time, 1e-9), float(self.history.run.time[-1]))
+        t = np.linspace(0.0, end, 400)
+        right.plot(1e3 * (t + self.start), self.history.force_at(t), color="C3")
+        right.set(xlabel="time (ms)", ylabel="force (N)", ylim=(0, None), title="contact force")
+        return figure_or_path(figure, path)
+
+
+#: What may be unknown, besides the start.
+UNKNOWN = ("place", "mass", "velocity", "stiffness", "E")
+#: Free modes where neither `modes` nor a band says how many.
+MODES = 60
+#: Stiffness of Hertz's law with which a search begins where it is known of none.
+STIFFNESS = 1e9
+#: Standard deviations that a determined unknown has at most: of logarithms, and of the place over
+#: the extent of the sites.
+DETERMINED, DETERMINED_PLACE = 0.3, 0.05
+#: Standard deviations of the half-widths of intervals of 95 %: of one number, of a place.
+BAR = {0: 1.96, 1: 1.96, 2: 2.45}
+#: Standard deviation of a place by the interpolation between sites, over their spacing: what 17
+#: blows on two meshes showed.
+INTERPOLATION = 0.01
+#: Relative error that all modes have in common, over `shape_error`: it scales the force, and no
+#: signal shows it. Chosen by 64 blows on two meshes (benchmarks/find_impact.py).
+COMMON = 0.25
+#: Difference of the costs of two blows that are as probable, per chi².
+AS_PROBABLE = 9.0
+
+
+@dataclass(frozen=True, eq=False)
+class Monitored:
+    """A structure with sensors: what many blows have in common.
+
+    Attributes
+    ----------
+    seen : its sites in its free modes; rows (m, J) of the sensors, orders (m,) their derivatives.
+    r : (P,) residual compliances; mass : of the structure [kg].
+    """
+
+    seen: FreeSites
+    rows: Array
+    orders: Array
+    r: Array
+    mass: float
+
+
+@collective()
+@checks.within_range
+@one_thread()
+def find_impact(
+    structure: Structure,
+    sensors: Sequence[Sensor],
+    signals: ArrayLike | str | os.PathLike[str],
+    rate: float | None = None,
+    where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
+    unknown: Sequence[str] = ("place", "mass", "velocity", "stiffness"),
+    *,
+    impactor: RigidMass | None = None,
+    contact: AnyLaw | None = None,
+    direction: Sequence[float] | None = None,
+    radius: float | None = None,
+    damping: float | Damping | None = None,
+    noise: ArrayLike | None = None,
+    modes: int | None = None,
+    band: float | None = None,
+    frequency_error: float = 0.01,
+    shape_error: float = 0.03,
+) -> FoundImpact:
+    """The place and the strength of one blow on a structure at rest, from the signals of sensors.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a mesh.
+    sensors : sequence of Sensor
+    signals : array_like (n, m), or path
+        A column for each sensor, in its unit; the record may begin before the blow or after it. A
+        file is a table in text, with the times [s] in a column before them or without.
+    rate : float, optional
+        Samples a second [Hz]; not needed for a file with times.
+    where, direction, radius
+        Where the blow may have been: as for `impact_map`. Among given points the place is one of
+        them; on surfaces it lies between the vertices.
+    unknown : sequence of "place", "mass", "velocity", "stiffness", "E"
+        What is to be found, besides the start. "E" is one factor for the stiffness of the whole
+        structure.
+    impactor : RigidMass, optional
+        Mass and velocity that are not unknown.
+    contact : ContactLaw or "auto", optional
+        With the stiffness, if that is not unknown; "auto": the law of the impactor's tip on a flat
+        face of the structure. Default: Hertz's law, whose stiffness is found. What strikes is not
+        known as a rule, and a law is chosen of two surfaces; where the stiffness is not unknown and
+        the impactor has a surface (tip_radius, material), the default is "auto".
+    damping : float or Damping, optional
+        Of the structure.
+    noise : float or (m,), optional
+        Standard deviation of a sample, in the unit of each signal; default: from the signals above
+        the band.
+    modes : int, optional
+        Free modes of the model; default 60, or as many as reach 1.5 times `band`.
+    band : float, optional
+        Highest circular frequency that is compared [rad/s]; default: where the power of the signals
+        ends, at most the last free frequency over 1.5.
+    frequency_error, shape_error : float
+        Expected relative errors (standard deviations) of the model: of each natural frequency, and
+        of each mode's part in each signal.
+
+    Returns
+    -------
+    FoundImpact
+        With status 1 or 2, and a message, where the signals do not tell.
+
+    Raises
+    ------
+    InputError
+        Signals that do not fit the sensors, too few samples, unsound arguments.
+
+    Notes
+    -----
+    A pulse on a stiff structure depends on two numbers of the three mass, velocity and stiffness:
+    then force and impulse are found, and the bars of the three are wide.
+    """
+    started = time.perf_counter()
+    checks.instance("structure", structure, Structure, "a Structure")
+    sensors = checks.list_of("sensors", sensors, Sensor, "Sensor")
+    if not sensors:
+        raise InputError("sensors must hold one Sensor or more.")
+    known = isinstance(impactor, RigidMass) and impactor.surface() is not None
+    if contact is None and known and "stiffness" not in unknown:
+        contact = AUTO
+    law = None if contact is None else on_plane(structure, impactor, contact)
+    names = _names(unknown, impactor, law)
+    expected = (
+        checks.tolerance(frequency_error, "frequency_error"),
+        checks.tolerance(shape_error, "shape_error"),
+    )
+    if band is not None:
+        band = checks.positive("band", band, "rad/s")
+    recording(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
+    monitored = prepared(structure, sensors, where, direction, radius, modes, band)
+    prepared_at = time.perf_counter()
+    data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / ABOVE)
+    with without_warnings():
+        result = found_in(monitored, data, names, impactor, law, as_damping(damping), expected)
+    seconds = {"model": prepared_at - started, "search": time.perf_counter() - prepared_at}
+    result = replace(result, info={**result.info, "seconds": seconds})
+    if result.status:
+        warn(structure.comm, result.message, AccuracyWarning)
+    return result
+
+
+def _names(
+    unknown: Sequence[str], impactor: RigidMass | None, contact: ContactLaw | None
+) -> list[str]:
+    """Checked names of the unknowns; InputError where a known value is missing."""
+    if isinstance(unknown, str) or not isinstance(unknown, Sequence):
+        raise InputError(
+            f"unknown must list names of {', '.join(UNKNOWN)}; got {checks.shown(unknown)}."
+        )
+    for name in unknown:
+        checks.choice("unknown", name, UNKNOWN)
+    if impactor is not None:
+        checks.instance("impactor", impactor, RigidMass, "a RigidMass")
+    missing = {"mass", "velocity"} - set(unknown)
+    if missing and impactor is None:
+        raise InputError(f"{min(missing)} is not unknown: give it as impactor=RigidMass(…).")
+    if "stiffness" not in unknown and contact is None:
+        raise InputError("the stiffness is not unknown: give the law, as contact=Hertz(…).")
+    if "stiffness" in unknown and contact is not None and not has_stiffness(contact):
+        raise InputError(
+            f"{type(contact).__name__} has no stiffness that could be unknown: leave it out of "
+            "unknown, or give Hertz(…)."
+        )
+    return [name for name in UNKNOWN if name in unknown]
+
+
+def prepared(
+    structure: Structure,
+    sensors: Sequence[Sensor],
+    where: Where,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    modes: int | None,
+    band: float | None,
+) -> Monitored:
+    """The model of all sites and sensors; arguments as of `find_impact`."""
+    matrices = with_parts(structure, "finding a blow needs a mesh: matrices have no points.")
+    refuse_dampers(structure, "find_impact")
+    if radius is not None:
+        radius = checks.positive("radius", radius, "m")
+    count = MODES if modes is None and band is None else modes
+    with without_warnings():  # of patches that an edge cuts, at sites that were not struck
+        seen = free_sites(structure, matrices, where, direction, radius, count, band)
+    rows = np.array([of_shapes(one, structure, seen.phi) for one in sensors])
+    r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia, structure.shift)
+    orders = np.array([one.derivative for one in sensors])
+    return Monitored(seen, rows, orders, r, structure.mass)
+
+
+def found_in(
+    monitored: Monitored,
+    data: Recording,
+    unknown: Sequence[str],
+    impactor: RigidMass | None,
+    contact: ContactLaw | None,
+    damping: Damping | None,
+    expected: tuple[float, float],
+) -> FoundImpact:
+    """The blow in one record."""
+    seen, sites = monitored.seen, monitored.seen.found.sites
+    if "place" not in unknown and len(sites) > 1:
+        raise InputError(f"the place is not unknown: where gives {len(sites)} sites, not one.")
+    omega = seen.omega
+    decay = np.zeros(len(omega)) if damping is None else damping.decay(omega)
+    elements = seen.found.elements if "place" in unknown else seen.found.elements[:0]
+    model = Struck(
+        data, Surface(sites.points, sites.directions, elements), omega, decay, monitored.rows,
+        monitored.orders, np.column_stack([seen.b, monitored.r, sites.local]), sites.radii,
+        Hertz(STIFFNESS) if contact is None else contact,
+    )  # fmt: skip
+    known = {"stiffness": getattr(model.law, "stiffness", 1.0)}
+    if impactor is not None:
+        known |= {"mass": impactor.mass, "velocity": impactor.velocity}
+    known = {name: value for name, value in known.items() if name not in unknown}
+    scanned = scan(model, expected[0])
+    fits = most_probable(model, scanned, unknown, known, monitored.mass, *expected)
+    scale = COMMON * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
+    return _told(model, scanned, fits, unknown, scale)
+
+
+# -- what is told
+
+
+def _told(
+    model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str], scale: float
+) -> FoundImpact:
+    best, data = fits[0], model.data
+    blow, hit = best.blow, best.hit
+    extent = float(np.ptp(model.surface.points, axis=0).max()) or 1.0
+    limits = np.array([
+        DETERMINED_PLACE * extent if name == "place"
+        else blow.contact_time_estimate if name == "start" else DETERMINED
+        for name in best.names
+    ])  # fmt: skip
+    scaled = best.covariance / limits / limits[:, None]
+    rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
+    bars = _bars(best, scale)
+    near = max(3 * bars["place"], 0.05 * extent)
+    others = [
+        fit.blow.place
+        for fit in fits[1:]
+        if fit.cost - best.cost < AS_PROBABLE * max(best.chi2, 1.0)
+        and np.linalg.norm(fit.blow.place - blow.place) > near
+    ]
+    status, message = _verdict(best, rank, limits, others, data)
+    t, on = data.time, data.time >= blow.start
+    force = np.zeros(len(t))
+    force[on] = hit.force_at(np.minimum(t[on] - blow.start, hit.run.time[-1]))
+    every = len(t) // max(len(data.compared), 1) or 1
+    gain = data.sigma / float(np.abs(data.filter.sum(axis=1)).max())
+    return FoundImpact(
+        place=blow.place, direction=model.surface.directions[blow.site],
+        mass=blow.mass, velocity=blow.velocity,
+        stiffness=blow.stiffness if hasattr(model.law, "stiffness") else None,
+        start=blow.start, E=blow.E, bars=bars, chi2=best.chi2, rank=rank,
+        unknowns=len(limits), status=status, message=message, history=hit, time=t, force=force,
+        compared_time=t[::every][: len(data.compared)], measured=data.compared * gain,
+        computed=best.signals * gain, band=data.band, points=model.surface.points,
+        explained=scanned.explained, others=np.reshape(others, (-1, 3)),
+        info={"sites": len(model.surface.points), "modes": len(model.omega)},
+    )  # fmt: skip
+
+
+def _bars(fit: Fit, scale: float) -> dict[str, float]:
+    """Half-widths of intervals of 95 %; `scale`: relative error of the whole model."""
+    variance = np.diag(fit.covariance)
+    along = np.array([name == "place" for name in fit.names])
+    d = int(along.sum())
+    place = fit.covariance[np.ix_(along, along)]
+    bars = {"place": 0.0}
+    if d:
+        between = (INTERPOLATION * fit.chart.size) ** 2
+        bars["place"] = BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1] + between))
+    for name, own in zip(fit.names[d:], variance[d:], strict=True):
+        deviation = float(np.sqrt(own + scale**2 * (name == "velocity")))
+        told = name == "start" or deviation < DETERMINED
+        bars[name] = BAR[1] * deviation if told else np.inf
+    for k, name in enumerate(("peak_force", "impulse")):
+        g = fit.gains[k]
+        bars[name] = BAR[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
+    return {name: bars.get(name, 0.0) for name in (*UNKNOWN, "start", "peak_force", "impulse")}
+
+
+def _verdict(
+    fit: Fit, rank: int, limits: Array, others: list[Array], data: Recording
+) -> tuple[int, str]:
+    """Status and message."""
+    count = len(limits)
+    if fit.chi2 > POOR:
+        return UNEXPLAINED, (
+            f"cannot tell: no blow explains the signals, chi² = {fit.chi2:.3g} where 1 is expected:"
+            " free E, give the damping, allow for a larger frequency_error, or compare a lower"
+            " band."
+        )
+    if others:
+        places = "; ".join(checks.point_text(place) for place in others)
+        return UNDETERMINED, (
+            f"cannot tell the place: the signals fit as well at {places}; add a sensor off the"
+            " axis of symmetry."
+        )
+    if rank < count:
+        deviations = np.sqrt(np.diag(fit.covariance))
+        free = [n for n, s, limit in zip(fit.names, deviations, limits, strict=True) if s > limit]
+        named = ", ".join(dict.fromkeys(free)) or "a combination of them"
+        return UNDETERMINED, (
+            f"the signals determine {rank} of {count} unknowns; not told: {named}. Give what is"
+            " known of the impactor, or add sensors."
+        )
+    return FOUND, f"the signals determine all {count} unknowns, chi² = {fit.chi2:.3g}."

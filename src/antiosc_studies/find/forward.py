@@ -1,0 +1,257 @@
+"""The signals of a blow anywhere on a surface: an impact there, and what the sensors see of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from antiosc.base._types import Array, IntArray
+from antiosc.contact import ContactLaw, ElasticPlastic, Linear
+from antiosc.models.body import ModalModel
+from antiosc.models.modal import ModalBody
+from antiosc.simulation.bodies import RigidMass
+from antiosc.simulation.histories import History
+from antiosc.simulation.reference import Settings
+from antiosc.simulation.scene import simulate_impact
+from antiosc.simulation.two_bodies import Impact
+from antiosc_studies.find.recording import Recording
+
+#: Sites from which a value is interpolated, of surfaces and of lines.
+NEIGHBOURS = {1: 7, 2: 24}
+#: Cosine between the directions of two sites of one smooth surface, at least.
+SAME_SIDE = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A neighbourhood of a place: its tangents, and the sites from which values are interpolated.
+
+    Attributes
+    ----------
+    origin : (3,) [m]; axes : (d, 3) unit tangents, d = 0 among given points.
+    near : (K,) numbers of sites; local : (K, d) their coordinates over `size` [m].
+    """
+
+    origin: Array
+    axes: Array
+    near: IntArray
+    local: Array
+    size: float
+
+    def weights(self, x: Array) -> Array:
+        """(K,) weights of the sites for the value at local coordinates x (d,).
+
+        Polyharmonic splines r³ with polynomials of second degree: exact at the sites, and of third
+        order between them.
+        """
+        if not len(self.axes):
+            return np.ones(1)
+        y = self.local
+        terms, at = _quadratics(y), _quadratics(x[None])[0]
+        count, extra = terms.shape
+        A = np.zeros((count + extra, count + extra))
+        A[:count, :count] = np.linalg.norm(y[:, None] - y[None], axis=2) ** 3
+        A[:count, count:], A[count:, :count] = terms, terms.T
+        right = np.append(np.linalg.norm(y - x, axis=1) ** 3, at)
+        return np.asarray(np.linalg.lstsq(A, right, rcond=1e-12)[0][:count])
+
+
+def _quadratics(y: Array) -> Array:
+    """Monomials (K, .) of coordinates (K, d) up to the second degree."""
+    products = [y[:, i] * y[:, j] for i in range(y.shape[1]) for j in range(i + 1)]
+    return np.column_stack([np.ones(len(y)), y, *products])
+
+
+class Surface:
+    """The sites of a map with the elements between them.
+
+    Parameters
+    ----------
+    points, directions : (P, 3); elements : (T, 3) triangles, (T, 2) segments, or none.
+    """
+
+    def __init__(self, points: Array, directions: Array, elements: IntArray) -> None:
+        self.points, self.directions, self.elements = points, directions, elements
+        self.dimension = elements.shape[1] - 1 if len(elements) else 0
+        self._tree = cKDTree(points)
+        self._of: list[IntArray] = []
+        if self.dimension:
+            order = np.argsort(elements.ravel(), kind="stable")
+            ends = np.cumsum(np.bincount(elements.ravel(), minlength=len(points)))[:-1]
+            self._of = np.split(order // elements.shape[1], ends)
+
+    def spacing(self, i: int) -> float:
+        """Mean length of the edges of the elements at site i [m]; 0 among given points."""
+        if not self.dimension or not len(self._of[i]):
+            return 0.0
+        corners = self.points[self.elements[self._of[i]]]
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+
+    def chart(self, place: Array, site: int) -> Chart:
+        """The neighbourhood of a place (3,) beside a site."""
+        size = self.spacing(site)
+        if size == 0.0:
+            return Chart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
+        wanted = NEIGHBOURS[self.dimension]
+        near = np.atleast_1d(self._tree.query(place, min(3 * wanted, len(self.points)))[1])
+        near = near[self.directions[near] @ self.directions[site] > SAME_SIDE][:wanted]
+        spread = self.points[near[: min(9, len(near))]] - self.points[site]
+        axes = np.linalg.svd(spread, full_matrices=False)[2][: self.dimension]
+        return Chart(place, axes, near, (self.points[near] - place) @ axes.T / size, size)
+
+    def nearest(self, place: Array, site: int) -> tuple[Array, int]:
+        """The point of the surface next to a place, and its next site, on the side of `site`."""
+        if not self.dimension:
+            return self.points[site], site
+        near = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
+        near = near[self.directions[near] @ self.directions[site] > SAME_SIDE]
+        around = [self._of[i] for i in near]
+        if not sum(map(len, around)):
+            return self.points[site], site
+        found = self.elements[np.unique(np.concatenate(around))]
+        feet = _feet(place, self.points[found])
+        best = int(np.argmin(np.linalg.norm(feet - place, axis=1)))
+        corners = found[best]
+        far = np.linalg.norm(self.points[corners] - feet[best], axis=1)
+        return feet[best], int(corners[np.argmin(far)])
+
+
+def _feet(x: Array, corners: Array) -> Array:
+    """Points (T, 3) next to x (3,) of triangles (T, 3, 3) or segments (T, 2, 3)."""
+    count = corners.shape[1]
+    edges = [(i, (i + 1) % count) for i in range(count if count > 2 else 1)]
+    feet = []
+    for i, j in edges:
+        a, along = corners[:, i], corners[:, j] - corners[:, i]
+        t = np.einsum("td,td->t", x - a, along) / np.einsum("td,td->t", along, along)
+        feet.append(a + np.clip(t, 0.0, 1.0)[:, None] * along)
+    every = np.array(feet)
+    far = np.linalg.norm(every - x, axis=2)
+    best = every[np.argmin(far, axis=0), np.arange(len(corners))]
+    if count == 3:
+        a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        uu, uv, vv = ((p * q).sum(axis=1) for p, q in ((u, u), (u, v), (v, v)))
+        wu, wv = ((x - a) * u).sum(axis=1), ((x - a) * v).sum(axis=1)
+        det = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
+        s, t = (vv * wu - uv * wv) / det, (uu * wv - uv * wu) / det
+        inside = (s >= 0) & (t >= 0) & (s + t <= 1)
+        best = np.where(inside[:, None], a + s[:, None] * u + t[:, None] * v, best)
+    return np.asarray(best)
+
+
+def has_stiffness(law: ContactLaw) -> bool:
+    """Whether a law has a stiffness of its own; that of a ball that yields follows from E*."""
+    return hasattr(law, "stiffness") and not isinstance(law, ElasticPlastic)
+
+
+#: Steps of an impact over its contact time, or the shortest time between two samples.
+STEPS = 150
+#: Most contacts of a blow.
+CONTACTS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Blow:
+    """One candidate: a place beside a site, and the logarithms of what is unknown of the blow.
+
+    Attributes
+    ----------
+    place : (3,) [m]; site : the next of the map.
+    mass, velocity, stiffness : [kg], [m/s], [of the law].
+    start : time of the first touch after the first sample [s].
+    E : factor of the stiffness of the whole structure.
+    contact_time_estimate : expected contact time [s].
+    frequency : (J,) relative changes of the natural frequencies.
+    share : (m, J) relative changes of the modes' shares in the signals.
+    """
+
+    place: Array
+    site: int
+    mass: float
+    velocity: float
+    stiffness: float
+    start: float
+    contact_time_estimate: float
+    frequency: Array
+    share: Array
+    E: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the sensors see of a blow, in the band and over their noise.
+
+    Attributes
+    ----------
+    parts : (n', m, J) of each mode, without `Blow.share`.
+    signals : (n', m); hit : the impact.
+    """
+
+    parts: Array
+    signals: Array
+    hit: History
+
+
+@dataclass(frozen=True, eq=False)
+class Struck:
+    """The model: free modes, sites, sensors.
+
+    Attributes
+    ----------
+    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s].
+    rows, orders : (m, J), (m,) of the sensors.
+    table : (P, J + 2) b, residual compliance and local compliance of the sites.
+    """
+
+    data: Recording
+    surface: Surface
+    omega: Array
+    decay: Array
+    rows: Array
+    orders: Array
+    table: Array
+    radius: Array
+    law: ContactLaw
+
+    @property
+    def exponent(self) -> float:
+        """Exponent n of the law F = k d^n; 1.5 for a law that has none."""
+        if isinstance(self.law, Linear):
+            return 1.0
+        return float(getattr(self.law, "exponent", 1.5))
+
+    def modes_at(self, chart: Chart, x: Array) -> Array:
+        """(J + 2,) b, residual and local compliance at local coordinates x of a chart."""
+        return np.asarray(chart.weights(x) @ self.table[chart.near])
+
+    def hit(self, blow: Blow, seen: Array) -> History:
+        """The impact on the place with `seen` (J + 2,)."""
+        omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
+        b, (r, local) = seen[:-2], np.maximum(seen[-2:], 0.0) / blow.E
+        modes = ModalBody(omega, b, r=float(r), decay=self.decay)
+        radius = float(self.radius[blow.site])
+        body = ModalModel(modes, float(local), None if np.isnan(radius) else radius)
+        law = self.law
+        if has_stiffness(law):
+            law = replace(law, stiffness=blow.stiffness)  # type: ignore[type-var]
+        end = len(self.data.values) * self.data.dt - blow.start
+        step = min(blow.contact_time_estimate / STEPS, end / 20)
+        scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
+        return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
+
+    def seen(self, blow: Blow, at: Array) -> Seen:
+        """What the sensors see of a blow on the place with `at` (J + 2,)."""
+        hit = self.hit(blow, at)
+        t = self.data.time - blow.start
+        on = np.flatnonzero((t >= 0) & (t <= hit.run.time[-1]))
+        J = len(self.omega)
+        omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
+        q, v = (x[:, :J] for x in hit.states(t[on]))
+        a = hit.force_at(t[on])[:, None] * at[:J] - omega**2 * q - 2 * self.decay * v
+        keep = self.data.filter[:, on]
+        motions = {order: keep @ (q, v, a)[order] for order in set(self.orders.tolist())}
+        rows = self.rows / self.data.sigma[:, None]
+        parts = np.stack([motions[k] * row for k, row in zip(self.orders, rows, strict=True)], 1)
+        return Seen(parts, np.sum(parts * (1 + blow.share), axis=2), hit)

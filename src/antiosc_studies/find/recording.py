@@ -1,0 +1,290 @@
+"""What sensors measure: where they are, and the band, noise and filter of their signals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import ArrayLike
+from scipy import signal
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.files import check_readable
+from antiosc.base.texts import FieldsRepr
+from antiosc.fem.fields import source
+from antiosc.fem.recovery import place
+from antiosc.fem.site import Reach, point_of
+from antiosc.fem.structure.structure import Structure
+from antiosc_studies.measured.tables import (
+    MOTIONS,
+    TIMES,
+    Column,
+    columns,
+    factor_of,
+    motion_label,
+    unknown_unit,
+)
+
+#: Quantities of sensors: the time derivative of the displacement that each is made of.
+DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
+#: Points of a strain gauge along its length (Gauss–Legendre).
+GAUGE_POINTS = 6
+
+
+@dataclass(frozen=True)
+class Sensor(FieldsRepr):
+    """A sensor on a structure: an accelerometer, a vibrometer, a strain gauge.
+
+    Parameters
+    ----------
+    point : sequence of 3 (2) floats, or str
+        Coordinates [m], or the name of a group, as of `probe`.
+    direction : sequence of 3 (2) floats
+        Along which it measures; of strains the direction of the gauge.
+    quantity : "acceleration" m/s², "velocity" m/s, "displacement" m or "strain"
+    length : float, optional
+        Of a strain gauge [m], over which it takes the mean; default: the strain at the point.
+    surface : "top", "bottom", "middle" or sequence of 3 floats
+        Of a shell: the surface with the gauge, as of `probe`.
+    part : str, optional
+        Of an assembly: the part on which it sits.
+    """
+
+    point: Sequence[float] | str
+    direction: Sequence[float]
+    quantity: str = "acceleration"
+    length: float | None = None
+    surface: str | Sequence[float] = "top"
+    part: str | None = None
+
+    def __post_init__(self) -> None:
+        checks.choice("quantity", self.quantity, tuple(DERIVATIVE))
+        if isinstance(self.point, str):
+            checks.text("point", self.point)
+        else:
+            checks.store(self, point=checks.coordinates("point", self.point))
+        direction = checks.coordinates("direction", self.direction, "")
+        if not np.linalg.norm(direction):
+            raise InputError("direction must not be the zero vector: the sensor measures along it.")
+        checks.store(self, direction=direction)
+        if self.length is not None:
+            checks.store(self, length=checks.positive("length", self.length, "m"))
+            if self.quantity != "strain":
+                raise InputError(f"a length is that of a strain gauge, not of {self.quantity}.")
+        place(self.surface, None, (0.0, 0.0), "global")
+        if self.part is not None:
+            checks.text("part", self.part)
+
+    @property
+    def derivative(self) -> int:
+        """Time derivative of the displacement of which its signal is made."""
+        return DERIVATIVE[self.quantity]
+
+
+def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
+    """The displacement along a sensor, or its strain, (J,) in shapes (rows of this rank, J)."""
+    d = np.pad(sensor.direction, (0, 3 - len(sensor.direction)))
+    d = d / np.linalg.norm(d)
+    x, part, end = point_of(structure, sensor.point, sensor.part)
+    if end is not None:
+        raise InputError(f"{sensor.point!r} has no mesh: a sensor sits on the mesh of a part.")
+    fields, reach = source(structure), Reach("the point of the sensor")
+    if sensor.quantity != "strain":
+        columns = fields.at_point(structure, shapes, x, part, reach)
+        return np.asarray(d[: len(columns)] @ columns)
+    nodes, weights = np.zeros(1), np.full(1, 2.0)
+    if sensor.length is not None:
+        nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+    points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
+    there = place(sensor.surface, None, (0.0, 0.0), "global")
+    strain = fields.recovered(structure, shapes, points, part, "strain", there, reach)
+    return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
+
+
+#: Units of strains.
+STRAINS = {
+    **{"-": 1.0, "1": 1.0, "m/m": 1.0, "%": 0.01},
+    **dict.fromkeys(("µm/m", "μm/m", "um/m", "µε", "με", "microstrain"), 1e-6),
+}
+#: Fewest samples, and most values of all signals.
+FEWEST, MOST = 32, 200_000
+#: Share of the power of a signal above its noise that lies in its band.
+IN_BAND = 0.995
+#: Most difference of two steps of a table's times over the step.
+UNEVEN = 0.01
+#: Periods of the record that the band holds at least.
+LINES = 4
+#: Transition of the filter over its band, and its attenuation [dB].
+TRANSITION, ATTENUATION = 0.3, 60.0
+#: Least noise of a signal over its root mean square: no sensor is better.
+LEAST_NOISE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Signals of m sensors, and how they are compared with a model.
+
+    Attributes
+    ----------
+    values : (n, m); dt : sampling interval [s].
+    sigma : (m,) standard deviation of the noise of a sample.
+    band : (rad/s) up to which they are compared.
+    filter : (n', n) low-pass filter that keeps the noise of a sample and leaves out samples.
+    """
+
+    values: Array
+    dt: float
+    sigma: Array
+    band: float
+    filter: scipy.sparse.csr_matrix
+
+    @property
+    def time(self) -> Array:
+        """(n,) from the first sample [s]."""
+        return self.dt * np.arange(len(self.values))
+
+    @property
+    def duration(self) -> float:
+        """Length of the record [s]."""
+        return self.dt * len(self.values)
+
+    @cached_property
+    def compared(self) -> Array:
+        """(n', m) the signals in the band, over their noise."""
+        return np.asarray(self.filter @ (self.values / self.sigma))
+
+
+def recording(
+    signals: ArrayLike | str | os.PathLike[str],
+    sensors: Sequence[Sensor],
+    rate: float | None,
+    noise: ArrayLike | None,
+    band: float | None,
+    most: float,
+) -> Recording:
+    """Checked signals (n, m) of m sensors; InputError for others."""
+    count = len(sensors)
+    if isinstance(signals, str | os.PathLike):
+        signals, rate = _read(checks.path("signals", signals), sensors, rate)
+    rate = checks.positive("rate", rate, "Hz")
+    values = checks.array("signals", signals, None)
+    if values.ndim == 1 and count == 1:
+        values = values[:, None]
+    if values.ndim != 2 or values.shape[1] != count:
+        raise InputError(
+            f"signals must have one column for each of the {count} sensors; got shape"
+            f" {values.shape}."
+        )
+    if len(values) < FEWEST or values.size > MOST:
+        raise InputError(
+            f"signals need {FEWEST} samples or more, and at most {MOST} values; got"
+            f" {len(values)} of {count} sensors: cut them to the time of the blow."
+        )
+    size = np.sqrt(np.mean(values**2, axis=0))
+    if np.any(size == 0):
+        raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
+    nyquist, lowest = np.pi * rate, LINES * 2 * np.pi * rate / len(values)
+    if band is not None and checks.positive("band", band, "rad/s") < lowest:
+        raise InputError(
+            f"band must hold {LINES} periods of the record, {lowest:.4g} rad/s; got {band:g}."
+        )
+    top = min(most, _band(values, rate)) if band is None else band
+    top = min(top, nyquist)
+    if noise is None:
+        sigma = np.maximum(_noise(values, rate, top), LEAST_NOISE * size)
+    else:
+        sigma = checks.positives("noise", noise)
+        if sigma.size not in (1, count):
+            raise InputError(
+                f"noise is one standard deviation or one for each of {count} sensors; got"
+                f" {sigma.size}."
+            )
+        sigma = np.broadcast_to(sigma, (count,))
+    return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / nyquist))
+
+
+def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:
+    """The signals of a table, and their rate where its first column has the times."""
+    check_readable(path, "the signals")
+    found = columns(path, [])
+    timed = len(found) == len(sensors) + 1
+    signals = found[1:] if timed else found
+    if len(signals) == len(sensors):
+        pairs = zip(signals, sensors, strict=True)
+        values = np.column_stack([_in_si(each, _units(sensor.quantity)) for each, sensor in pairs])
+    else:
+        values = np.column_stack([each.values for each in signals])  # refused by its shape
+    if not timed:
+        return values, rate
+    t = _in_si(found[0], TIMES)
+    if len(t) < FEWEST:
+        raise InputError(f"{path.name} has {len(t)} samples; {FEWEST} or more are needed.")
+    step = (t[-1] - t[0]) / (len(t) - 1)
+    if not step > 0 or np.abs(np.diff(t) - step).max() > UNEVEN * step:
+        raise InputError(f"the times in the first column of {path.name} do not ascend in one step.")
+    return values, 1 / step
+
+
+def _in_si(column: Column, known: Mapping[str, float]) -> Array:
+    """The numbers of a column whose unit is one of those known."""
+    if not column.unit:
+        return column.values
+    factor = factor_of(column.unit, known) or known.get(motion_label(column.unit))
+    if factor is None:
+        raise unknown_unit(column, ", ".join(known))
+    return factor * column.values
+
+
+def _units(quantity: str) -> dict[str, float]:
+    """Units of what a sensor measures, in SI."""
+    if quantity == "strain":
+        return STRAINS
+    per_force = {"displacement": "receptance", "velocity": "mobility"}
+    own = per_force.get(quantity, "accelerance")
+    return {unit: factor for unit, (factor, kind) in MOTIONS.items() if kind == own}
+
+
+def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
+    """The filter (n', n) of a band up to `top` times the highest frequency."""
+    if top * (1 + TRANSITION) >= 1:
+        return scipy.sparse.identity(n, format="csr")
+    taps, beta = signal.kaiserord(ATTENUATION, TRANSITION * top)
+    kernel = signal.firwin(taps | 1, (1 + TRANSITION / 2) * top, window=("kaiser", beta))
+    kernel /= np.linalg.norm(kernel)
+    every, half = int(1 / ((1 + TRANSITION) * top)), len(kernel) // 2
+    offsets = np.arange(-half, half + 1)
+    short = np.abs(offsets) < n
+    whole = scipy.sparse.diags(kernel[short], offsets[short], shape=(n, n), format="csr")
+    return whole[::every]
+
+
+def _spectrum(values: Array, rate: float) -> tuple[Array, Array]:
+    """Circular frequencies (F,), and the power (F, m) of a sample at each."""
+    window = signal.windows.hann(len(values))[:, None]
+    power = np.abs(np.fft.rfft(values * window, axis=0)) ** 2 / np.sum(window**2)
+    return 2 * np.pi * np.fft.rfftfreq(len(values), 1 / rate), power
+
+
+def _band(values: Array, rate: float) -> float:
+    """Frequency [rad/s] above which no signal exceeds its noise."""
+    w, power = _spectrum(values, rate)
+    floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
+    above = np.cumsum(power - floor, axis=0)
+    ends = [w[np.argmax(one > IN_BAND * one.max())] for one in above.T]
+    return float(max(max(ends), w[LINES]))
+
+
+def _noise(values: Array, rate: float, band: float) -> Array:
+    """Standard deviations (m,) of a sample, from the spectrum above the band."""
+    w, power = _spectrum(values, rate)
+    above = w > (1 + TRANSITION) * band
+    if np.count_nonzero(above) < FEWEST // 4:
+        above = w > w[-len(w) // 4]
+    return np.sqrt(np.median(power[above], axis=0) / np.log(2))

@@ -1,0 +1,423 @@
+"""From pulses at all sites to the most probable blows, by Gauss-Newton from the best ones.
+
+`scan` finds for all sites at once the half-sine pulse whose signals are nearest to the measured
+ones. In the free modes the signal of sensor s is sum_j s_sj b_j g_j(t - t0), g_j being the response
+of mode j to a pulse. For each duration of the pulse the best amplitude is in closed form; the
+products of the measured signals with all delayed g_j come from one Fourier transform, and are the
+same for all sites. Frequencies of the model are off: mode j counts with the mean of its phase,
+exp(-(e w_j t)²/2) for frequencies of relative standard deviation e.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import fft
+
+from antiosc.base._types import Array
+from antiosc.base.progress import counting
+from antiosc.simulation.histories import History
+from antiosc_studies.find.forward import Blow, Chart, Seen, Struck
+from antiosc_studies.measured.fit import covariance, lowered
+
+#: Durations of pulses: the shortest over the period of the band's top, the longest over the
+#: record; how many.
+SHORTEST_PULSE, LONGEST_PULSE, PULSES = 0.4, 0.3, 9
+#: Windows at which the energy of signals that the record's end cuts is known.
+WINDOWS = 9
+#: Frequency that stands for a rigid-body mode, over one over the record.
+SLOW = 1e-3
+#: Sites at a time.
+AT_ONCE = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """The best pulse at each of P sites.
+
+    Attributes
+    ----------
+    explained : (P,) share of the signals' weighted power that it explains.
+    duration, start, amplitude : (P,) of the pulse [s], [s], [N].
+    """
+
+    explained: Array
+    duration: Array
+    start: Array
+    amplitude: Array
+
+
+def scan(model: Struck, spread: float) -> Scan:
+    """The best pulses of all sites; `spread`: relative standard deviation of the frequencies."""
+    data, omega, decay, b = model.data, model.omega, model.decay, model.table[:, :-2]
+    n, T = len(data.values), data.duration
+    size = fft.next_fast_len(2 * n, real=True)
+    D = fft.rfft(data.values / data.sigma, size, axis=0)
+    power = float(np.sum((data.values / data.sigma) ** 2))
+    slow = SLOW / T
+    lam = -decay + 1j * np.sqrt(np.maximum(omega**2 - decay**2, slow**2))
+    ends = np.linspace(0, n, WINDOWS + 1).astype(int)[1:]
+    longest = max(LONGEST_PULSE * T, 2 * data.dt)
+    shortest = min(SHORTEST_PULSE * 2 * np.pi / data.band, longest)
+    best = np.zeros((4, len(b)))
+    for tau in np.geomspace(shortest, longest, PULSES):
+        table = pulse_responses(lam, tau, data.time)
+        fading = np.exp(-((spread * np.abs(lam.imag)[None] * data.time[:, None]) ** 2) / 2)
+        Q = np.zeros((size // 2 + 1, len(lam)), dtype=complex)
+        gram = np.zeros((WINDOWS, len(lam), len(lam)))
+        for s, order in enumerate(model.orders):
+            g = table[order] * fading * (model.rows[s] / data.sigma[s])
+            Q += np.conj(fft.rfft(g, size, axis=0)) * D[:, s, None]
+            first = 0
+            for k, end in enumerate(ends):
+                gram[k:] += g[first:end].T @ g[first:end]
+                first = end
+        products = fft.irfft(Q, size, axis=0)[: n - 1].T
+        for first in range(0, len(b), AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            _keep(best[:, part], b[part], products, gram, ends, tau)
+    explained, duration, lag, amplitude = best
+    return Scan(explained / power, duration, lag * data.dt, amplitude)
+
+
+def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau: float) -> None:
+    """Improve the best pulses (4, P) of sites b (P, J) by those of duration tau."""
+    lags = products.shape[1]
+    energy = np.einsum("pj,kjl,pl->pk", b, gram, b, optimize=True)
+    left = ends[-1] - np.arange(lags)
+    at = np.interp(left, ends, np.arange(len(ends)))
+    low = np.floor(at).astype(int)
+    high = np.minimum(low + 1, len(ends) - 1)
+    # the energy of the longest lags is that of the shortest window at least
+    E = energy[:, low] + (at - low) * (energy[:, high] - energy[:, low])
+    A = np.maximum(b @ products, 0.0)
+    gain = A**2 / np.maximum(E, np.finfo(float).tiny)
+    lag = np.argmax(gain, axis=1)
+    row = np.arange(len(b))
+    better = gain[row, lag] > best[0]
+    amplitude = A[row, lag] / np.maximum(E[row, lag], np.finfo(float).tiny)
+    new = np.array([gain[row, lag], np.full(len(b), tau), lag, amplitude])
+    best[:, better] = new[:, better]
+
+
+def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
+    """Responses (n, J) of modes lam = -d + i w to sin(pi t/tau): q, q' and q''."""
+    until, rate = np.minimum(t, tau)[:, None], np.pi / tau
+    after = t[:, None] - until
+
+    def driven(w: float) -> Array:
+        # integral of exp(i w s) exp(lam (t - s)) from 0 to min(t, tau)
+        return (np.exp(1j * w * until) - np.exp(lam * until)) / (1j * w - lam) * np.exp(lam * after)
+
+    z = (driven(rate) - driven(-rate)) / 2j
+    force = np.where(after > 0, 0.0, np.sin(rate * until))
+    q = z.imag / lam.imag
+    v = z.real + lam.real * q
+    a = force - np.abs(lam) ** 2 * q + 2 * lam.real * v
+    return [np.asarray(q), np.asarray(v), np.asarray(a)]
+
+
+#: Changes for differences: of logarithms and of the start over the contact time; of frequencies,
+#: whose phases grow with time; of the place over the spacing of sites.
+CHANGE, CHANGE_FREQUENCY, CHANGE_PLACE = 2e-3, 1e-5, 0.02
+#: Longest steps: of the place over the spacing, of logarithms, of the start over the contact time.
+LONGEST_PLACE, LONGEST, LONGEST_START = 1.5, 0.7, 0.3
+#: Decrease of chi² that ends a search, and over chi² itself.
+CONVERGED, ENOUGH = 0.01, 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The most probable blow near a start.
+
+    Attributes
+    ----------
+    cost : squares of weighted residuals and of the model's errors over their expected sizes.
+    covariance : of the unknowns `names`: coordinates along `chart.axes` [m], logarithms, start [s].
+    gains : (2, .) derivatives of the logarithms of peak force and impulse by them.
+    chi2 : residual over its degrees of freedom.
+    signals : (n', m) over their noise.
+    """
+
+    blow: Blow
+    chart: Chart
+    hit: History
+    cost: float
+    names: tuple[str, ...]
+    covariance: Array
+    gains: Array
+    chi2: float
+    signals: Array
+
+
+class Search:
+    """Gauss–Newton on the unknowns of a model.
+
+    Parameters
+    ----------
+    unknown : logarithms to be found, of mass, velocity, stiffness, E.
+    spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
+    """
+
+    def __init__(self, model: Struck, unknown: Sequence[str], spread: float, doubt: float) -> None:
+        self.model, self.logs = model, [name for name in unknown if name != "place"]
+        self.spread = spread
+        # a mode's share in a signal is wrong by its value at the sensor and by that at the struck
+        # place, which all sensors have in common
+        count = len(model.rows)
+        together = doubt**2 * (np.eye(count) + 1) / 2
+        self.unshared = np.linalg.inv(np.linalg.cholesky(together))
+
+    def residuals(self, blow: Blow, signals: Array) -> Array:
+        """Those of the signals, then of the model's errors, all over their expected sizes."""
+        off, shares = signals - self.model.data.compared, self.unshared @ blow.share
+        return np.concatenate([off.ravel(), blow.frequency / self.spread, shares.ravel()])
+
+    def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
+        """The neighbourhood of the place, its values, and what the sensors see."""
+        chart = self.model.surface.chart(blow.place, blow.site)
+        there = self.model.modes_at(chart, np.zeros(len(chart.axes)))
+        return chart, there, self.model.seen(blow, there)
+
+    def refined(self, blow: Blow, steps: int) -> Fit:
+        """The blow of least cost near the start, after so many steps at most."""
+        damping, step = 1e-3, -1
+        while True:
+            step += 1
+            chart, there, seen = self.at(blow)
+            rest = self.residuals(blow, seen.signals)
+            J, gains = self._slopes(blow, chart, there, seen)
+            if step == steps:
+                break
+            # far from the blow the signals must not be laid to the errors of the model
+            data, factor = seen.signals.size, np.ones(rest.size)
+            factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(rest[:data] ** 2), 1.0))))
+
+            def moved(
+                change: Array, blow: Blow = blow, chart: Chart = chart, factor: Array = factor
+            ) -> tuple[Blow, Array]:
+                trial = self.moved(blow, chart, change)
+                return trial, factor * self.residuals(trial, self.at(trial)[2].signals)
+
+            rows, off = factor[:, None] * J, factor * rest
+            better, damping = lowered(rows.T @ rows, rows.T @ off, off, damping, moved)
+            if better is None:
+                break
+            trial, new = better
+            contact_time_estimate = float(
+                np.clip(
+                    seen.hit.contact_time,
+                    0.2 * blow.contact_time_estimate,
+                    5 * blow.contact_time_estimate,
+                )
+            )
+            blow, before = (
+                replace(trial, contact_time_estimate=contact_time_estimate),
+                float(np.sum((factor * rest) ** 2)),
+            )
+            if before - float(new @ new) < max(CONVERGED, ENOUGH * before):
+                steps = step + 1
+        return self._finished(blow, chart, seen, rest, J, gains)
+
+    def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
+        """The blow after a change of all unknowns."""
+        d, k = len(chart.axes), len(self.logs)
+        x = change[:d] * min(1.0, LONGEST_PLACE / max(float(np.linalg.norm(change[:d])), 1e-300))
+        place, site = blow.place, blow.site
+        if d:
+            place, site = self.model.surface.nearest(
+                chart.origin + chart.size * x @ chart.axes, blow.site
+            )
+        logs = np.clip(change[d : d + k], -LONGEST, LONGEST)
+        values = {
+            name: getattr(blow, name) * float(np.exp(c))
+            for name, c in zip(self.logs, logs, strict=True)
+        }
+        start = blow.start + blow.contact_time_estimate * float(
+            np.clip(change[d + k], -LONGEST_START, LONGEST_START)
+        )
+        T = self.model.data.duration
+        J = len(blow.frequency)
+        rest = change[d + k + 1 :]
+        return replace(
+            blow,
+            place=place,
+            site=site,
+            start=float(np.clip(start, -0.5 * T, 0.95 * T)),
+            frequency=np.clip(blow.frequency + rest[:J], -0.2, 0.2),
+            share=blow.share + rest[J:].reshape(blow.share.shape),
+            **values,
+        )
+
+    def _slopes(self, blow: Blow, chart: Chart, there: Array, seen: Seen) -> tuple[Array, Array]:
+        """Derivatives of all residuals by all unknowns; `gains` in the units of the steps."""
+        model, columns, gains = self.model, [], []
+
+        def changed(other: Blow, at: Array, change: float) -> None:
+            new = model.seen(other, at)
+            columns.append((new.signals - seen.signals).ravel() / change)
+            gains.append((strength(new.hit) - strength(seen.hit)) / change)
+
+        for i in range(len(chart.axes)):
+            x = np.zeros(len(chart.axes))
+            x[i] = CHANGE_PLACE
+            changed(blow, model.modes_at(chart, x), CHANGE_PLACE)
+        for name in self.logs:
+            change = CHANGE_FREQUENCY if name == "E" else CHANGE
+            value = {name: getattr(blow, name) * float(np.exp(change))}
+            changed(replace(blow, **value), there, change)
+        changed(
+            replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), there, CHANGE
+        )
+        n, m, J = seen.parts.shape
+        p = len(columns)
+        found = np.zeros((n * m + J + m * J, p + J + m * J))
+        found[: n * m, :p] = np.transpose(columns)
+        # all frequencies at once: each mode's own part of the change
+        other = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
+        moved = (model.seen(other, there).parts - seen.parts) * (1 + blow.share)
+        by_frequency = moved / (CHANGE_FREQUENCY * (1 + blow.frequency))
+        found[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
+        for s in range(m):
+            at = p + J + s * J
+            found[s : n * m : m, at : at + J] = seen.parts[:, s]
+        rows = np.arange(J)
+        found[n * m + rows, p + rows] = 1 / self.spread
+        found[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
+        return found, np.transpose(gains)
+
+    def _finished(
+        self, blow: Blow, chart: Chart, seen: Seen, rest: Array, J: Array, gains: Array
+    ) -> Fit:
+        d, k = len(chart.axes), len(self.logs)
+        p, data = d + k + 1, seen.signals.size
+        inverse = covariance(J.T @ J)
+        used = float(np.sum((J[:data] @ inverse) * J[:data]))
+        chi2 = float(rest[:data] @ rest[:data]) / max(data - used, 1.0)
+        unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.contact_time_estimate]])
+        main = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
+        names = (*("place",) * d, *self.logs, "start")
+        cost = float(rest @ rest)
+        return Fit(blow, chart, seen.hit, cost, names, main, gains / unit, chi2, seen.signals)
+
+
+def strength(hit: History) -> Array:
+    """Logarithms (2,) of peak force and impulse."""
+    return np.log(np.maximum([hit.peak_force, hit.impulse], np.finfo(float).tiny))
+
+
+#: Places at which a search starts, and their least distance over the spacing of sites.
+PLACES, APART = 8, 2.5
+#: Masses that each is tried with, over that of the structure.
+MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
+#: Searches that begin, that go on, and the steps of both.
+BEGUN, KEPT = 4, 2
+FIRST_STEPS, LAST_STEPS = 5, 25
+#: Cost of a second search over that of the first, above which it does not go on.
+HOPELESS = 10.0
+#: chi² above which the best blow does not explain the signals, and the heavier impactors that are
+#: tried then: a lighter one does not touch again, and no small step adds a contact.
+POOR, HEAVIER = 2.0, (1.3, 2.0)
+#: Of a rigid wall: contact time over 2 × approach/velocity, and impulse over mass × velocity.
+HERTZ_TIME, REBOUND = 2.943, 1.6
+
+
+def most_probable(
+    model: Struck,
+    scanned: Scan,
+    unknown: Sequence[str],
+    known: Mapping[str, float],
+    weight: float,
+    spread: float,
+    doubt: float,
+) -> list[Fit]:
+    """Blows of least cost, the best first, at different places if there are several.
+
+    Parameters
+    ----------
+    unknown : of mass, velocity, stiffness, E.
+    known : values of those that are not.
+    weight : mass of the structure [kg].
+    spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
+    """
+    search = Search(model, unknown, spread, doubt)
+    masses = [share * weight for share in MASSES] if "mass" in unknown else [known["mass"]]
+    starts = [
+        _scaled(search, _blow(model, scanned, i, mass, known))
+        for i in _places(model, scanned)
+        for mass in masses
+    ]
+    starts.sort(key=lambda pair: pair[0])
+    begun = []
+    with counting("searching the blow", BEGUN + KEPT) as ready:
+        for count, (_, blow) in enumerate(starts[:BEGUN], start=1):
+            begun.append(search.refined(blow, FIRST_STEPS))
+            ready(count)
+        begun.sort(key=lambda fit: fit.cost)
+        found = []
+        for count, fit in enumerate(_kept(model, begun), start=BEGUN + 1):
+            found.append(search.refined(fit.blow, LAST_STEPS))
+            ready(count)
+        best = min(found, key=lambda fit: fit.cost)
+        if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
+            found += [search.refined(_heavier(best.blow, by), LAST_STEPS) for by in HEAVIER]
+    return sorted(found, key=lambda fit: fit.cost)
+
+
+def _heavier(blow: Blow, by: float) -> Blow:
+    """The blow of a heavier impactor of the same momentum, which may touch once more."""
+    return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
+
+
+def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:
+    """The best search, and the best one at another place, or the second."""
+    first, *rest = begun
+    far = APART * model.surface.spacing(first.blow.site)
+    apart = [fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > far]
+    near = [fit for fit in (*apart, *rest) if fit.cost < HOPELESS * first.cost]
+    return [first, *near][:KEPT]
+
+
+def _places(model: Struck, scanned: Scan) -> list[int]:
+    """Sites whose pulses explain most, apart from one another."""
+    chosen: list[int] = []
+    points = model.surface.points
+    for i in np.argsort(-scanned.explained, kind="stable").tolist():
+        far = APART * model.surface.spacing(i)
+        if all(np.linalg.norm(points[i] - points[k]) > far for k in chosen):
+            chosen.append(i)
+        if len(chosen) == PLACES:
+            break
+    return chosen
+
+
+def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str, float]) -> Blow:
+    """A blow whose pulse on a rigid wall would be that of site i."""
+    T = float(scanned.duration[i])
+    impulse = 2 / np.pi * T * float(scanned.amplitude[i])
+    velocity = max(impulse, float(np.finfo(float).tiny)) / (REBOUND * mass)
+    approach = T * velocity / HERTZ_TIME
+    exponent = model.exponent
+    stiffness = (exponent + 1) / 2 * mass * velocity**2 / approach ** (exponent + 1)
+    J, m = len(model.omega), len(model.rows)
+    guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
+    return Blow(
+        model.surface.points[i], i, start=float(scanned.start[i]), contact_time_estimate=T,
+        frequency=np.zeros(J), share=np.zeros((m, J)), **guess,
+    )  # fmt: skip
+
+
+def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
+    """The blow with its best amplitude, and the cost of its signals."""
+    model = search.model
+    seen, data = search.at(blow)[2].signals.ravel(), model.data.compared.ravel()
+    power = float(seen @ seen)
+    if power == 0.0:
+        return float(data @ data), blow
+    amplitude = max(float(seen @ data) / power, 0.1)
+    # the force of a power law is in proportion to the velocity if the stiffness goes along
+    change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.exponent)}
+    new = {n: getattr(blow, n) * c for n, c in change.items() if n in search.logs}
+    return float(np.sum((amplitude * seen - data) ** 2)), replace(blow, **new)

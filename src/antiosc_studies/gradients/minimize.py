@@ -1,0 +1,192 @@
+"""`minimize`: inputs of an impact for which a result is least, by SciPy's optimizer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin
+from antiosc.simulation.histories import History
+from antiosc.simulation.scene import simulate
+from antiosc.simulation.two_bodies import Impact, assemble_pair
+from antiosc_studies.gradients.changes import changed
+from antiosc_studies.gradients.goals import GOALS, Sampled
+from antiosc_studies.gradients.of_run import derived
+
+#: Change of an input, over its scale, by which the bodies are made anew for a derivative.
+CHANGE = 1e-4
+#: Relative error of the forces of a run, and change of the goal at which the search ends.
+TOL, ENOUGH = 1e-5, 1e-7
+MOST_STEPS = 100
+#: What `build` returns, in this order.
+ARGUMENTS = ("model", "impactor", "contact", "duration")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimum(ReprMixin):
+    """What `minimize` found.
+
+    Attributes
+    ----------
+    x : (n,) the inputs; value : of the goal there; hit : the run with them.
+    runs : impacts that were simulated.
+    converged : whether the optimizer reached its tolerance; message : in its words.
+    """
+
+    x: Array
+    value: float
+    hit: History
+    runs: int
+    converged: bool
+    message: str
+
+
+def minimize(
+    build: Callable[[Array], Sequence[Any]],
+    goal: str | Callable[[Sampled], float],
+    x0: ArrayLike,
+    bounds: Sequence[tuple[float | None, float | None]] | None = None,
+    constraints: Any = (),
+    tol: float = ENOUGH,
+) -> Optimum:
+    """Inputs for which a result of an impact is least.
+
+    SciPy's sequential quadratic programming, with gradients: that of the run is exact
+    (`gradient`), and the bodies are made anew, but not simulated, at a small change of each input.
+
+    Parameters
+    ----------
+    build : callable
+        Inputs (n,) -> the arguments (model, impactor, contact, duration) of `simulate`.
+    goal : str or callable
+        As of `gradient`: "peak_force", "impulse", "contact_time", "restitution",
+        "peak_displacement", or a function of the run.
+    x0 : array_like, shape (n,)
+        Where the search begins; its sizes are the scales of the inputs.
+    bounds : sequence of (low, high), optional
+        None: no bound.
+    constraints : dict or sequence of dict, optional
+        As of `scipy.optimize.minimize`: {"type": "ineq", "fun": f} for f(x) >= 0, "eq" for = 0.
+    tol : float
+        Change of the goal, over its first value, at which the search ends; a peak force of several
+        sub-impacts has many small hollows, for which 1e-2 saves most of the runs.
+
+    Returns
+    -------
+    Optimum
+
+    Raises
+    ------
+    InputError
+        For input that breaks a rule, and what `simulate` and `gradient` refuse.
+    NotDifferentiableError
+        Where the search meets inputs at which the result has no derivative.
+    """
+    from scipy import optimize  # loaded where it is used: it takes long
+
+    if not callable(goal) or isinstance(goal, type):
+        checks.choice("goal", goal, tuple(GOALS))
+    start, tol = checks.column("x0", x0), checks.tolerance(tol)
+    if not callable(build) or isinstance(build, type) or not start.size:
+        raise InputError("build must be a function of x, and x0 one number or more.")
+    checks.function("build", build, "a function of x that returns what simulate takes", 1)
+    scale = np.where(start != 0, abs(start), 1.0)
+    search = _Search(build, goal, scale)
+    limits = _scaled(bounds, start, scale)
+    listed = constraints if isinstance(constraints, list | tuple) else [constraints]
+    rules = [_rule(each, scale) for each in listed]
+    first = abs(search.value(start / scale)) or 1.0
+    found = optimize.minimize(
+        lambda y: search.value(y) / first,
+        start / scale,
+        jac=lambda y: search.slopes(y) / first,
+        bounds=limits,
+        constraints=rules,
+        method="SLSQP",
+        options={"maxiter": MOST_STEPS, "ftol": tol},
+    )
+    value, hit = search.value(found.x), search.hit
+    return Optimum(found.x * scale, value, hit, search.runs, bool(found.success), found.message)
+
+
+class _Search:
+    """The last run, for the value and the derivatives at one place."""
+
+    def __init__(self, build: Callable[[Array], Sequence[Any]], goal: Any, scale: Array) -> None:
+        self.build, self.goal, self.scale = build, goal, scale
+        self.runs, self.at = 0, np.full(scale.size, np.nan)
+        self.hit: Any = None
+
+    def value(self, y: Array) -> float:
+        """The goal at scaled inputs."""
+        if not np.array_equal(y, self.at):
+            self.hit = simulate(*self._made(y), tol=TOL)
+            self.at, self.runs = np.array(y), self.runs + 1
+            self.found, self.wanted, self.by = derived(self.hit, self.goal)
+        return self.wanted.value
+
+    def slopes(self, y: Array) -> Array:
+        """Its derivatives by scaled inputs."""
+        self.value(y)
+        slopes = np.empty(y.size)
+        for i in range(y.size):
+            ends = []
+            for sign in (-1, 1):
+                other = np.array(y)
+                other[i] += sign * CHANGE
+                ends.append(assemble_pair(Impact(*self._made(other))))
+            slopes[i] = changed(self.found, self.wanted, self.by, *ends) / (2 * CHANGE)
+        return slopes
+
+    def _made(self, y: Array) -> tuple[Any, ...]:
+        made = self.build(y * self.scale)
+        if not isinstance(made, tuple | list) or len(made) != len(ARGUMENTS):
+            raise InputError(
+                f"build must return the {len(ARGUMENTS)} arguments {', '.join(ARGUMENTS)} of"
+                f" simulate; got {checks.shown(made)}."
+            )
+        return tuple(made)
+
+
+def _scaled(bounds: object, start: Array, scale: Array) -> list[tuple[float, float]] | None:
+    """Bounds of the scaled inputs; InputError for those that do not hold `start`."""
+    if bounds is None:
+        return None
+    if not isinstance(bounds, list | tuple) or len(bounds) != scale.size:
+        raise InputError(f"bounds needs one pair (low, high) for each of {scale.size} inputs.")
+    found = []
+    for pair, x, unit in zip(bounds, start.tolist(), scale.tolist(), strict=True):
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise InputError(f"bounds must be pairs (low, high); got {checks.shown(pair)}.")
+        low = -inf if pair[0] is None else checks.number("a bound", pair[0])
+        high = inf if pair[1] is None else checks.number("a bound", pair[1])
+        if low > high:
+            raise InputError(f"bounds must have low <= high; got {low:g} and {high:g}.")
+        if not low <= x <= high:
+            raise InputError(f"x0 must lie within its bounds, {low:g} to {high:g}; got {x:g}.")
+        found.append((low / unit, high / unit))
+    return found
+
+
+def _rule(rule: Any, scale: Array) -> dict[str, Any]:
+    """A constraint on the scaled inputs."""
+    sound = isinstance(rule, dict) and rule.get("type") in ("eq", "ineq")
+    if not sound or not callable(rule.get("fun")) or set(rule) != {"type", "fun"}:
+        raise InputError(
+            'a constraint must be {"type": "eq" or "ineq", "fun": f}, a function of x that is 0 or'
+            f" >= 0; got {checks.shown(rule)}."
+        )
+    of = checks.function("fun of a constraint", rule["fun"], "a function of x", 1)
+
+    def scaled(y: Array) -> Array:
+        return np.atleast_1d(checks.array("what a constraint returns", of(y * scale), None))
+
+    return {"type": rule["type"], "fun": scaled}

@@ -1,0 +1,522 @@
+"""From derivatives by a reduced model's matrices to those by what its part is made of.
+
+The matrices of the model are those of the part on its shapes V, K_red = V'KV and M_red = V'MV.
+With the shapes held, a parameter p of the part changes them by V'(dK/dp)V and V'(dM/dp)V, to first
+order in the error of the shapes: no solve, and products with two assembled matrices a parameter.
+
+`design_map`: the same cell by cell. A cell's share in V'(dK/dp)V is an energy of its own. The
+derivatives by K_red are a quadratic form of the shapes; in its principal shapes, those with the
+largest shares first, few energies do.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.linalg
+import ufl
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, InputError, without_warnings
+from antiosc.base.process import one_thread
+from antiosc.base.texts import ReprMixin
+from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.extraction.extract import ErrorOption, extract
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.platform import compat
+from antiosc.fem.site import Site, functional
+from antiosc.fem.site.sites import located
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.damping import DampingMatrix, in_coordinates
+from antiosc.results.fields import checked_shapes
+from antiosc.simulation.march import engine
+from antiosc_studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
+from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds
+from antiosc_studies.gradients.of_run import by_modes, derived, model_name, shown_goal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
+#: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
+CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
+#: Ratios of stiffness and of mass of a part and of a model from which it is not that of the model.
+SAME_PART = 1 + 1e-4, 1 + 1e-4
+#: Inputs below this have no scale of their own.
+LEAST = 1e-200
+#: Largest relative difference of the static mass of models that `build` gives beside x.
+SAME_MODEL = 1e-2
+#: Largest relative difference of the frequencies of a model and of its recurrence that ran again:
+#: 1e-7 at a site that sees all modes. On the symmetry plane of a bar, where modes that it does not
+#: see grow from rounding, 2e-3, and derivatives of the highest frequencies off by their value.
+SAME_STEPS = 1e-5
+#: Numbers of materials, sections and layers that are no parameters of K and M.
+IDLE = {"loss", "yield_strength", "yield_range", "rate", "outline"}
+#: Numbers of the layers of a laminate that are designed; the others are those of its materials.
+OF_LAYERS = {"thickness", "angle"}
+
+#: How near to a part the models on either side are made, over `CHANGE` (an extraction in so few
+#: shapes rounds less); a share in Z from which a mode is kept: all are.
+SHRUNK, EVERY = 0.1, 1e-30
+
+#: The models of two parts.
+Ends = Callable[[Structure, Structure], list[AntiOscillators]]
+#: The change of a goal between two parts, to first order.
+Slope = Callable[[Structure, Structure], float]
+#: Units of what a map is by.
+BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
+#: Degree of the quadrature of energies in cells: that of the strains of cubics, with which
+#: those of their motions are off by some 1e-4.
+DEGREE = 4
+#: Share of the principal shapes that are left out, of the sum of all: shares of either sign cancel.
+LEFT_OUT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The derivatives of a goal by the matrices of a part on the shapes (rows, C) of its model.
+
+    by, reduced : derivatives by V'KV and V'MV, and these (C, C).
+    by_local : by the half-space compliance of the site's patch.
+    motions : pairs of derivatives (C,) by momenta of the shapes, and the rigid motion (6,) that has
+        them: at the start, and of gravity.
+    """
+
+    model: AntiOscillators
+    by: ByMatrices
+    reduced: ByMatrices
+    by_local: float
+    shapes: Array
+    motions: list[tuple[Array, Array]]
+
+    def change(self, lower: Structure, upper: Structure) -> float:
+        """The change of the goal from one part to another, to first order."""
+        total = sum(
+            sign * float(np.sum(by * dot(end.comm, self.shapes, multiply(matrix, self.shapes))))
+            for sign, end in ((-1, lower), (1, upper))
+            for by, matrix in zip(self.by, (end.K, end.M), strict=True)
+        )
+        for by, motion in self.motions:
+            a, b = lower.rigid_inertia, upper.rigid_inertia
+            assert a is not None
+            assert b is not None
+            total += float(by @ dot(lower.comm, self.shapes, (b[1] - a[1]) @ motion))
+        if self.by_local:
+            site = site_of(self.model)
+            ends = [functional(each, site).local_compliance for each in (lower, upper)]
+            total += self.by_local * (ends[1] - ends[0])
+        return total
+
+
+def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
+    """The chain to the part of a model with shapes.
+
+    Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
+    that beside it.
+    """
+    assert model.shapes is not None
+    beside = np.eye(model.n + 1)
+    beside[1:, 0] = -1.0
+    motions, hidden, modes = [], model.hidden_count, by.modes
+    for slope, value in ((by.start, by.v), (by.load, by.g)):
+        if modes.inertia is not None and value.any():
+            assert modes.shape is not None
+            motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
+            own = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
+            motions.append((beside @ own, motion))
+    K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
+    M[0, 1:] = M[1:, 0] = model.m
+    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
+    return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
+
+
+def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> Chain:
+    """The chain to the part of a model."""
+    by = by_modes(found, wanted, slopes, name)
+    if by is None:
+        raise InputError(
+            "derivatives by the materials of a part need a model of one site, without loads, a"
+            " moving ground (and a design map one whose damping does not couple its modes): give a"
+            " function of x that builds the part, and x."
+        )
+    model = found.model(name)
+    touching = found.G[:, found.columns[name].start]
+    given = zip(touching, found.scene.contacts, found.laws, strict=False)
+    freed = [c for c, (on, contact, law) in enumerate(given) if on and law is not contact.law]
+    local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
+    return chain(model, by, local)
+
+
+def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
+    """The model of a part on the shapes of `model`, of one with damping that couples its modes.
+
+    Its constraint modes are those of V'KV and V'MV, and the damping is along them.
+    """
+    assert model.shapes is not None
+    assert isinstance(model.damping, DampingMatrix)
+    if not model.k0 > 0 or model.hidden_count or model.damping.factors:
+        raise InputError(
+            "derivatives by the materials of a part whose damping couples its modes need supports"
+            " that hold it, and no branches (prony=, tau=): give a function of x that builds the"
+            " part, and x."
+        )
+    K, M = _on(model.shapes, part)
+    square, V = scipy.linalg.eigh(K[1:, 1:], M[1:, 1:])
+    turn = scipy.linalg.block_diag(1.0, V)
+    turn[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
+    P = turn[:, 0] @ M @ turn[:, 1:]
+    turn[:, 1:] *= np.sign(P)
+    return replace(
+        model,
+        m0=float(turn[:, 0] @ M @ turn[:, 0] - P @ P),
+        k0=float(turn[:, 0] @ K @ turn[:, 0]),
+        m=P**2,
+        omega=np.sqrt(square),
+        local_compliance=_local(model, part),
+        damping=in_coordinates(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
+        shapes=None,
+        strain_error=None,
+        strain_misfit=None,
+    )
+
+
+def _on(shapes: Array, part: Structure) -> ByMatrices:
+    """V'KV and V'MV."""
+    return ByMatrices(
+        *(dot(part.comm, shapes, multiply(matrix, shapes)) for matrix in (part.K, part.M))
+    )
+
+
+def _local(model: AntiOscillators, part: Structure) -> float:
+    """The compliance of the site's patch on another part."""
+    return model.local_compliance and functional(part, site_of(model)).local_compliance
+
+
+def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
+    """The models of two parts near this one, by the Krylov recurrence; None where it is not known.
+
+    The model of k steps has 2k moments of its part. How they change with K and M is a matter of the
+    first 2k vectors of the recurrence alone: in these it runs again, and nothing is left out, as
+    the upper half of the vectors would be with the shapes of the model. None where rounding has
+    brought modes into the model that its site does not see, and for all but supported parts of
+    one process. Each model is SHRUNK times as far from this one as its part.
+    """
+    steps = model.info.modes_computed
+    if (
+        (model.info.method, part.comm.size) != ("krylov", 1)
+        or not (steps and model.k0 > 0 and model.info.point)
+        or isinstance(model.damping, DampingMatrix)
+    ):
+        return None
+    with without_warnings():
+        shapes = extract(part, site_of(model), 2 * steps, tol=EVERY).shapes
+    assert shapes is not None
+    stiffness = _on(shapes, part).K.diagonal()
+    # all of equal energy, and added to the static shape: a diagonal K looks like supports
+    turn = np.diag(np.sqrt(stiffness[0] / stiffness))
+    turn[0] = 1.0
+    shapes = shapes @ turn
+    at, middle = Site(vector=turn[0]), _on(shapes, part)
+
+    def model_of(here: ByMatrices, local: float) -> AntiOscillators:
+        with without_warnings():
+            own = extract(Structure.from_matrices(*here), at, model.n)
+        numbers = {name: getattr(own, name) for name in ("m0", "k0", "m", "omega")}
+        return replace(model, **numbers, local_compliance=local, shapes=None)
+
+    try:
+        same = model_of(middle, model.local_compliance)
+    except AccuracyError:  # directions of rounding spoil the modes
+        return None
+    if same.n != model.n or np.abs(same.omega / model.omega - 1).max() > SAME_STEPS:
+        return None
+
+    def ends(lower: Structure, upper: Structure) -> list[AntiOscillators]:
+        moves = [(b - a) / 2 for a, b in zip(_on(shapes, lower), _on(shapes, upper), strict=True)]
+        local = (_local(model, upper) - _local(model, lower)) / 2
+        return [
+            model_of(
+                ByMatrices(*(x + by * move for x, move in zip(middle, moves, strict=True))),
+                model.local_compliance + by * local,
+            )
+            for by in (-SHRUNK, SHRUNK)
+        ]
+
+    return ends
+
+
+def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
+    """Derivatives by the numbers of a part's materials, one result for each of `to`.
+
+    Of several materials they are {group: …}.
+    """
+    if part.made_of is None:
+        raise InputError(
+            "the materials of an assembly, or of matrices, are not known: give a function of x that"
+            " builds the part, and x."
+        )
+    refuse_prestress(part, "a gradient by the numbers of a part")
+    mesh, given, options = part.made_of
+    several = isinstance(given, Mapping)
+    groups = dict(given) if isinstance(given, Mapping) else {"": given}
+    found: list[Values] = [{} for _ in to]
+    for group, material in groups.items():
+        for name, step, made in _varied(material):
+            ends = []
+            for sign in (-1, 1):
+                other = {**groups, group: made(sign)}
+                with without_warnings():
+                    one = other if several else other[""]
+                    ends.append(Structure(mesh, one, part.supports, **options))
+            for values, each in zip(found, to, strict=True):
+                slope = each(ends[0], ends[1]) / step
+                own = values.setdefault(name, {}) if several else values
+                key = group if several else name
+                layered = hasattr(material, "layers")
+                own[key] = np.append(own.get(key, ()), slope) if layered else slope
+    return found
+
+
+def _varied(
+    item: Any, wanted: Container[str] = ()
+) -> Iterator[tuple[str, float, Callable[[int], Any]]]:
+    """Name, distance of the ends, and the end -1 or 1 of each number of a material.
+
+    `wanted`: of those names alone.
+    """
+    for name, value in values_of(item).items():
+        if wanted and name not in wanted:
+            continue
+        if is_dataclass(value) and name == "section":
+            for inner, step, made in _varied(value):
+                yield inner, step, lambda s, n=name, m=made: replace(item, **{n: m(s)})  # type: ignore[misc]
+        elif name == "layers":
+            for k, layer in enumerate(value):
+                for inner, step, made in _varied(layer, OF_LAYERS):
+                    yield (
+                        inner,
+                        step,
+                        lambda s, k=k, m=made: replace(  # type: ignore[misc]
+                            item, layers=(*item.layers[:k], m(s), *item.layers[k + 1 :])
+                        ),
+                    )
+        elif isinstance(value, float) and (value or name == "angle"):
+            h = TURN if name == "angle" else CHANGE * abs(value)
+            yield name, 2 * h, lambda s, n=name, v=value, h=h: replace(item, **{n: v + s * h})  # type: ignore[misc]
+
+
+def values_of(material: Any) -> dict[str, Any]:
+    """The arguments of a material, a section or a layer that K and M depend on."""
+    idle = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
+    names = {each.name for each in fields(material) if each.init} - idle
+    return {name: getattr(material, name) for name in sorted(names)}
+
+
+def by_shape(
+    build: Callable[[Array], Any],
+    x: Array,
+    model: AntiOscillators,
+    changes: Sequence[Callable[..., float]],
+) -> list[Values]:
+    """Derivatives x (n,) by the arguments of a function that builds the part, or its model.
+
+    Each of `changes(before, after)` is that of a goal between two models, to first order.
+    """
+    slopes = np.empty((len(changes), x.size))
+    for i in range(x.size):
+        h = SMALL * (abs(x[i]) if abs(x[i]) > LEAST else 1.0)
+        ends = [_extracted(build(x + s * h * np.eye(x.size)[i]), model) for s in (-1, 1)]
+        size = np.abs(model.m_st).max()
+        if np.abs(ends[0].m_st + ends[1].m_st - 2 * model.m_st).max() > SAME_MODEL * size:
+            raise InputError(
+                "build(x) must give the part, or the model, of this run: its mass at the site is"
+                " another."
+            )
+        slopes[:, i] = [change(*ends) / (2 * h) for change in changes]
+    return [{"x": own} for own in slopes]
+
+
+def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
+    """The model of a part, extracted as `model` was."""
+    if isinstance(made, AntiOscillators):
+        return made
+    part = checks.instance("build(x)", made, Structure, "a Structure, or the model of one")
+    with without_warnings():
+        if model.info.method == "modes":
+            found = extract(part, site_of(model), model.n, "modes")
+        else:
+            estimated: ErrorOption = None if model.strain_error is None else "estimate"
+            found = extract(part, site_of(model), model.n, error=estimated)
+    # dampers of the part are in the coordinates of its own model
+    coupled = isinstance(found.damping, DampingMatrix)
+    return found if coupled else replace(found, damping=model.damping)
+
+
+def site_of(model: AntiOscillators) -> Site:
+    """The site of an extracted model; InputError where its place is not known."""
+    info = model.info
+    if model.sites or info.point is None or info.direction is None:
+        raise InputError(
+            "the place of the site is not known: let build(x) return the model, extracted there."
+        )
+    return Site(info.point, info.direction, model.patch_radius, snap=True)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignMap(ReprMixin):
+    """What `design_map` returns.
+
+    Attributes
+    ----------
+    goal : the result; value : of the run; by : the parameter.
+    slopes : (cells of this rank,) derivative by the parameter of each cell alone; NaN for cells
+        whose material does not have it.
+    per_mass : (cells of this rank,) what one kilogram more changes, there [unit of the goal/kg]; by
+        E: what the double modulus of one kilogram changes.
+    meshed : the mesh of the part, and what is on it.
+    """
+
+    goal: str
+    value: float
+    by: str
+    slopes: Array
+    per_mass: Array
+    meshed: MeshedStructure
+
+    def _facts(self) -> list[tuple[str, str]]:
+        lowers = float(np.mean(self.slopes < 0))
+        return [
+            (self.goal, f"{self.value:.6g}"),
+            (f"d/d {self.by}", f"{np.nansum(self.slopes):.6g} of all {self.slopes.size} cells"),
+            ("cells where more lowers it", f"{lowers:.0%}"),
+        ]
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """`per_mass` on the part; all ranks call it.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
+        material lowers the goal, red: it raises it.
+        """
+        from antiosc.base.surfaces import draw_design
+
+        faces, gather = self.meshed.faces, self.meshed.comm.allgather
+        corners = np.concatenate(gather(faces.corners))
+        value = np.concatenate(gather(self.per_mass[faces.cells]))
+        return draw_design(corners, value, f"d {self.goal} / kg of {self.by}", path)
+
+
+@one_thread()
+def design_map(
+    part: Structure,
+    hit: Any,
+    goal: str | Callable[[Sampled], float],
+    by: str = "thickness",
+    *,
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
+) -> DesignMap:
+    """Where material helps: the derivative of a result by the thickness of every cell.
+
+    By E the compliance of the contact's patch belongs to the cells under the patch.
+
+    Parameters
+    ----------
+    part : Structure
+        Of one mesh, from which the model of the run was extracted.
+    hit, goal, contact, time
+        As of `gradient`.
+    by : "thickness", "E" or "rho"
+        Of the cells' materials; stiffeners of a sheet are left out.
+
+    Raises
+    ------
+    InputError
+        For a part that is not that of the run, or whose materials do not have `by`; and what
+        `gradient` refuses.
+    NotDifferentiableError
+        As of `gradient`.
+    """
+    checks.choice("by", by, tuple(BY))
+    checks.instance("part", part, Structure, "a Structure")
+    meshed = on_mesh(part)
+    found, wanted, slopes = derived(hit, goal, contact, time)
+    name = model_name(found)
+    checked_shapes(part, hit, name, SAME_PART)
+    to = part_chain(found, wanted, slopes, name)
+    own = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
+    if not np.isfinite(own).any():
+        raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
+    relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
+    changes = _relative(part, meshed, by)
+    for change, by_reduced, reduced in zip(changes, to.by, to.reduced, strict=True):
+        if change:
+            shares, turn = _principal(by_reduced, reduced)
+            vectors = to.shapes @ turn
+            relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
+    if by == "E" and to.by_local:
+        relative += _of_patch(meshed, to, relative.size)
+    size = np.array(own)[meshed.part_of_cells()[: relative.size]]
+    per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
+    return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
+
+
+def _relative(
+    part: Structure, meshed: MeshedStructure, by: str
+) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
+    """Forms whose sums are the changes of K and M with the relative change of a parameter."""
+    if by != "thickness":  # to which they are proportional
+        return (meshed.form.stiffness, []) if by == "E" else ([], meshed.form.mass)
+    assert part.made_of is not None
+    K, M = [], []
+    for sign in (1, -1):
+        changed: list[Any] = []
+        for material, cells in meshed.parts:
+            value = values_of(material).get(by)
+            scaled = {} if value is None else {by: value * (1 + sign * CHANGE)}
+            changed.append((replace(material, **scaled), cells))
+        form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
+        factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
+        K += [factor * each for each in form.stiffness]
+        M += [factor * each for each in form.mass]
+    return K, M
+
+
+def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
+    """(cells,) what the compliance of the site's patch, as 1/E, gives to the cells under it."""
+    site = site_of(to.model)
+    point, along = np.array([site.point]), np.array([site.direction], dtype=float)
+    at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
+    assert at.weighted is not None
+    own = at.weighted.cell < cells
+    shares = np.bincount(at.weighted.cell[own], at.weighted.weight[own], cells)
+    return np.asarray(-to.by_local * at.local[0] * shares)
+
+
+def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
+    """Shares (R,) and shapes (C, R) of unit energy whose energies add up to sum(by * change)."""
+    values, vectors = np.linalg.eigh(reduced)
+    kept = values > 1e-14 * values[-1]
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    shares, own = np.linalg.eigh(root.T @ by @ root)
+    order = np.argsort(-np.abs(shares))
+    left = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
+    most = order[: 1 + int(np.argmax(left <= LEFT_OUT))]
+    return shares[most], (vectors[:, kept] / np.sqrt(values[kept])) @ own[:, most]
+
+
+def _masses(meshed: MeshedStructure) -> Array:
+    """Mass [kg] of each cell of this rank."""
+    cell = compat.cellwise(meshed.mesh.dolfinx)
+    q = ufl.TestFunction(cell.function_space)
+    return compat.assemble_functional(
+        meshed.form.density * q * measure(meshed.mesh, 5), cell.function_space
+    )

@@ -1,0 +1,118 @@
+"""Derivatives of a run's result by the numbers of its march, and by the modes of its bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from antiosc.base import checks, march
+from antiosc.base.errors import InputError, NotDifferentiableError
+from antiosc.contact.base import is_compiled
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import ModalBody
+from antiosc.simulation.march import engine
+from antiosc_studies.gradients.changes import ByModes, Taken, first_order_weights, through_start
+from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds, next_peak, recorded, seeds
+
+#: Speed of a touch or release, over the fastest, below which it grazes.
+GRAZING = 1e-6
+
+
+def shown_goal(goal: str | Callable[[Sampled], float]) -> str:
+    """The name of a goal, or of a function."""
+    return goal if isinstance(goal, str) else str(getattr(goal, "__name__", "goal"))
+
+
+def derived(
+    hit: Any,
+    goal: str | Callable[[Sampled], float],
+    contact: tuple[str, str] | None = None,
+    time: float | None = None,
+) -> Taken:
+    """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
+    found = recorded(hit)
+    _refuse(found)
+    return _derived(found, seeds(found, goal, contact_number(found, contact), time))
+
+
+def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | None:
+    """The same of the second largest peak of a contact; None where it is not near the largest."""
+    wanted = next_peak(found, contact_number(found, contact))
+    return None if wanted is None else _derived(found, wanted)
+
+
+def _derived(found: Recorded, wanted: Seeds) -> Taken:
+    places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
+    weights, s = first_order_weights(found, weights), found.system.marched
+    slopes, grazing, answer = engine.gradient(
+        s, found.run, found.states(), places, weights, wanted.force, wanted.time
+    )
+    if answer != march.DONE or not grazing > GRAZING:
+        raise NotDifferentiableError(
+            f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
+            f" fastest speed, and the goal has no derivative there; change an input slightly."
+        )
+    if found.system.first is None:
+        slopes = settled(found, slopes)
+    return found, wanted, slopes
+
+
+def settled(found: Recorded, slopes: engine.Slopes) -> engine.Slopes:
+    """The derivatives with what the forces and the rest at the start have of them."""
+    closed = found.scene.preload or found.system.pressed.any()
+    return through_start(found, slopes) if closed else slopes
+
+
+def _refuse(found: Recorded) -> None:
+    for law in found.laws:
+        if not is_compiled(law):
+            raise InputError(
+                f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
+                f" use a law of antiosc, or Tabulated."
+            )
+
+
+def contact_number(found: Recorded, contact: tuple[str, str] | None) -> int:
+    """Which contact is meant; of one alone it need not be said."""
+    every = contact_ends(found)
+    if contact is None and len(every) == 1:
+        return 0
+    for i, pair in enumerate(every):
+        if isinstance(contact, tuple | list) and [*pair] == [str(end) for end in contact]:
+            return i
+    listed = ", ".join(map(str, every))
+    raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
+
+
+def contact_ends(found: Recorded) -> list[tuple[str, str]]:
+    """The names of the ends of each contact."""
+    return [(contact.a, contact.b) for contact in found.scene.contacts]
+
+
+def by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> ByModes | None:
+    """Derivatives by the modes of a body of one site; None of others."""
+    s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
+    k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes
+    if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
+        return None
+    return ByModes(
+        modes=modes,
+        square=slopes.square[at],
+        decay=slopes.decay[at],
+        site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[own, k],
+        r=float(found.G[:, k] @ slopes.residual @ found.G[:, k] + wanted.r[k, k]),
+        load=slopes.loads[:, at].sum(axis=0),
+        start=slopes.v[at],
+        v=s.v[own],
+        g=s.loads[0, own],
+    )
+
+
+def model_name(found: Recorded) -> str:
+    """The name of the one body that is an extracted model."""
+    models = [n for n, each in found.bodies.items() if isinstance(each.body, AntiOscillators)]
+    if len(models) != 1:
+        raise InputError(
+            f"part needs a run with one extracted model; this one has {len(models)} models."
+        )
+    return models[0]

@@ -1,0 +1,288 @@
+"""`from_frf`: the anti-oscillators of a part whose frequency responses were measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import find_peaks
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import (
+    AccuracyError,
+    AccuracyWarning,
+    InputError,
+    warn,
+    without_warnings,
+)
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import MeasuredBand, ModelInfo
+from antiosc.models.free_modes import from_free_modes
+from antiosc.models.modal import Damping
+from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
+from antiosc_studies.measured.frf import FRF, POWER, Modes, Pairs, Tail
+
+DampingForm = Literal["viscous", "hysteretic"]
+#: Most values that are fitted.
+MOST_FITTED = 100_000
+#: chi^2 over the degrees of freedom above which a warning says that the fit is poor, unless its
+#: median error is slight: nothing is known of the noise of data that have none.
+POOR, SLIGHT = 2.0, 0.005
+#: Median |H - fit| over |H| above which a measurement is refused, and from which it is told.
+UNFITTED, ROUGH = 0.5, 0.15
+#: Least displacement of the sites in a rigid-body mode of unit mass over the largest.
+LEAST_RIGID = 0.05
+#: Least eigenvalue of a residual compliance over the largest, and shift over the lowest omega^2.
+LEAST_RESIDUAL, SHIFT = 1e-7, 0.1
+#: Most modes of a mesh above the band; their relative standard deviations of frequency and square.
+MOST_GIVEN, GIVEN_SPREAD, GIVEN_DOUBT = 30, 0.03, 0.3
+#: Share of the power at the driving points that flows out of the part: where the sign is turned,
+#: and above which the sensor lies beside the point.
+TURNED, BESIDE = 0.8, 0.2
+#: Modes in which that is so: height of their peaks over the largest, lines to both sides of which
+#: the power is summed, and how many are told.
+SHOWN, BESIDE_PEAK, MOST_SHOWN = 0.03, 5, 6
+
+
+@checks.within_range
+def from_frf(
+    frf: FRF,
+    band: ArrayLike | None = None,
+    sensor_mass: float | Mapping[str, float] = 0.0,
+    *,
+    damping: DampingForm | None = None,
+    free: bool | None = None,
+    above: AntiOscillators | None = None,
+) -> AntiOscillators:
+    """A passive model of a part from measured frequency responses, with bars of its noise and band.
+
+    Parameters
+    ----------
+    frf : FRF
+        One driving point, or several sites with a driving point at each reference.
+    band : (low, high), optional
+        Frequencies [Hz] to fit; default: all lines.
+    sensor_mass : float or {site: float}
+        Mass [kg] of the sensor at the site, which is removed (`FRF.without_sensor`).
+    damping : "viscous" or "hysteretic", optional
+        Form of the damping in the fit; default: that with the smaller chi^2. The model has the
+        damping ratios either way.
+    free : bool, optional
+        Whether the part has rigid-body motion at the site; default: if the measurement shows it.
+    above : AntiOscillators, optional
+        A model of the same site (sites) from a mesh; its free modes above the band stand for those
+        that were not measured.
+
+    Returns
+    -------
+    AntiOscillators
+        `hit.error_budget` of an impact on it has the shares "noise" and "band";
+        `model.info.measured` holds what they follow from.
+
+    Raises
+    ------
+    InputError
+        Unsound arguments; a measurement without a driving point.
+    AccuracyError
+        A measurement that no passive body of few modes explains.
+    """
+    checks.instance("frf", frf, FRF, "an FRF, as read_frf returns it")
+    if damping is not None:
+        checks.choice("damping", damping, get_args(DampingForm))
+    if free is not None:
+        checks.flag("free", free)
+    data = _turned(_data(frf.within(band).without_sensor(sensor_mass)))
+    given = None if above is None else _modes_above(above, frf, float(data.w[-1]))
+    best = fitted(data, free, None if damping is None else damping == "hysteretic", given)
+    _check(data, best, above is not None)
+    if free is None and unclear(data, best.modes):
+        _warn_unclear(data, best.modes)
+    info = ModelInfo(
+        structure=f"measured, {len(data.w)} lines to {data.w[-1] / (2 * np.pi):.5g} Hz",
+        method="frf",
+        measured=None if frf.sites else _alternatives(data, best),
+        notes={"damping": get_args(DampingForm)[best.modes.hysteretic], "chi2": best.chi2},
+    )
+    return anti_oscillators(best.modes, frf.sites, info)
+
+
+def _data(frf: FRF) -> Measured:
+    """The measurement as it is fitted."""
+    size, w = max(len(frf.sites), 1), 2 * np.pi * frf.frequency
+    if frf.values.size > MOST_FITTED:
+        raise InputError(
+            f"the band holds {frf.values.size} values, more than the {MOST_FITTED} that can be"
+            " fitted: take a narrower band, fewer sites, or every second line."
+        )
+    pairs: Pairs = frf.pairs
+    if not any(m == n for m, n in pairs):
+        raise InputError("no reference is among the sites: one driving point is needed.")
+    sigma = frf.receptance_sigma
+    return Measured(
+        w=w,
+        H=frf.receptance.reshape(len(w), -1),
+        pairs=pairs,
+        sites=size,
+        sigma=None if sigma is None else sigma.reshape(len(w), -1),
+        power=POWER[frf.quantity],
+    )
+
+
+def _turned(data: Measured) -> Measured:
+    """The measurement with the force and motion of driving points in one direction.
+
+    Power flows into a passive body: the real part of the mobility, -w Im H, is not negative.
+    """
+    if not np.any(_power(data)):
+        raise InputError(
+            "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"
+            " tell damping or masses; give complex values, with their phase."
+        )
+    out = _outflow(data)
+    if out < TURNED:
+        return data
+    warn(
+        f"at the driving point {out:.0%} of the power flows out of the part, which has none:"
+        " force and motion were taken in opposite directions, and the sign was turned."
+    )
+    return Measured(data.w, -data.H, data.pairs, data.sites, data.sigma, data.power)
+
+
+def _outflow(data: Measured) -> float:
+    """Share of the power at the driving points that flows out of the part, of equal forces."""
+    power = _power(data)
+    return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
+
+
+def _power(data: Measured) -> Array:
+    """Power (W, p) into the part at the driving points, over half the squared force."""
+    driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
+    return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
+
+
+def _check(data: Measured, fit: Fit, known_above: bool) -> None:
+    """Refuse a measurement that the body does not explain; say what is doubtful of it."""
+    H = fit.modes.receptance(data.w, data.pairs)
+    off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
+    if (out := _outflow(data)) > BESIDE:
+        power, mobility = _power(data).sum(axis=1), data.w * np.abs(data.H).sum(axis=1)
+        peaks, _ = find_peaks(mobility, prominence=SHOWN * mobility.max())
+        turned = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
+        where = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in turned[:MOST_SHOWN])
+        warn(
+            f"at the driving point {out:.0%} of the power flows out of the part, which has none"
+            + f", as in the modes at {where} Hz" * bool(where)
+            + ": the sensor lies beside the struck point, where modes may have another sign, or its"
+            " phase is wrong; measure both at one place."
+        )
+    if off > UNFITTED:
+        raise AccuracyError(
+            f"no passive body explains the measurement: the best one is off by {off:.0%} in the"
+            " median; check that it is a driving point, its quantity and its units."
+        )
+    if off > ROUGH or (fit.chi2 > POOR and off > SLIGHT):
+        warn(
+            f"the model differs from the measurement by {off:.1%} in the median, chi^2 ="
+            f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
+            AccuracyWarning,
+        )
+    if not fit.modes.seen and not known_above:
+        warn(
+            f"no mode lies in the band up to {data.w[-1] / (2 * np.pi):.4g} Hz: what the model does"
+            " above it is a guess, and its bars are too small; measure to a higher frequency, or"
+            " give above=, a model from a mesh.",
+            AccuracyWarning,
+        )
+
+
+def _warn_unclear(data: Measured, modes: Modes) -> None:
+    """Say that the measurement does not tell whether the part is supported."""
+    taken = "free, k0 = 0" if modes.rigid is not None else "supported"
+    warn(
+        f"the lowest line, {data.w[0] / (2 * np.pi):.4g} Hz, shows neither the mass of a free part"
+        f" nor the stiffness of a supported one: the part was taken as {taken}; measure from a"
+        " lower frequency, or give free=True or free=False.",
+        AccuracyWarning,
+    )
+
+
+def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
+    """The free modes of a meshed model above the band."""
+    checks.instance("above", above, AntiOscillators, "a model that extract returned")
+    if above.sites != frf.sites:
+        raise InputError(f"above has the sites {above.sites}, the measurement {frf.sites}.")
+    body = above.free_modes
+    high = np.flatnonzero(body.omega > top)[:MOST_GIVEN]
+    if not high.size:
+        raise InputError(
+            f"the model above has no mode above {top / (2 * np.pi):.4g} Hz, the top of the band;"
+            " extract it with more anti-oscillators."
+        )
+    b2 = np.maximum(body.B[high] ** 2, np.finfo(float).tiny)
+    return Tail(
+        body.omega[high], np.full(high.size, GIVEN_SPREAD), b2, np.full(high.size, GIVEN_DOUBT)
+    )
+
+
+def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
+    """Bodies that the measurement does not tell from the best one, in free modes."""
+    noisy = with_other_noise(data, fit)
+    rows = (_free_modes(one) for one in (*noisy, *fit.tails))
+    omega, decay, b, r = map(list, zip(*rows, strict=True))
+    return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
+
+
+def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:
+    """(omega, decay, b, r) of one site, the rigid-body mode in front."""
+    still = [] if modes.rigid is None else [0.0]
+    along = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
+    omega, b = modes.omega.tolist(), modes.b[:, 0].tolist()
+    decay = (modes.zeta * modes.omega).tolist()
+    return still + omega, still + decay, along + b, float(modes.root[0, 0] ** 2)
+
+
+def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> AntiOscillators:
+    """The model of a fitted body."""
+    order = np.argsort(modes.omega)
+    omega, zeta, b = modes.omega[order], modes.zeta[order], modes.b[order]
+    r = modes.root @ modes.root.T
+    if modes.rigid is not None:
+        moved = np.linalg.norm(modes.rigid, axis=0)
+        rigid = modes.rigid.T[moved > LEAST_RIGID * moved.max()]
+        b, omega = np.vstack((rigid, b)), np.append(np.zeros(len(rigid)), omega)
+    shift = SHIFT * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
+    if sites:
+        model = _several(omega, b, r, sites)
+    else:
+        compliance = float(np.sum(b[:, 0] ** 2 / (omega**2 + shift)) + r[0, 0])
+        model = from_free_modes(omega, b[:, 0], compliance, shift=shift)
+    elastic = model.free_modes.omega
+    elastic = elastic[elastic > 0]
+    own = omega[omega > 0]
+    ratios = [float(zeta[np.argmin(np.abs(np.log(own / w)))]) for w in elastic]
+    with without_warnings():  # broad modes hide in the fit: nobody gave their ratios
+        return replace(model, damping=Damping(ratio=ratios), info=info)
+
+
+def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOscillators:
+    """Anti-oscillators of several sites from free modes and a residual compliance r.
+
+    With u = b'q + r f, the sites held at u: q = S u in rest, S = (X + b r^-1 b')^-1 b r^-1,
+    X = diag(omega^2); K0 = S'XS + (1 - b'S)' r^-1 (1 - b'S), M_st = S'S.
+    """
+    values, vectors = np.linalg.eigh(r)
+    values = np.maximum(values, LEAST_RESIDUAL * float(np.abs(r).max()))
+    stiff = (vectors / values) @ vectors.T
+    # singular values of a root of the stiffness: its eigenvalues would lose the low modes
+    root = np.hstack((np.diag(omega), b @ (vectors / np.sqrt(values))))
+    shapes, own, _ = np.linalg.svd(root, full_matrices=False)
+    S = shapes @ (shapes.T @ (b @ stiff) / own[:, None] ** 2)
+    left = np.eye(len(r)) - b.T @ S
+    k0 = S.T @ (omega[:, None] ** 2 * S) + left.T @ stiff @ left
+    return AntiOscillators(
+        m0=np.zeros_like(r), k0=(k0 + k0.T) / 2, P=S.T @ shapes, omega=own, sites=sites
+    )

@@ -1,0 +1,177 @@
+"""`compare`: a measured force history over the computed one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.charts import figure_or_path, legend, panels
+from antiosc.base.errors import InputError
+from antiosc.base.files import check_readable
+from antiosc.base.texts import ReprMixin
+from antiosc_studies.measured.tables import table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Shifts that are tried first, over the time of either history; samples of the computed force.
+SHIFTS, SAMPLES = 801, 4001
+#: Fewest samples of a measured force.
+FEWEST = 8
+
+
+@runtime_checkable
+class ForceHistory(Protocol):
+    """What is read of a computed impact: a `History`, or the history of one contact of a scene."""
+
+    @property
+    def time(self) -> Array:
+        """Times (n,) [s]."""
+
+    @property
+    def force(self) -> Array:
+        """Contact force (n,) [N]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ForceComparison(ReprMixin):
+    """A measured force beside the computed one.
+
+    Attributes
+    ----------
+    time, measured, computed : (n,) [s], [N]: of the measurement, shifted to the computed impact.
+    shift : added to the measured times [s], that with the least difference.
+    L2 : relative difference of the measured history from the computed one.
+    scale : factor on the computed force with which it is nearest to the measured one.
+    scaled_L2 : the difference that is left with it.
+    peak, impulse : measured over computed, less one.
+    """
+
+    time: Array
+    measured: Array
+    computed: Array
+    shift: float
+    L2: float
+    scale: float
+    scaled_L2: float
+    peak: float
+    impulse: float
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """Both forces over time, and their difference; with `path` the picture is written."""
+        figure, axes = panels(2, 1, size=(7.0, 4.6), shown=path is None, sharex=True)
+        over, below = axes[:, 0]
+        over.plot(1e3 * self.time, self.measured, lw=2.2, color="0.6", label="measured")
+        over.plot(1e3 * self.time, self.computed, lw=1.2, label="computed")
+        over.set_ylabel("contact force (N)")
+        over.set_title(
+            f"L2 {self.L2:.2%}, peak {self.peak:+.2%}, impulse {self.impulse:+.2%}, scale"
+            f" {self.scale:.4g}",
+            fontsize=9,
+        )
+        legend(over)
+        below.plot(1e3 * self.time, self.measured - self.computed, lw=1.0, color="C3")
+        below.set_ylabel("difference (N)")
+        below.set_xlabel("time (ms)")
+        return figure_or_path(figure, path)
+
+
+@checks.within_range
+def compare(
+    hit: ForceHistory, measured: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]
+) -> ForceComparison:
+    """Lay a measured force history over the computed one.
+
+    Parameters
+    ----------
+    hit : History, or a contact's history of a scene
+    measured : path, or (times, forces)
+        A table with the columns time [s] and force [N], or the arrays; forces > 0 press.
+
+    Returns
+    -------
+    ForceComparison
+        With the shift in time that brings the measurement nearest.
+
+    Raises
+    ------
+    InputError
+        A file or arrays without such a history; no force in one of the two.
+    """
+    if isinstance(hit, type) or not isinstance(hit, ForceHistory):
+        raise InputError(f"hit must be the History of an impact; got {checks.shown(hit)}.")
+    t, F = _history(measured)
+    time, force = (
+        checks.array("hit.time", hit.time, (None,)),
+        checks.array("hit.force", hit.force, None),
+    )
+    if not np.any(force > 0) or not np.any(F > 0):
+        which = "computed" if not np.any(force > 0) else "measured"
+        raise InputError(f"the {which} force is nowhere > 0: there is no impact to compare.")
+    at = np.linspace(time[0], time[-1], SAMPLES)
+    of = getattr(hit, "force_at", None)
+    values = of(at) if of is not None else np.interp(at, time, force)
+
+    def computed(times: Array) -> Array:
+        return np.interp(times, at, values, left=0.0, right=0.0)
+
+    weight = np.gradient(t)
+
+    def off(shift: float) -> float:
+        return float(np.sum(weight * (F - computed(t + shift)) ** 2))
+
+    low, high = at[0] - t[-1], at[-1] - t[0]
+    tried = np.linspace(low, high, SHIFTS)
+    tried = np.append(tried, at[int(np.argmax(values))] - t[int(np.argmax(F))])
+    best = float(tried[int(np.argmin([off(each) for each in tried]))])
+    width = (high - low) / (SHIFTS - 1)
+    found = minimize_scalar(off, bounds=(best - width, best + width), method="bounded",
+                            options={"xatol": 1e-6 * width})  # fmt: skip
+    shift = float(found.x) if found.fun < off(best) else best
+    own = computed(t + shift)
+    energy, peak = float(np.sum(weight * own**2)), float(own.max())
+    if energy == 0:
+        raise InputError("the histories do not overlap: their times differ by more than they last.")
+    scale = float(np.sum(weight * own * F)) / energy
+    left = np.sqrt(np.sum(weight * (F - scale * own) ** 2) / energy)
+    return ForceComparison(
+        time=t + shift,
+        measured=F,
+        computed=own,
+        shift=shift,
+        L2=float(np.sqrt(off(shift) / energy)),
+        scale=scale,
+        scaled_L2=float(left),
+        peak=float(F.max()) / peak - 1,
+        impulse=float(np.sum(weight * F) / np.sum(weight * own)) - 1,
+    )
+
+
+def _history(measured: object) -> tuple[Array, Array]:
+    """Times and forces of a measurement."""
+    if isinstance(measured, tuple | list) and len(measured) == 2:
+        given: Mapping[str, object] = dict(zip(("time", "force"), measured, strict=True))
+    else:
+        path = checks.path("measured", measured)
+        check_readable(path, "a measurement")
+        found = table(path, ["time", "force"])
+        if not {"time", "force"} <= set(found):
+            raise InputError(f"{path.name} needs the columns time [s] and force [N].")
+        given = {name: found[name].in_si() for name in ("time", "force")}
+    t = checks.array("the measured times", given["time"], (None,))
+    F = checks.array("the measured forces", given["force"], (None,))
+    if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):
+        raise InputError(
+            f"a measured force has {FEWEST} times or more, ascending, and one force each; got"
+            f" {len(t)} times and {len(F)} forces."
+        )
+    return t, F

@@ -1,0 +1,604 @@
+"""The passive body in modes that fits measured receptances best, and what is left open.
+
+1. Poles by vector fitting; residues by least squares, their semidefinite part of rank one.
+2. Gauss-Newton (Levenberg-Marquardt) in the logarithms of frequencies and damping ratios and in
+   the displacements of the modes. Modes that do not stand above the noise go; where the residual
+   has peaks above the noise, a mode is added.
+3. The modes above the band go on as those in it, with the spread of such modes (`expected_tail`):
+   the fit is the most probable body. The fits to other noise, and with other tails as probable,
+   show what the measurement leaves open.
+
+Vector fitting: the poles of measured receptances (Gustavsen and Semlyen 1999, relaxed 2006).
+
+With s = iw and poles a_j in conjugate pairs, sigma(s) H_m(s) = N_m(s), both of partial fractions
+with these poles; the zeros of sigma are better poles. N has a constant and a term 1/s^2 besides:
+modes above the band, and rigid-body motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import TypeVar
+
+import numpy as np
+from scipy.signal import find_peaks, savgol_filter
+
+from antiosc.base._types import Array, BoolArray, ComplexArray
+from antiosc_studies.measured.frf import (
+    BEYOND,
+    TYPICAL,
+    Modes,
+    Pairs,
+    Tail,
+    drawn,
+    expected_tail,
+    factors,
+    with_tail,
+)
+
+T = TypeVar("T")
+#: Rounds of relocation of poles.
+RELOCATED = 8
+#: Height of a peak of the level over its surroundings [nepers] and over the noise.
+PROMINENCE, OVER_NOISE = 0.3, 4.0
+#: Further poles, a share of the number of peaks and at least this many.
+SPARE, LEAST_SPARE = 0.4, 4
+#: Rows of a matrix that are made triangular at once.
+ROWS = 1024
+#: Damping ratio of the first poles.
+FIRST_DAMPING = 0.005
+
+
+def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
+    """Poles (n,) above the real axis at the peaks of the mobility, and some between them."""
+    level = np.log(np.sum(np.abs(H) ** 2, axis=1)) / 2 + np.log(w)
+    noise = float(np.median(np.abs(np.diff(level, 2)))) / 1.65 if len(w) > 5 else 0.0
+    if len(w) > 11:
+        level = savgol_filter(level, 5, 2)
+    peaks, _ = find_peaks(level, prominence=max(PROMINENCE, OVER_NOISE * noise))
+    spare = max(LEAST_SPARE, int(SPARE * len(peaks)))
+    at = np.append(w[peaks], np.linspace(w[0], w[-1], spare + 2)[1:-1])
+    return np.sort(at) * (1j - FIRST_DAMPING)
+
+
+def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
+    """Frequencies [rad/s] and damping ratios of the complex poles of H (W, M).
+
+    `weight` (W, M): one over the standard deviation of each value.
+    """
+    top = float(w[-1])
+    found = starting_poles(w, H) / top
+    for _ in range(RELOCATED):
+        found = _relocated(1j * w / top, H, weight, found)
+    found = found[found.imag > 0] * top
+    omega = np.abs(found)
+    order = np.argsort(omega)
+    return omega[order], (-found.real / omega)[order]
+
+
+def _triangular(A: Array) -> Array:
+    """R of A = Q R, found block by block of rows: between two an interrupt is seen."""
+    R = A[:0]
+    for first in range(0, len(A), ROWS):
+        R = np.asarray(np.linalg.qr(np.vstack((R, A[first : first + ROWS])), mode="r"))
+    return R
+
+
+def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
+    """The zeros of sigma, in the left half-plane; those off the real axis by their upper one."""
+    real = a.imag == 0
+    first, second = 1 / (s[:, None] - a), 1 / (s[:, None] - a.conj())
+    basis = np.hstack([np.where(real, first, first + second), (1j * (first - second))[:, ~real]])
+    ones = np.ones((len(s), 1))
+    own = np.hstack([basis, ones, 1 / s[:, None] ** 2])
+    sigma = np.hstack([basis, ones])
+    rows: list[Array] = []
+    for h, v in zip(H.T, weight.T, strict=True):
+        A = np.hstack([v[:, None] * own, -(v * h)[:, None] * sigma])
+        R = _triangular(np.vstack([A.real, A.imag]))
+        rows.append(R[own.shape[1] :, own.shape[1] :])
+    scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
+    A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
+    right = np.append(np.zeros(len(A) - 1), scale * len(s))
+    size = np.linalg.norm(A, axis=0)
+    size[size == 0] = 1.0
+    c = np.linalg.lstsq(A / size, right, rcond=None)[0] / size
+    if abs(c[-1]) < 1e-8:
+        c[-1] = 1e-8 if c[-1] >= 0 else -1e-8
+    n, pairs = len(a), np.flatnonzero(~real)
+    # real form of diag(a) - b c': a pair holds the real and imaginary parts of its state
+    state = np.zeros((n + len(pairs), n + len(pairs)))
+    state[np.arange(n), np.arange(n)] = a.real
+    low = n + np.arange(len(pairs))
+    state[low, low] = a.real[pairs]
+    state[pairs, low], state[low, pairs] = a.imag[pairs], -a.imag[pairs]
+    drive = np.append(np.where(real, 1.0, 2.0), np.zeros(len(pairs)))
+    zeros = np.linalg.eigvals(state - np.outer(drive, c[:-1]) / c[-1])
+    zeros = -np.abs(zeros.real) + 1j * zeros.imag
+    flat = np.abs(zeros.imag) < 1e-12 * np.abs(zeros)
+    return np.append(zeros[flat].real + 0j, zeros[~flat & (zeros.imag > 0)])
+
+
+#: Steps of Gauss-Newton: in a round, at the end, and for a body of other noise; the decrease of
+#: chi^2 that ends them.
+STEPS, LAST_STEPS, FEW_STEPS, CONVERGED = 8, 40, 8, 0.1
+#: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
+LONGEST = (3.0, 0.1, 1.0)
+#: Slope, squared and over the largest, of a parameter that the measurement does not see.
+FLAT = 1e-28
+#: Damping of a step that no longer moves anything.
+MOST_DAMPING = 1e8
+#: Eigenvalue of a normal matrix of unit diagonal, over the largest, that rounding makes.
+UNSEEN = 1e-13
+#: Least residual terms at the start of Gauss-Newton over the receptance.
+LIFTED = 1e-3
+#: Least standard deviation over the value that is taken for that of a measurement.
+LEAST_NOISE = 1e-4
+#: Relative variance of a fit without any residual.
+EXACT = 1e-30
+#: Steps of the search for the noise: how many, and their longest and least, in logarithms.
+MOST_SCORES, LONGEST_SCORE, LEAST_SCORE = 40, 1.0, 1e-3
+#: Largest damping ratio of a mode.
+MOST_DAMPED = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], and what is known of noise.
+
+    sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power is what
+    was measured, so that its noise may be equal at all frequencies.
+    """
+
+    w: Array
+    H: ComplexArray
+    pairs: Pairs
+    sites: int
+    sigma: Array | None
+    power: int
+
+
+def refined(
+    data: Measured, weight: Array, modes: Modes, steps: int, shift: Array | float = 0.0
+) -> tuple[Modes, Array, float]:
+    """The most probable body near `modes`, its normal matrix, and chi^2 over the freedom.
+
+    `shift`: added to all residuals, which are those of another measurement then.
+    """
+    damping, residual = 1e-6, residuals(data, weight, modes) + shift
+    top = float(data.w[-1])
+
+    def moved(step: Array) -> tuple[Modes, Array]:
+        trial = modes.at(modes.values + _within(modes, step, top, LONGEST[0]))
+        return trial, residuals(data, weight, trial) + shift
+
+    for _ in range(steps):
+        equations = _equations(data, weight, modes, residual)
+        better, damping = lowered(*equations, residual, damping, moved)
+        if better is None:
+            break
+        gain = float(residual @ residual - better[1] @ better[1])
+        modes, residual = better
+        if gain < CONVERGED:
+            break
+    lines = 2 * data.H.size
+    residual = residuals(data, weight, modes)
+    normal, _ = _equations(data, weight, modes, residual)
+    freedom = max(lines - sum(modes.sizes), 1)
+    return modes, normal, float(residual[:lines] @ residual[:lines]) / freedom
+
+
+def lowered(
+    normal: Array,
+    slope: Array,
+    residual: Array,
+    damping: float,
+    moved: Callable[[Array], tuple[T, Array]],
+) -> tuple[tuple[T, Array] | None, float]:
+    """What a step of Gauss-Newton moves to, with its residuals, and the damping of the next step.
+
+    The step is damped (Levenberg, Marquardt) until the sum of squares is lower; None: it never is.
+
+    normal, slope : J'J and J' residual, of the derivatives J of the residual.
+    """
+    cost = float(residual @ residual)
+    diagonal = np.diag(normal)
+    size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
+    unit, slope = normal / size / size[:, None], -slope / size
+    while damping < MOST_DAMPING:
+        trial, rest = moved(np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size)
+        if float(rest @ rest) < cost:
+            return (trial, rest), max(damping / 10, 1e-9)
+        damping *= 8
+    return None, damping
+
+
+def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
+    """The step, shortened where a mode leaves its neighbourhood, of so many widths of its peak."""
+    seen, count = modes.seen, len(modes.omega)
+    own = modes.zeta[:seen]
+    longest = np.minimum(widths * np.maximum(own, 1e-4), LONGEST[1])
+    step = step.copy()
+    step[:seen] = np.clip(step[:seen], -longest, longest)
+    lowest = np.minimum(np.log((1 + BEYOND) * top / modes.omega[seen:]), 0.0)
+    step[seen:count] = np.clip(step[seen:count], lowest, 2 * LONGEST[1])
+    more = np.minimum(LONGEST[2], np.log(MOST_DAMPED / own))
+    step[count : count + seen] = np.clip(step[count : count + seen], -LONGEST[2], more)
+    return step
+
+
+def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
+    """Weighted residuals: real parts, imaginary parts, then the tail's."""
+    off = weight * (modes.receptance(data.w, data.pairs) - data.H)
+    return np.append(whitened(off.reshape(-1)), modes.expected())
+
+
+def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> tuple[Array, Array]:
+    """J'J (n, n) and J' residual (n,), of the derivatives J of `residuals` by `values`.
+
+    Block by block of frequencies: between two an interrupt is seen.
+    """
+    lines = 2 * data.H.size
+    off = residual[:lines].reshape(2, *data.H.shape)
+    J = modes.expected_jacobian()
+    normal, slope = J.T @ J, J.T @ residual[lines:]
+    for rows in _blocks(len(data.w)):
+        complex_J = _derivatives(data, weight, modes, rows)
+        J = whitened(complex_J.reshape(-1, complex_J.shape[2]))
+        normal += J.T @ J
+        slope += J.T @ off[:, rows].ravel()
+    return normal, slope
+
+
+def _blocks(count: int) -> list[slice]:
+    """Rows of a record, block by block."""
+    return [slice(first, first + ROWS) for first in range(0, count, ROWS)]
+
+
+def _derivatives(data: Measured, weight: Array, modes: Modes, rows: slice) -> ComplexArray:
+    """Weighted derivatives (rows, M, n) of the receptances by `values`."""
+    return modes.jacobian(data.w[rows], data.pairs) * weight[rows, :, None]
+
+
+def whitened(values: ComplexArray) -> Array:
+    """Real above imaginary parts; the variance of either is half that of the complex value."""
+    return np.sqrt(2) * np.concatenate((values.real, values.imag))
+
+
+def covariance(normal: Array) -> Array:
+    """The inverse of a normal matrix; what the measurement does not see has no variance."""
+    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(normal / size / size[:, None])
+    seen = values > UNSEEN * values[-1]
+    half = vectors[:, seen] / np.sqrt(values[seen])
+    return np.asarray(half @ half.T / size / size[:, None])
+
+
+def lifted(data: Measured, modes: Modes) -> Modes:
+    """The body whose residual terms are not zero, where the sum of squares has no slope."""
+    low = slice(len(data.w) // 8 + 1)
+    size = LIFTED * float(np.median(np.abs(data.H)))
+    mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
+    rigid, seen, b = modes.rigid, modes.seen, modes.b.copy()
+    least = np.sqrt(LIFTED * modes.tail.b2)
+    b[seen:] = np.where(np.abs(b[seen:]) < least, least, b[seen:])
+    return replace(
+        modes,
+        b=b,
+        rigid=None if rigid is None else _not_zero(rigid, mass),
+        root=_not_zero(modes.root, size),
+    )
+
+
+def _not_zero(root: Array, least: float) -> Array:
+    diagonal = np.diag(root)
+    small = diagonal**2 < least
+    return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
+
+
+def noise(data: Measured, modes: Modes) -> Array:
+    """Standard deviations (W, M): a share of |H| and a floor of what was measured, most likely."""
+    fit = modes.receptance(data.w, data.pairs)
+    off = np.abs(data.H - fit) ** 2
+    size = np.abs(fit) ** 2
+    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), off.shape)
+    scales = np.array([[np.mean(off / size) + EXACT], [np.mean(off / floor)]])
+    kinds = scales * np.array([size.ravel(), floor.ravel()])
+    runs = [_variances(off.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    variance = min(runs, key=lambda one: float(np.sum(np.log(one) + off.ravel() / one)))
+    return np.asarray(np.sqrt(np.maximum(variance.reshape(off.shape), LEAST_NOISE**2 * size)))
+
+
+def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
+    """Most likely variances of two kinds of noise by Fisher's scoring.
+
+    The squares `off` (N,) have as means the sums of the variances times `kinds` (2, N).
+    """
+    x = np.log(start)
+    for _ in range(MOST_SCORES):
+        parts = np.exp(x)[:, None] * kinds
+        variance = np.sum(parts, axis=0)
+        share = parts / variance
+        slope = share @ (off / variance - 1)
+        change = np.linalg.solve(share @ share.T + off.size * 1e-9 * np.eye(2), slope)
+        x = x + np.clip(change, -LONGEST_SCORE, LONGEST_SCORE)
+        if np.all(np.abs(change) < LEAST_SCORE):
+            break
+    return np.asarray(np.exp(x) @ kinds)
+
+
+#: A mode stands above the noise if its displacement is this many standard deviations from 0, and
+#: is added if its part in the residual is.
+STANDS, ADDED = 6.0, 5.5
+#: Rounds of adding and dropping modes; modes that are added in one.
+ROUNDS, AT_ONCE = 10, 12
+#: Least damping ratio of a pole that is taken for a mode.
+LEAST_DAMPED = 1e-6
+#: Peaks of the residual where a mode is sought, and its damping over the median.
+PLACES, WIDTHS = 40, (0.4, 1.0, 2.5)
+#: Bodies of other noise; other tails that are tried, twice; loss of twice the logarithm of the
+#: probability up to which a body counts, and bodies that always do.
+DRAWS, STARTS, PROBABLE, FEW_BODIES = 8, 4, 20.0, 3
+#: Least square of a rigid-body motion over the mean of the modes, where the lowest line shows none:
+#: without noise 1e-11 to 1e-3 of it fit what the modes do not (benchmarks/measured_frf.py).
+LEAST_MOTION = 0.01
+#: Most of the lowest line that is neither mass nor spring, where it shows which of the two.
+NEITHER = 0.5
+#: Number of the lowest lines, and most misfit there of a free body over that of a supported one:
+#: elsewhere a rigid-body motion may stand for a tail that does not fit.
+LOWEST, SEEN = 5, 2.0
+#: Ratio of the weights before and after a round below which the noise is known.
+SETTLED = 1.05
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The most probable body.
+
+    weight : 1/sigma (W, M); chi2 : over the degrees of freedom; cost : minus twice the logarithm of
+    its probability; tails : bodies with other tails that are hardly less probable.
+    """
+
+    modes: Modes
+    weight: Array
+    chi2: float
+    cost: float
+    tails: tuple[Modes, ...] = ()
+
+
+def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Tail | None) -> Fit:
+    """The most probable body.
+
+    `free`: with rigid-body motion, None: if seen; `hysteretic`: the form of damping, None: the more
+    probable one; `given`: the modes above the band.
+    """
+    weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
+    modes = _first(data, weight, free, bool(hysteretic), given)
+    kept, least, count = (modes, weight, np.zeros(0)), np.inf, AT_ONCE
+    for _ in range(ROUNDS):
+        modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
+        if data.sigma is None:
+            weight = 1 / noise(data, modes)
+        score = _unlikely(data, weight, modes) + STANDS**2 * modes.seen
+        if score < least:
+            kept, least = (modes, weight, normal), score
+        elif count > 1:  # so many modes at once have led the search astray
+            (modes, weight, normal), count = kept, count // 4
+        standing = _standing(modes, covariance(normal))
+        modes = modes.with_seen(*(each[: modes.seen][standing] for each in _of_modes(modes)))
+        more = _missing(data, weight, modes, count)
+        if more is None and standing.all():
+            break
+        modes = modes if more is None else more
+        if given is None:
+            modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
+    modes, weight, _ = kept
+    best = _finished(data, weight, modes)
+    if free is None:  # rigid-body motion must stand above the misfit
+        held = _finished(data, weight, replace(modes, rigid=None))
+        stands = held.cost - best.cost >= STANDS**2 * max(best.chi2, 1.0)
+        seen = _off_below(data, best.modes) < SEEN * _off_below(data, held.modes)
+        if _slight(data, best.modes) or not (stands and seen):
+            best = held
+    bodies = [best.modes, *_other_tails(data, best)]
+    tried = [_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]]
+    best = min(tried, key=attrgetter("cost"))
+    if hysteretic is None:
+        other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
+        best = min(best, other, key=attrgetter("cost"))
+    return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
+
+
+def _off_below(data: Measured, modes: Modes) -> float:
+    """Mean relative misfit of the lowest lines, which rigid-body motion moves most."""
+    low = slice(LOWEST)
+    fit = modes.receptance(data.w[low], data.pairs)
+    return float(np.mean(np.abs(fit / data.H[low] - 1)))
+
+
+def _slight(data: Measured, modes: Modes) -> bool:
+    """Whether the rigid-body motion is too small for a part that moves as a whole."""
+    if modes.rigid is None:
+        return True
+    mean = np.mean(modes.b[: modes.seen] ** 2, axis=0) if modes.seen else 0.0
+    small = np.all(np.sum(modes.rigid**2, axis=1) < LEAST_MOTION * mean)
+    return bool(small) and unclear(data, modes)
+
+
+def unclear(data: Measured, modes: Modes) -> bool:
+    """Whether the lowest line of the driving point that moves most is no mass's and no spring's."""
+    driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
+    H = modes.receptance(data.w[:1], data.pairs)[0]
+    column = max(driving, key=lambda each: abs(H[each]))
+    m = data.pairs[column][0]
+    if modes.rigid is None:
+        alone = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.root[m] ** 2)
+    else:
+        alone = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
+    return bool(abs(H[column] - alone) > NEITHER * abs(H[column]))
+
+
+def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
+    """The fit with the modes that were found."""
+    for _ in range(ROUNDS):
+        modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
+        if data.sigma is not None:
+            break
+        before, weight = weight, 1 / noise(data, modes)
+        if np.median(weight / before) < SETTLED:
+            break
+    return Fit(modes, weight, chi2, _unlikely(data, weight, modes))
+
+
+def _unlikely(data: Measured, weight: Array, modes: Modes) -> float:
+    """Minus twice the logarithm of the probability of a body."""
+    residual = residuals(data, weight, modes)
+    return float(residual @ residual - 4 * np.sum(np.log(weight)))
+
+
+def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
+    """The bodies that are not much less probable than the best, in order; some always."""
+    costs = [_unlikely(data, fit.weight, one) for one in bodies]
+    order = np.argsort(costs)
+    least = min(costs)
+    return [bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < least + PROBABLE]
+
+
+# -- the first body
+
+
+def _first(
+    data: Measured, weight: Array, free: bool | None, hysteretic: bool, given: Tail | None
+) -> Modes:
+    """Modes at the poles of vector fitting, with the residues of least squares."""
+    omega, zeta = poles(data.w, data.H, weight)
+    low, top = data.w[0] * (1 - BEYOND), data.w[-1] * (1 + BEYOND)
+    real = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
+    omega, zeta = omega[real], zeta[real]
+    beyond = data.w[-1] * np.array([1.2, 1.6, 2.5])
+    D = factors(data.w, np.append(omega, beyond), np.append(zeta, np.full(3, TYPICAL)), hysteretic)
+    basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
+    basis = basis[:, : -1 if free is False else None]
+    residues = np.zeros((len(omega) + 5, data.sites, data.sites))
+    for column, (m, n) in enumerate(data.pairs):
+        A: ComplexArray = weight[:, column, None] * basis
+        size = np.linalg.norm(A, axis=0)
+        right = whitened(weight[:, column] * data.H[:, column])
+        found = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
+        residues[: len(found), m, n] = residues[: len(found), n, m] = found
+    residues = _completed(residues, data.pairs)
+    b = np.array([rank_one(each) for each in residues[: len(omega)]]).reshape(-1, data.sites)
+    nothing = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
+    rigid = None if free is False else _root(residues[-1])
+    modes = Modes(omega, zeta, b, nothing, _root(residues[-2]), rigid, hysteretic)
+    modes = modes.with_seen(*_of_modes(modes))
+    return with_tail(modes, given or expected_tail(modes, float(data.w[-1])))
+
+
+def _completed(residues: Array, pairs: Pairs) -> Array:
+    """Residues (n, p, p) whose sites without a driving point have the value of rank one."""
+    own = sorted({m for m, n in pairs if m == n})
+    for residue in residues:
+        r = max(own, key=lambda site: residue[site, site])
+        for m in range(len(residue)):
+            if m not in own and residue[r, r] > 0:
+                residue[m] = residue[:, m] = residue[m, r] / residue[r, r] * residue[:, r]
+                residue[m, m] = residue[m, r] ** 2 / residue[r, r]
+    return residues
+
+
+def rank_one(residue: Array) -> Array:
+    """b (p,) of the positive semidefinite matrix b b' that is nearest."""
+    values, vectors = np.linalg.eigh(residue)
+    return np.asarray(np.sqrt(max(values[-1], 0.0)) * vectors[:, -1])
+
+
+def _root(matrix: Array) -> Array:
+    """A lower triangle L with L L' near the semidefinite part of the matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    least = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
+    return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)
+
+
+def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
+    return modes.omega, modes.zeta, modes.b
+
+
+# -- which modes there are
+
+
+def _standing(modes: Modes, spreads: Array) -> BoolArray:
+    """Whether each mode in the band stands above the noise at one site or more."""
+    own = modes.b[: modes.seen]
+    first = len(modes.omega) + modes.seen
+    spread = np.sqrt(np.diag(spreads)[first : first + own.size]).reshape(own.shape)
+    return np.asarray(np.any(np.abs(own) > STANDS * spread, axis=1))
+
+
+def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
+    """The body with the modes that the residual shows at driving points; None for no such mode."""
+    off = weight * (data.H - modes.receptance(data.w, data.pairs))
+    J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
+    for rows in _blocks(len(data.w)):
+        J[rows] = _derivatives(data, weight, modes, rows)
+    typical = float(np.median(modes.zeta[: modes.seen])) if modes.seen else TYPICAL
+    smooth = np.convolve(np.sum(np.abs(off) ** 2, axis=1), np.ones(5) / 5, mode="same")
+    at = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
+    at = at[np.argsort(-smooth[at])][:PLACES]
+    omega, zeta = np.repeat(data.w[at], len(WIDTHS)), np.tile(typical * np.array(WIDTHS), len(at))
+    D = factors(data.w, omega, zeta, modes.hysteretic)
+    score = np.full(len(omega), -np.inf)
+    found = np.zeros((len(omega), data.sites, data.sites))
+    for column, (m, n) in enumerate(data.pairs):
+        A = whitened(J[:, column])
+        A = A[:, A.any(axis=0)]
+        G = whitened(weight[:, column, None] * D)
+        G = G - A @ (covariance(A.T @ A) @ (A.T @ G))  # what the body can take up
+        size = np.maximum(np.linalg.norm(G, axis=0), np.finfo(float).tiny)
+        along = G.T @ whitened(off[:, column])
+        found[:, m, n] = found[:, n, m] = along / size**2
+        if m == n:
+            score = np.maximum(score, along / size)
+    chosen: list[int] = []
+    for i in np.argsort(-score):
+        if score[i] < ADDED or len(chosen) == most:
+            break
+        if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in chosen):
+            chosen.append(int(i))
+    if not chosen:
+        return None
+    parts = _completed(found[chosen], data.pairs)
+    seen, b = modes.seen, np.array([rank_one(each) for each in parts])
+    return modes.with_seen(
+        np.append(modes.omega[:seen], omega[chosen]),
+        np.append(modes.zeta[:seen], zeta[chosen]),
+        np.vstack((modes.b[:seen], b)),
+    )
+
+
+# -- what is left open
+
+
+def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
+    """Bodies that other noise would have given; seeded."""
+    random, lines = np.random.default_rng(0), 2 * data.H.size
+    found = []
+    for _ in range(DRAWS):
+        shift = np.zeros(lines + len(fit.modes.expected()))
+        shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
+        start = lifted(data, fit.modes)
+        found.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
+    return found
+
+
+def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
+    """Bodies with other tails among those expected; seeded by the number of modes."""
+    random = np.random.default_rng(fit.modes.seen)
+    found = []
+    for _ in range(max(STARTS // data.sites, 1)):
+        tail = drawn(fit.modes.tail, float(data.w[-1]), random)
+        start = lifted(data, with_tail(fit.modes, tail))
+        found.append(refined(data, fit.weight, start, LAST_STEPS)[0])
+    return found

@@ -1,0 +1,422 @@
+"""`read_frf`: measured frequency responses from tables and universal files, data sets 58."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias, get_args
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array, ComplexArray
+from antiosc.base.archives import read_arrays
+from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
+from antiosc.base.files import LARGEST_READ, check_readable
+from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, stated
+from antiosc_studies.measured.tables import (
+    COLUMNS,
+    UNITS,
+    Column,
+    motion_label,
+    response_unit,
+    table,
+    unknown_unit,
+)
+
+#: Function types of data set 58.
+RESPONSE, COHERENCE = 4, 6
+#: Data types of the ordinate: what was measured; those of a force below it, and unknown.
+MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+FORCES = (0, 9, 13)
+AXES = "xyz"
+
+
+#: An end of a function: entity, node, axis.
+End: TypeAlias = tuple[str, int, int]
+#: What a file holds by name: the fields of a data set as pyuff returns them, or arrays.
+DataSet: TypeAlias = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """One function of a file, with the sign of its directions."""
+
+    response: End
+    reference: End
+    sign: int
+    coherence: bool
+    quantity: Quantity | None
+    factor: float | None
+    label: str
+    frequency: Array
+    values: ComplexArray
+
+
+def functions(path: Path) -> list[Function]:
+    """The frequency responses and coherences of a universal file."""
+    try:
+        import pyuff
+    except ImportError:
+        raise MissingDependencyError(
+            "universal files are read by pyuff: pip install pyuff; tables in text and .npz need no"
+            " further package."
+        ) from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            file = pyuff.UFF(str(path))
+            types = [int(number) for number in file.get_set_types()]
+            sets = [file.read_sets(i) for i, number in enumerate(types) if number in (58, 164)]
+        except Exception as error:  # pyuff raises what it likes
+            raise InputError(
+                f"{path.name} is damaged or no universal file: pyuff cannot read it"
+                f" ({' '.join(str(error).split())[:120].rstrip('.') or type(error).__name__})."
+            ) from error
+    scale = 1.0
+    for one in sets:
+        if one["type"] == 164:
+            scale = _units(one)
+    found = [_function(one, scale) for one in sets if one["type"] == 58 and _wanted(one)]
+    if not any(not one.coherence for one in found):
+        raise InputError(
+            f"{path.name} holds no frequency response (data set 58, function type 4); it has"
+            f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
+        )
+    return found
+
+
+def _units(one: DataSet) -> float:
+    """Factor of m/N: data set 164 has the file's units per SI unit."""
+    length, force = one.get("length"), one.get("force")
+    if not (length and force and np.isfinite(length) and np.isfinite(force)):
+        raise InputError("the units in data set 164 are no positive numbers.")
+    return abs(float(force) / float(length))
+
+
+def _wanted(one: DataSet) -> bool:
+    return one.get("func_type") in (RESPONSE, COHERENCE)
+
+
+def _function(one: DataSet, scale: float) -> Function:
+    try:
+        count, values = int(one["num_pts"]), np.asarray(one["data"])
+        f = np.asarray(one["x"], dtype=float)
+        ends = [_end(one, side) for side in ("rsp", "ref")]
+        labels = [one.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
+        numerator, denominator = map(motion_label, labels)
+        motion, force = int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            "a data set 58 lacks fields of its header: the file is damaged."
+        ) from error
+    if values.ndim != 1 or len(values) != count or len(f) != count:
+        raise InputError(
+            f"a data set 58 announces {count} values and holds {len(values)}: the file is cut."
+        )
+    coherence = one["func_type"] == COHERENCE
+    if not coherence and force not in FORCES:
+        raise InputError(
+            f"a frequency response is per data type {force}, not per force (13): response per"
+            " response is no receptance."
+        )
+    factor, by_label = response_unit(numerator, denominator) if numerator else (scale, None)
+    (response, turn), (reference, other) = ends
+    return Function(
+        response=response,
+        reference=reference,
+        sign=turn * other,
+        coherence=coherence,
+        quantity=MOTIONS.get(motion, by_label),
+        factor=factor,
+        label=" / ".join(str(each or "").strip() for each in labels),
+        frequency=f,
+        values=values.astype(complex),
+    )
+
+
+def _end(one: DataSet, side: str) -> tuple[End, int]:
+    """(entity, node, axis) and the sign of an end."""
+    name = str(one.get(f"{side}_ent_name", "")).strip()
+    node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
+    name = "" if name.upper() == "NONE" else name
+    return (name, node, abs(axis)), -1 if axis < 0 else 1
+
+
+# -- which of them
+
+
+def chosen(
+    found: list[Function],
+    site: str | int | Mapping[str, str | int] | None,
+    quantity: Quantity | None,
+    unit: float | None,
+    averages: int,
+) -> FRF:
+    """The responses between the sites that are asked for."""
+    measured = [one for one in found if not one.coherence]
+    if site is None:
+        ends = {"": _driving(measured)}
+    elif isinstance(site, str | int) and not isinstance(site, bool):
+        ends = {"": _named(measured, site)}
+    else:
+        told = "a name, a node, or a dict {name: name or node}"
+        named = checks.instance("site", site, Mapping, told).items()
+        if not named:
+            raise InputError("site names no site.")
+        ends = {
+            checks.name("the name of a site", name): _named(measured, one) for name, one in named
+        }
+    return _joined(found, ends, quantity, unit, averages)
+
+
+def _driving(measured: list[Function]) -> End:
+    ends = {one.response for one in measured if one.response == one.reference}
+    if len(ends) == 1:
+        return ends.pop()
+    names = sorted({_in_words(e) for one in measured for e in (one.response, one.reference)})
+    several = "no driving point" if not ends else f"{len(ends)} driving points"
+    raise InputError(f"the file has {several}; give site= one of {checks.shown(', '.join(names))}.")
+
+
+def _in_words(end: End) -> str:
+    name, node, axis = end
+    return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
+
+
+def _named(measured: list[Function], name: str | int) -> End:
+    """The end of a name, a node, or a node and an axis."""
+    wanted = str(name).strip().lower()
+    ends = {end for one in measured for end in (one.response, one.reference)}
+    fits = [
+        end for end in ends
+        if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
+    ]  # fmt: skip
+    if len(fits) == 1:
+        return fits[0]
+    known = ", ".join(sorted(map(_in_words, fits or ends)))
+    why = "is ambiguous" if fits else "is no site of the file"
+    raise InputError(f"site {checks.shown(name)} {why}; choose one of {known[:200]}.")
+
+
+def _joined(
+    found: list[Function],
+    ends: Mapping[str, End],
+    quantity: Quantity | None,
+    unit: float | None,
+    averages: int,
+) -> FRF:
+    """The responses of all sites per force on those where all were measured."""
+    if any(end[2] > 3 for end in ends.values()):
+        raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
+    pairs: dict[tuple[End, End, bool], Function] = {}
+    for one in found:
+        key = (one.response, one.reference, one.coherence)
+        if key in pairs and one.response in ends.values() and one.reference in ends.values():
+            raise InputError(
+                f"the file has the response {_in_words(one.response)} per force at"
+                f" {_in_words(one.reference)} twice: leave one measurement in it."
+            )
+        pairs[key] = one
+    places = list(ends.values())
+    forced = [n for n, end in ends.items() if all((m, end, False) in pairs for m in places)]
+    if not forced:
+        raise InputError(
+            "the file has no force whose responses at all of the sites were measured: "
+            f"{checks.shown(', '.join(map(_in_words, places)))}."
+        )
+    parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
+    every = [one for row in parts for one in row]
+    kinds = {quantity or one.quantity for one in every}
+    given = stated(kinds.pop() if len(kinds) == 1 else None)
+    f = every[0].frequency
+    if any(len(one.frequency) != len(f) or not np.allclose(one.frequency, f) for one in every):
+        raise InputError("the responses have different frequencies: measure all with one set.")
+    if unit is None and (unknown := next((one.label for one in every if one.factor is None), None)):
+        raise InputError(
+            f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
+            " m/(s^2 N)."
+        )
+    values = np.array(
+        [[one.sign * (unit or one.factor or 1.0) * one.values for one in row] for row in parts]
+    )
+    gamma = [pairs.get((m, ends[n], True)) for m in places for n in forced]
+    known = [one.values.real for one in gamma if one is not None and len(one.frequency) == len(f)]
+    coherence = np.reshape(known, values.shape) if len(known) == len(gamma) else None
+    if list(ends) == [""]:
+        coherence = None if coherence is None else coherence[0, 0]
+        return FRF(f, values[0, 0], given, coherence, averages)
+    coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
+    return FRF(
+        f, np.moveaxis(values, 2, 0), given, coherence, averages,
+        sites=tuple(ends), references=tuple(forced),
+    )  # fmt: skip
+
+
+#: Columns of a table without a header.
+DEFAULT = ["frequency", "real", "imag", "coherence"]
+
+
+@checks.within_range
+def read_frf(
+    path: str | os.PathLike[str],
+    site: str | int | Mapping[str, str | int] | None = None,
+    *,
+    quantity: Quantity | None = None,
+    unit: float | None = None,
+    averages: int = AVERAGES,
+) -> FRF:
+    """Measured frequency response functions from a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.uff``, ``.unv`` or ``.58``: universal files, data sets 58 and 58b (needs pyuff).
+        ``.npz``: arrays `frequency`, `values`, and perhaps `coherence`, `sigma`, `quantity`.
+        Anything else: a table of columns in text. Its header names them by words that begin with f
+        or Hz (frequency), re and im, or mag, abs or amp and pha (degrees or rad), and perhaps
+        coh or gam (coherence), sig or std (sigma); without a header frequency, real, imag,
+        coherence. Units in the header, or in a row below it, are read: ``f [kHz]``, ``rpm``,
+        ``mag [dB]``, ``re [(mm/s²)/N]``; without one frequencies are in Hz. One that is unknown is
+        refused.
+    site : str, int or {name: str or int}, optional
+        Universal files: the site by its entity name, node or node and axis ("12", "12z"); several
+        by names of one's own. None: the one driving point in the file.
+    quantity : "receptance", "mobility" or "accelerance", optional
+        Of tables and arrays; universal files tell it.
+    unit : float, optional
+        Factor of the values to m/N, m/(s N) or m/(s^2 N); default 1, in universal files what their
+        labels, or data set 164, tell, in tables what their headers tell.
+    averages : int
+        Number of averages of the coherence.
+
+    Returns
+    -------
+    FRF
+
+    Raises
+    ------
+    InputError
+        A file that is missing, cut, damaged or holds no such measurement, in one sentence.
+    MissingDependencyError
+        A universal file without pyuff.
+    """
+    where = checks.path("path", path)
+    if quantity is not None:
+        checks.choice("quantity", quantity, get_args(Quantity))
+    factor = None if unit is None else checks.positive("unit", unit)
+    averages = checks.whole("averages", averages)
+    ending = where.suffix.lower()
+    try:
+        check_readable(where, "a measurement")
+        if ending in (".uff", ".unv", ".58"):
+            found = functions(where)
+            return chosen(found, site, quantity, unit, averages)
+        if site is not None:
+            raise InputError("site belongs to universal files; a table has one driving point.")
+        columns = _arrays(where) if ending == ".npz" else _in_si(table(where, DEFAULT), factor)
+        return _of_columns(columns, quantity, factor or 1.0, averages)
+    except AntioscError as error:
+        if where.name in str(error):
+            raise
+        raise type(error)(f"{where.name}: {error}") from error
+
+
+#: Of decibels: what they are relative to, "dB re 1 (m/s²)/N".
+_DECIBELS = re.compile(r"db(?:\s*re\.?\s*([\d.e+-]*)\s*(\D.*)?)?", re.IGNORECASE)
+
+
+def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
+    """The columns of a table in SI units; responses as they are where their `factor` is given."""
+    found: dict[str, object] = {}
+    told: set[Quantity | None] = set()
+    for kind, column in columns.items():
+        if kind in UNITS:
+            found[kind] = column.in_si()
+            continue
+        values, quantity = _response(column, factor is not None)
+        found[kind] = values
+        told.add(quantity)
+    if "phase" in columns and columns["phase"].unit:
+        found["degrees"] = False
+    if len(told - {None}) > 1:
+        raise InputError("the units in the header are those of different quantities.")
+    return {**found, "told": next(iter(told - {None}), None)}
+
+
+def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
+    """The numbers of a real or imaginary part, a magnitude or a sigma, and what they are of."""
+    values, unit = column.values, column.unit
+    decibels = _DECIBELS.fullmatch(unit)
+    if decibels is not None and column.kind == "magnitude":
+        scale, unit = decibels[1] or "1", decibels[2] or ""
+        try:
+            values = float(scale) * 10 ** (checks.array("magnitude", values / 20, None))
+        except ValueError:
+            raise unknown_unit(column, "dB, dB re 1 (m/s²)/N") from None
+    if plain or not unit:
+        return values, None
+    own, quantity = response_unit(motion_label(unit))
+    if own is None:
+        raise unknown_unit(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, dB, or give unit=")
+    return own * values, quantity
+
+
+def _of_columns(given: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
+    """An FRF of named arrays."""
+    told = given.get("quantity", given.get("told"))
+    if quantity and given.get("told") not in (None, quantity):
+        raise InputError(
+            f"quantity={quantity!r} is not what the units in the header tell: {given['told']}."
+        )
+    quantity = stated(quantity or told)
+    known = set(given) - {"told", "degrees"}
+    values: ComplexArray
+    if "values" in known:
+        values = checks.spectrum("values", given["values"]).astype(complex)
+    elif {"real", "imag"} <= known:
+        real = checks.array("real", given["real"], None)
+        values = real + 1j * checks.array("imag", given["imag"], real.shape)
+    elif {"magnitude", "phase"} <= known:
+        turn = checks.array("phase", given["phase"], None)
+        size = checks.array("magnitude", given["magnitude"], turn.shape)
+        in_degrees = given.get("degrees", np.abs(turn).max(initial=0.0) > 2 * np.pi)
+        values = size * np.exp(1j * (np.radians(turn) if in_degrees else turn))
+    else:
+        raise _missing("real and imag, or magnitude and phase", known)
+    if "frequency" not in known:
+        raise _missing("frequencies [Hz]", known)
+    more: dict[str, Any] = {
+        name: checks.array(name, given[name], None)
+        for name in ("coherence", "sigma")
+        if name in known
+    }
+    if "sigma" in more:
+        more["sigma"] = factor * more["sigma"]
+    return FRF(given["frequency"], factor * values, quantity, averages=averages, **more)
+
+
+def _missing(what: str, known: set[str]) -> InputError:
+    """The error for a table without what a measurement needs."""
+    begins: dict[str, list[str]] = {}
+    for key, name in COLUMNS.items():
+        begins.setdefault(name, []).append(key)
+    names = ("frequency", "real", "imag", "magnitude", "phase", "coherence", "sigma")
+    listed = ", ".join(f"{name} ({', '.join(begins[name])}…)" for name in names)
+    return InputError(
+        f"the table has no column of {what}, only of {', '.join(sorted(known)) or 'nothing'}. Name"
+        f" the columns in the header, by these beginnings: {listed}."
+    )
+
+
+def _arrays(path: Path) -> DataSet:
+    """The arrays of a NumPy file."""
+    what = "a NumPy file of arrays (.npz)"
+    found: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, what, "fiucU"))
+    if "quantity" in found:
+        found["quantity"] = str(found["quantity"])
+    return {name: found[name] for name in found if name not in ("told", "degrees")}

@@ -1,0 +1,255 @@
+"""Tables in text: rows of numbers, columns by the names of a header, in SI by its units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc_studies.measured.frf import Quantity
+
+#: Columns of a table, by the beginning of their names.
+COLUMNS = {
+    "f": "frequency", "hz": "frequency", "re": "real", "im": "imag", "mag": "magnitude",
+    "abs": "magnitude", "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
+    "sig": "sigma", "std": "sigma", "t": "time", "force": "force",
+}  # fmt: skip
+#: Factors to SI, and for frequencies to Hz.
+TIMES = {
+    **{"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "min": 60.0},
+    **dict.fromkeys(("us", "µs", "μs", "usec"), 1e-6),
+    "ns": 1e-9,
+}
+FREQUENCIES = {
+    **{"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "mHz": 1e-3, "GHz": 1e9},
+    **{"rad/s": 0.5 / pi, "krad/s": 500 / pi},
+    **dict.fromkeys(("rpm", "1/min", "r/min", "rev/min"), 1 / 60),
+}
+FORCES = {
+    **{"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "newton": 1.0},
+    **{"lbf": 4.4482216152605, "kgf": 9.80665},
+}
+ANGLES = {**dict.fromkeys(("deg", "degree", "degrees", "°"), pi / 180), "rad": 1.0, "radians": 1.0}
+SHARES = {"-": 1.0, "1": 1.0, "%": 0.01}
+UNITS: dict[str, Mapping[str, float]] = {
+    "time": TIMES, "frequency": FREQUENCIES, "force": FORCES, "phase": ANGLES, "coherence": SHARES,
+}  # fmt: skip
+#: A unit in brackets at the end of a name; "Re(H)" has none.
+_BARE = ("time", "frequency", "force", "phase", "")  # "1" may be a name
+_LONGEST = 200  # letters of a cell of a header
+_BRACKETS = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*)[\])}]\s*$")
+_FUNCTIONS = {"re", "im", "real", "imag", "abs", "mag", "phase", "arg"}
+
+
+#: Units of forces in N, as `motion_label` writes them: in small letters but for MN.
+FORCE_UNITS = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "MN": 1e6, "lbf": 4.4482216}
+#: Units of motions and forces in SI, as `motion_label` writes them, and what a motion per force is.
+MOTIONS: dict[str, tuple[float, Quantity | None]] = {
+    **{name: (f, "accelerance") for name, f in (("m/s2", 1.0), ("mm/s2", 1e-3), ("g", 9.80665))},
+    **{name: (9.80665, "accelerance") for name in ("gn", "gs")},
+    **{name: (0.0254, "accelerance") for name in ("in/s2", "inch/s2")},
+    **{name: (f, "mobility") for name, f in (("m/s", 1.0), ("mm/s", 1e-3), ("in/s", 0.0254))},
+    **{name: (f, "receptance") for name, f in (("m", 1.0), ("mm", 1e-3), ("in", 0.0254))},
+    **{name: (1e-6, "receptance") for name in ("um", "µm", "μm")},
+    **{name: (f, None) for name, f in FORCE_UNITS.items()},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column: what it holds ("" unknown), its name and unit in the header, and its numbers."""
+
+    kind: str
+    name: str
+    unit: str
+    values: Array
+
+    def in_si(self) -> Array:
+        """The numbers in SI units, frequencies in Hz; InputError for a unit that is not known."""
+        if not self.unit:
+            return self.values
+        known = UNITS[self.kind]
+        factor = factor_of(self.unit, known)
+        if factor is None:
+            raise unknown_unit(self, ", ".join(known))
+        return factor * self.values
+
+
+def unknown_unit(column: Column, known: str) -> InputError:
+    """The error for a unit of a header."""
+    return InputError(
+        f"the unit {checks.shown(column.unit)} of the column {checks.shown(column.name)} is not"
+        f" known: write one of {known}, and the numbers in it."
+    )
+
+
+def motion_label(given: object) -> str:
+    """A unit of a motion, or of one per force, in one way of writing."""
+    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).replace("²", "2")
+    mega = text.endswith("MN")
+    text = text.lower().replace("/s/s", "/s2").replace("sec", "s")
+    text = text[:-2] + "MN" if mega else text
+    return "" if text in ("none", "unknown") else text
+
+
+def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, Quantity | None]:
+    """Factor to SI, None for labels that are not known, and the quantity that they tell."""
+    for name in FORCE_UNITS:
+        if not denominator and numerator.endswith(f"/{name}"):
+            numerator, denominator = numerator.removesuffix(f"/{name}"), name
+    if numerator not in MOTIONS or MOTIONS.get(denominator or "n", (0.0, "mobility"))[1]:
+        return None, None
+    (top, quantity), (below, _) = MOTIONS[numerator], MOTIONS[denominator or "n"]
+    return top / below, quantity
+
+
+def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
+    """The factor of a unit, in capital letters or not where that does not matter."""
+    plain = re.sub(r"\s", "", unit)
+    fits = [plain] if plain in known else [k for k in known if k.lower() == plain.lower()]
+    return known[fits[0]] if len(fits) == 1 else None
+
+
+def table(path: Path, default: list[str]) -> dict[str, Column]:
+    """The columns of a table by what they hold; `default`: where it has no header."""
+    return {each.kind: each for each in columns(path, default) if each.kind}
+
+
+def columns(path: Path, default: list[str]) -> list[Column]:
+    """All columns of a table."""
+    header, values = rows_of(path)
+    count = values.shape[1]
+    given = [*default, *[""] * count][:count]
+    lines = [[_named(cell) for cell in _joined(line, count)] for line in header[-2:]]
+    named = lines[-1] if lines else []
+    units = [_is_unit(name) for _, name, _ in named]
+    if named and all(units):
+        before = [kind for kind, _, _ in lines[0]]
+        fits = len(before) == len(named) and any(before) and len(lines) == 2
+        kinds = before if fits else given
+        bare = [_bare(name) for _, name, _ in named]
+        named = [(kind, unit, unit) for kind, unit in zip(kinds, bare, strict=False)]
+        tells = True
+    else:
+        tells = any(kind for kind, _, _ in named) or not (default or any(units))
+    if len(named) != count or not tells:
+        if any(unit for _, _, unit in named) or any(units):
+            raise InputError(
+                f"the header of {path.name} has units, and does not name the {count} columns:"
+                f" {checks.shown(header[-1])}."
+            )
+        named = [(kind, kind, "") for kind in given]
+    return [Column(*told, values[:, i]) for i, told in enumerate(named)]
+
+
+def rows_of(path: Path) -> tuple[list[str], Array]:
+    """The lines before the numbers of a table in text, and the numbers (rows, columns)."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is no table in text (UTF-8).") from error
+    rows: list[list[float]] = []
+    header: list[str] = []
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        numbers = _numbers(_cells(text))
+        if numbers is None and rows and text and not text.startswith("#"):
+            raise InputError(
+                f"line {number} of {path.name} is no row of numbers: {checks.shown(text)}."
+            )
+        if numbers is None:
+            header += [text.lstrip("#%/ ")] if text.lstrip("#%/ ") and not rows else []
+            continue
+        if rows and len(numbers) != len(rows[0]):
+            raise InputError(
+                f"line {number} of {path.name} has {len(numbers)} columns, the first has"
+                f" {len(rows[0])}: the file is cut or mixed."
+            )
+        rows.append(numbers)
+    if not rows:
+        raise InputError(f"{path.name} holds no row of numbers.")
+    return header, np.array(rows)
+
+
+def _cells(text: str) -> list[str]:
+    """The cells of a row: between semicolons, tabs, commas or blanks."""
+    for mark in (";", "\t", ","):
+        if mark in text:
+            cells = [cell.strip() for cell in text.split(mark)]
+            return [cell.replace(",", ".") for cell in cells] if mark != "," else cells
+    return text.split()
+
+
+def _joined(text: str, count: int) -> list[str]:
+    """The cells of a header; between blanks a unit in brackets belongs to the name before it."""
+    cells = _cells(text)
+    if len(cells) <= count:
+        return cells
+    found: list[str] = []
+    for cell in cells:
+        if found and cell[:1] in "[({":
+            found[-1] += f" {cell}"
+        else:
+            found.append(cell)
+    return found
+
+
+def _numbers(cells: list[str]) -> list[float] | None:
+    try:
+        return [float(cell) for cell in cells] or None
+    except ValueError:
+        return None
+
+
+def _kind(name: str) -> str:
+    """What a column holds, by the longest beginning that fits; "" where unknown."""
+    plain = name.strip().lower()
+    fits = [key for key in COLUMNS if plain.startswith(key)]
+    return COLUMNS[max(fits, key=len)] if fits else ""
+
+
+def _named(cell: str) -> tuple[str, str, str]:
+    """What a column holds, its name and its unit, of a cell of the header."""
+    name = cell.strip()[:_LONGEST]
+    if factor_of(name, FREQUENCIES) is not None:  # a unit is the name: "Hz", "rpm"
+        return "frequency", name, name
+    kind, found = _kind(name), _BRACKETS.match(name)
+    unit = found[2].strip() if found else ""
+    if found and found[1].lower() in _FUNCTIONS and name[-1] == ")" and not _is_known(kind, unit):
+        unit = ""  # an argument
+    if not found:
+        rest = re.split(r"[\s_/]", name, maxsplit=1)[1:]
+        forces = {kind, "force"} if kind == "frequency" else {kind}  # "F/kN"
+        known = (part.strip() for part in rest if any(_is_known(k, part.strip()) for k in forces))
+        unit = next(known, "")
+    if kind == "phase" and not found and not unit:
+        turn = re.search("deg|rad|°", name.lower())
+        unit = turn[0] if turn else ""
+    if kind == "frequency" and unit and factor_of(unit, FORCES) is not None:
+        kind = "force"
+    return kind, name, unit
+
+
+def _is_known(kind: str, unit: str) -> bool:
+    """Whether a text is a unit of what a column holds."""
+    if kind in UNITS:
+        return factor_of(unit, UNITS[kind]) is not None
+    return unit.lower().startswith("db") or response_unit(motion_label(unit))[0] is not None
+
+
+def _bare(name: str) -> str:
+    """The unit of a cell that is a unit in brackets; else the cell."""
+    return _BRACKETS.sub(r"\2", name) if not _BRACKETS.sub(r"\1", name).strip() else name
+
+
+def _is_unit(name: str) -> bool:
+    """Whether a cell is a unit alone."""
+    bare = _bare(name)
+    return bare != name or any(_is_known(kind, bare) for kind in _BARE)

@@ -1,0 +1,271 @@
+"""`tradeoff`: error against seconds and memory for one's own part, and the cheapest that is enough.
+
+Members are the meshes of `strike`, the coarse ones first, each with a few, more and enough
+anti-oscillators. Every member has the bar of its own error budget. The meshes end with the first
+whose bar is `BRACKET` of the tolerance: the tolerance then lies between members, and the difference
+of each member to the finest is an error that does not come from an estimate.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from antiosc.base import checks
+from antiosc.base.charts import figure_or_path, new_figure
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin, engineering
+from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.extraction.extract import extract
+from antiosc.fem.linalg import algebra
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import collective, compat
+from antiosc.fem.site import Site
+from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.support import Support
+from antiosc.models.body import LinearBody
+from antiosc.models.motion import Motion
+from antiosc.simulation.auto_contact import AUTO, AnyLaw
+from antiosc.simulation.histories import History
+from antiosc.simulation.histories.parts import differences
+from antiosc.striking import second_order
+from antiosc.striking.strike import (
+    Answer,
+    Material,
+    Run,
+    accuracy_of_steps,
+    corrected,
+    simulated,
+    struck,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from antiosc.fem.structure.meshed import MeshedStructure
+
+#: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough.
+FEW = (3, 8)
+#: The last mesh has a bar of at most this share of the tolerance.
+BRACKET = 0.5
+#: Bytes of an entry of K, and of M; of an entry of the factor.
+MATRIX_BYTES, FACTOR_BYTES = 24.0, 8.0 * 1.3
+
+
+@dataclass(frozen=True)
+class Member:
+    """One way to compute the impact, with what it takes and how accurate it is.
+
+    Attributes
+    ----------
+    family, order, dofs, n : of elements, their degree, dofs, number of anti-oscillators.
+    size : of the cells, the cube root (of its dimension) of their mean volume [m].
+    step : of the time integration, mean in contact [s].
+    seconds : assembly, factor, extraction with error estimates, and runs, measured.
+    gigabytes : of K, M and the factor, counted by their entries.
+    peak_force : of the corrected model [N].
+    bar : of its own error budget, the largest of peak force, impulse and contact time, relative.
+    difference : largest of the three to the finest member, relative.
+    """
+
+    family: str
+    size: float
+    order: int
+    dofs: int
+    n: int
+    step: float
+    seconds: float
+    gigabytes: float
+    peak_force: float
+    bar: float
+    difference: float = 0.0
+
+    def cells(self) -> tuple[str, ...]:
+        """What the table says of it."""
+        return (
+            *(self.family, engineering(self.size, "m"), f"{self.order}", f"{self.dofs}"),
+            *(f"{self.n}", engineering(self.step, "s"), f"{self.seconds:.3g}"),
+            *(f"{self.gigabytes:.2g}", f"{self.peak_force:.4g}"),
+            *(f"{100 * self.bar:.2g}", f"{100 * self.difference:.2g}"),
+        )
+
+
+#: Names and widths of the columns of the printed table.
+COLUMNS = {
+    "family": -6, "size": 9, "order": 6, "dofs": 9, "N": 5, "step": 9, "seconds": 9, "GB": 9,
+    "peak N": 11, "bar %": 8, "to finest %": 12,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tradeoff(ReprMixin):
+    """What `tradeoff` has tried, the cheap members first.
+
+    Attributes
+    ----------
+    table : the members.
+    tol : relative tolerance that was asked for.
+    hit : the history of the last mesh, as of `strike`.
+    """
+
+    table: tuple[Member, ...]
+    tol: float
+    hit: History
+
+    def best(self, tol: float | None = None, seconds: float | None = None) -> Member:
+        """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
+
+        Raises InputError unless one of both is given, and where no member meets it.
+        """
+        if (tol is None) == (seconds is None):
+            raise InputError("best takes one of tol and seconds.")
+        if tol is not None:
+            tol = checks.tolerance(tol)
+            found = [one for one in self.table if one.bar <= tol]
+            if not found:
+                least = min(one.bar for one in self.table)
+                raise InputError(
+                    f"no member has a bar of at most {100 * tol:.3g} %, the least is "
+                    f"{100 * least:.3g} %: give tradeoff a smaller tol."
+                )
+            return min(found, key=lambda one: one.seconds)
+        limit = checks.positive("seconds", seconds, "s")
+        found = [one for one in self.table if one.seconds <= limit]
+        if not found:
+            least = min(one.seconds for one in self.table)
+            raise InputError(f"no member takes at most {limit:.3g} s, the fastest {least:.3g} s.")
+        return min(found, key=lambda one: one.bar)
+
+    @property
+    def front(self) -> tuple[Member, ...]:
+        """The members than which none is faster and more accurate, the fastest first."""
+        kept: list[Member] = []
+        for one in sorted(self.table, key=lambda one: one.seconds):
+            if not kept or one.bar < kept[-1].bar:
+                kept.append(one)
+        return tuple(kept)
+
+    def summary(self) -> str:
+        """The table as text."""
+        rows = [tuple(COLUMNS), *(one.cells() for one in self.table)]
+        widths = COLUMNS.values()
+        return "\n".join(
+            "".join(
+                f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in zip(row, widths, strict=True)
+            )
+            for row in rows
+        )
+
+    def plot(self, path: str | Path | None = None) -> Figure | Path:
+        """Bars and differences over seconds and over memory: the figure, or the file written."""
+        figure = new_figure((9.0, 4.0), path is None)
+        axes = figure.subplots(1, 2, sharey=True)
+        for ax, name, unit in zip(axes, ("seconds", "gigabytes"), ("s", "GB"), strict=True):
+            x = [getattr(one, name) for one in self.table]
+            ax.loglog(x, [100 * one.bar for one in self.table], "o", mfc="none", label="bar")
+            apart = [one for one in self.table if one.difference]
+            own = [getattr(one, name) for one in apart]
+            ax.loglog(own, [100 * one.difference for one in apart], ".", label="to the finest")
+            ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
+            ax.set_xlabel(f"{name} [{unit}]" if name == "seconds" else "memory [GB]")
+        front = self.front
+        steps = [one.seconds for one in front], [100 * one.bar for one in front]
+        axes[0].step(*steps, where="post", lw=0.8, label="front")
+        axes[0].set_ylabel("relative error [%]")
+        axes[0].legend(fontsize="small")
+        return figure_or_path(figure, path)
+
+
+@collective()
+@checks.within_range
+def tradeoff(
+    source: str | Path | Mesh | Structure,
+    site: Site,
+    impactor: LinearBody,
+    contact: AnyLaw = AUTO,
+    duration: float = checks.REQUIRED,
+    *,
+    tol: float,
+    material: Material | None = None,
+    supports: Sequence[Support] = (),
+    order: int = 2,
+    limit: float | None = None,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+    gap: float | None = None,
+) -> Tradeoff:
+    """Error against seconds and memory of the impact on a part, down to a tolerance.
+
+    Parameters
+    ----------
+    source, site, impactor, contact, duration, material, supports, order, limit
+        As of `strike`.
+    initial_velocity, gravity, gap
+        As of `strike`.
+    tol : float
+        Relative error of peak force, impulse and contact time of interest; members are made until
+        one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
+
+    Returns
+    -------
+    Tradeoff
+        Its `table`, `best(tol=…)` or `best(seconds=…)`, and `plot()`.
+
+    Raises
+    ------
+    InputError
+        What `strike` refuses.
+    """
+    tol = checks.tolerance(tol)
+    shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+    run = partial(simulated, impactor, contact, duration, shared)
+    made: list[tuple[Answer, Member]] = []
+
+    def seen(answer: Answer, place: Site) -> None:
+        accuracy = accuracy_of_steps(BRACKET * tol)
+        for n in FEW:
+            if n < min(answer.n, answer.structure.dofs):
+                made.append(_with_member(_of_few(answer.structure, place, run, accuracy, n)))
+        made.append(_with_member(answer))
+
+    hit = struck(source, site, impactor, run, BRACKET * tol, material, supports, order, limit, seen)
+    finest, _ = made[-1]
+    table = tuple(
+        replace(one, difference=max(differences(finest.hit, answer.hit).values()))
+        for answer, one in made
+    )
+    return Tradeoff(table, tol, hit)
+
+
+def _of_few(structure: Structure, site: Site, run: Run, accuracy: float, n: int) -> Answer:
+    """The answer with a given number of anti-oscillators, whatever it leaves out."""
+    started = time.perf_counter() - structure.seconds["factorization"]
+    model = extract(structure, site, n=n, error="estimate")
+    hit = second_order.simulated(structure, model, partial(run, error=accuracy))
+    return corrected(structure, hit, run, accuracy, n, started)
+
+
+def _with_member(answer: Answer) -> tuple[Answer, Member]:
+    structure = answer.structure
+    matrices = cast("MeshedStructure", structure.matrices)
+    mesh = matrices.mesh
+    entries = getattr(structure.factorize(), "entries", 0.0)
+    stored = structure.comm.allreduce(len(algebra.entries(structure.K)[1]))
+    one = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
+    volume = compat.integrate(one, mesh.dolfinx)
+    return answer, Member(
+        family=type(matrices.parts[0][0]).__name__,
+        size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),
+        order=matrices.form.degree,
+        dofs=structure.dofs,
+        n=answer.n,
+        step=answer.hit.step,
+        seconds=max(structure.comm.allgather(structure.seconds["assembly"] + answer.seconds)),
+        gigabytes=(MATRIX_BYTES * stored + FACTOR_BYTES * entries) / 1e9,
+        peak_force=answer.hit.peak_force,
+        bar=answer.budget.numerical,
+    )
