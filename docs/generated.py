@@ -83,7 +83,8 @@ def public_names() -> dict[str, str]:
 
 def api(modules: list[str]) -> list[str]:
     """Public names of packages and modules, or single ones of a module, without "antiosc."."""
-    wanted = tuple(f"antiosc.{module}." for module in modules)
+    whole = [each if each.startswith("antiosc_") else f"antiosc.{each}" for each in modules]
+    wanted = tuple(f"{module}." for module in whole)
     return [
         name for name, module in public_names().items() if f"{module}.{name}.".startswith(wanted)
     ]

@@ -162,7 +162,8 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
     if origin in (collections.abc.Mapping, dict):
         return (Kind("table", kind=arguments[0], items=kinds_of(arguments[1])),)
     known = _PLAIN.get(origin or annotation)
-    if known is None and isinstance(annotation, type) and annotation.__module__[:8] == "antiosc.":
+    module = getattr(annotation, "__module__", "")
+    if known is None and isinstance(annotation, type) and module.startswith("antiosc"):
         known = Kind("object", kind=annotation)
     return () if known is None else (known,)
 
