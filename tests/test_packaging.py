@@ -55,7 +55,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     (wheel,), (archive,) = (list((tmp_path / "dist").glob(kind)) for kind in ("*.whl", "*.tar.gz"))
     sources = {
         str(path.relative_to(ROOT / "src"))
-        for package in ("antiosc", "antiosc_decks")
+        for package in ("antiosc", "antiosc_app", "antiosc_decks", "antiosc_studies")
         for path in (ROOT / "src" / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
