@@ -325,7 +325,7 @@ def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> 
 
     def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
         with finite_element_packages():
-            from antiosc.studies.second_order import simulated
+            from antiosc.striking.second_order import simulated
         return simulated(structure, model, functools.partial(_struck_by, make, given))
 
     given = {"structure": found.structure, "model": found.model, **impact.arguments}
