@@ -7,6 +7,7 @@ import pickle
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -564,6 +565,12 @@ def test_a_scene_chooses_second_order_forces_itself(tmp_path):
     assert any("deflects by" in one for one in linear.warnings)
     many = objects(written(tmp_path, SHEET + SCENE_OF_BLOW), "run")
     assert many.history.peak_force == pytest.approx(hit.peak_force, rel=2e-3)
+    sweep = "[sweep]\nimpactor.velocity = [0.001, 1.5]\n"
+    swept = objects(written(tmp_path, SHEET + BLOW + sweep), "sweep").batch
+    assert swept.peak_force[1] == pytest.approx(hit.peak_force, rel=1e-6)
+    flat = replace(model, stretch=None)
+    alone = ao.simulate_many(flat, ao.RigidMass(0.2, velocity=1e-3), law, 1e-2)
+    assert swept.peak_force[0] == alone.peak_force[0]
     slow = BLOW.replace("velocity = 1.5", "velocity = 0.01")
     small = objects(written(tmp_path, SHEET + slow), "run")
     assert not small.history.assembly.stretched

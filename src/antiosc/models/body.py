@@ -24,6 +24,7 @@ from antiosc.base.texts import ReprMixin
 from antiosc.contact.surfaces import Surface
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
+from antiosc.models.stretch import Stretch
 
 
 class Band(TypedDict, total=False):
@@ -341,11 +342,12 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class ModalModel(Body):
-    """A body given by its free modes."""
+    """A body given by its free modes; `stretch`: its second-order forces in them."""
 
     modes: ModalBody
     local_compliance: float = 0.0
     radius: float | None = None
+    stretch: Stretch | None = None
 
     @property
     def patch_radius(self) -> float | None:

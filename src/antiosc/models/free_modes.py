@@ -27,6 +27,7 @@ theta: the zeros of H.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -38,6 +39,7 @@ from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import ModalBody
 from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, with_rigid_mode
 
 Method = Literal["krylov", "modes"]
@@ -258,6 +260,20 @@ def error_bound(
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
     return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction
+
+
+def bodies(
+    omega: Array, b: Array, compliance: Array, inertia: Array, shift: float
+) -> Iterator[ModalBody]:
+    """The body of each site: its free modes, and one for those that are left out."""
+    found = residual(omega, b, compliance, inertia, shift)
+    for own, r, s in zip(b, *found, strict=True):
+        if not s:
+            yield ModalBody(omega, own, r)
+            continue
+        above = r / s
+        one = np.sqrt(above - shift), np.sqrt(r * above)
+        yield ModalBody(np.append(omega, one[0]), np.append(own, one[1]))
 
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.

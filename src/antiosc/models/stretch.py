@@ -24,8 +24,9 @@ from antiosc.base.texts import ReprMixin
 
 Count = int | Literal["auto"]
 
-#: Modes that a model has forces for, at most; an impact takes two fewer, to compare with.
-MOST = 12
+#: Modes that an impact takes, at most, those to compare with included; of a map that has many sites
+#: there may be more.
+MOST, MOST_OF_MAP = 12, 24
 #: Asymmetry of the tensors over their size.
 ASYMMETRY = 1e-6
 
@@ -52,8 +53,8 @@ class Stretch(ReprMixin):
     def __post_init__(self) -> None:
         modes = checks.array("modes", self.modes, (None, None))
         m = modes.shape[1]
-        if m > MOST or not m:
-            raise InputError(f"a Stretch has 1 to {MOST} modes; got {m}.")
+        if m > MOST_OF_MAP or not m:
+            raise InputError(f"a Stretch has 1 to {MOST_OF_MAP} modes; got {m}.")
         if np.abs(modes.T @ modes - np.eye(m)).max() > ASYMMETRY:
             raise InputError("the modes of a Stretch must be orthonormal.")
         for name, rank in (("quadratic", 3), ("cubic", 4)):

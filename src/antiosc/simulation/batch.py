@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march, plausible, process
 from antiosc.base._types import Array, Index
-from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
 from antiosc.base.texts import ReprMixin
 from antiosc.contact import ContactLaw
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo, info_of
 from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.simulation.coarse import coarse_cell
@@ -27,6 +28,8 @@ from antiosc.simulation.histories import History
 from antiosc.simulation.histories.energy import GAIN
 from antiosc.simulation.histories.results import (
     COMPLETED,
+    SLIGHT_CHANGE,
+    SLIGHT_DEFLECTION,
     STOPPED,
     CheckResult,
     RunEnd,
@@ -342,6 +345,9 @@ def simulate_many(
     hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
     deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
     rerun(deflections, large_deflection_message)
+    if told := [(i, row.told) for i, row in enumerate(rows) if row.told]:
+        first, sentence = told[0]
+        warn(f"{len(told)} of {size} scenes, as scene {first}: {sentence}", AccuracyWarning)
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
     return _batch_of(rows)
@@ -418,6 +424,7 @@ class _Row:
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
     error: AntioscError | None = None
     rotation: tuple[str, float] = ("", 0.0)
+    told: str = ""
 
 
 def _solve_chunk(
@@ -427,23 +434,51 @@ def _solve_chunk(
     settings: Settings,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
-    """Rows of scenes: groups that the march solves in one call, the others one by one."""
+    """Rows of scenes: groups that the march solves in one call, the others one by one.
+
+    Where second-order forces are chosen by the linear run, it is one of these.
+    """
     rows: dict[int, _Row] = {}
+    known: dict[int, LinearBody] = {}
+    linear = [_linear(scene, known) for scene in scenes]
     groups: dict[tuple[object, ...], list[int]] = {}
     together = settings.method == "exact" and n is None
-    for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
+    for i, (scene, step) in enumerate(zip(linear, steps, strict=True)):
         key = scene.group() if together and step is None else None
         if key is not None:
             groups.setdefault(key, []).append(i)
     for group in groups.values():
-        here = [scenes[i] for i in group]
+        here = [linear[i] for i in group]
         found = _solve_group(here, settings, partial(_report_progress, done, len(rows)))
-        rows |= {i: row for i, row in zip(group, found, strict=True) if row is not None}
+        for i, row in zip(group, found, strict=True):
+            stands = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
+            if row is not None and stands:
+                rows[i] = row
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
             rows[i] = _solve_single(scene, step, n, settings)
             done(len(rows))
     return [rows[i] for i in range(len(scenes))]
+
+
+def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
+    """The scene with a linear model, where its run says whether a sheet stretches."""
+    model = scene.model
+    if not isinstance(model, AntiOscillators) or info_of(model).thickness is None:
+        return scene
+    if model.stretch is None or model.stretch.count != "auto":
+        return scene
+    if id(model) not in known:
+        known[id(model)] = replace(model, stretch=None)
+    return scene._replace(model=known[id(model)])
+
+
+def _slight(model: LinearBody, row: _Row) -> bool:
+    """Whether a linear run deflects a sheet too little to stretch it."""
+    info, ratio = info_of(model), _deflection(model, row.impulse)
+    changes = [abs(one) for one in (info.second_order or {}).values()]
+    curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
+    return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE
 
 
 def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
@@ -508,8 +543,10 @@ def _doubts(scene: Impact) -> list[str]:
 def _solve_single(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
 ) -> _Row:
+    told: list[str] = []
     try:
-        return _row(*_impact(scene, step, n, settings))
+        with warnings_to(told.append):
+            return replace(_row(*_impact(scene, step, n, settings)), told=" ".join(told))
     except AntioscError as error:
         return _failed(error)
 

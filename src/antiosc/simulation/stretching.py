@@ -15,7 +15,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.models.stretch import Stretch, stretch_of
+from antiosc.models.stretch import MOST, Stretch, stretch_of
 from antiosc.simulation.histories import parts
 from antiosc.simulation.histories.results import deflection, sampled_motion
 
@@ -138,7 +138,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
         check_body(a.bodies[name])
     aim, before = max(tol, LEAST_TOL), None
     changes: list[dict[str, float]] = []
-    most = max(one.forces.size for one in moves.values())
+    most = min(max(one.forces.size for one in moves.values()), MOST)
     count = min(FIRST, most)
     while True:
         taken = {name: one.first(count) for name, one in moves.items()}

@@ -10,6 +10,7 @@ from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn,
 from antiosc.fem.extraction.stretching import with_stretch
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import info_of
 from antiosc.simulation.histories import History
 from antiosc.simulation.histories.results import may_stretch
 
@@ -33,6 +34,16 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     for sentence in told:
         warn(sentence, AccuracyWarning)
     return linear
+
+
+def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
+    """The model with second-order forces for many impacts, if it is of a sheet that is held."""
+    if model.stretch is not None or info_of(model).thickness is None:
+        return model
+    try:
+        return with_stretch(structure, model, "auto")
+    except InputError:  # of a part that has none
+        return model
 
 
 def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import antiosc
 from antiosc.base import progress
-from antiosc.base.errors import AntioscError, warn, warnings_to
+from antiosc.base.errors import AntioscError, finite_element_packages, warn, warnings_to
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import Compiled, Objects, model, pair, source, structure
@@ -193,6 +193,7 @@ def _batch(
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
     swept = {place[0] for place in lists}
+    own = _stretching(build, found.structure, found.model)
     rows: list[tuple[Call | None, ...]] = []
     times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
     for i in range(count):
@@ -201,7 +202,7 @@ def _batch(
         other = variant(build, values, origins, build.document.problems)
         # only what the values change is made anew
         same = (found.impactor, found.contact)
-        part = found.model if swept <= {*VARIED} else _model(other)
+        part = own if swept <= {*VARIED} else _model(other)
         rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
         if times:
             named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
@@ -218,12 +219,28 @@ def _batch(
     return build.call(("simulate_many",), rest, ("simulate",), given)
 
 
+def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | None:
+    """A model for many impacts, with second-order forces unless [extract] says otherwise."""
+    if None in (part, made) or "stretch" in build.part("extract"):
+        return made
+
+    def stretching(structure: Any, model: Any) -> object:
+        with finite_element_packages():
+            from antiosc.striking.second_order import stretching as with_forces
+        return with_forces(structure, model)
+
+    return Call(stretching, {"structure": part, "model": made})
+
+
 def _model(build: Builder) -> Call | None:
     """A call that makes the model of a variant without shapes, and keeps nothing else of it."""
-    made = model(build, structure(build))
+    part = structure(build)
+    made = _stretching(build, part, model(build, part))
 
     def alone() -> object:
-        return replace(Evaluation(build.document)(made), shapes=None, hidden=None)
+        found = Evaluation(build.document)(made)
+        forces = None if found.stretch is None else replace(found.stretch, shapes=None)
+        return replace(found, shapes=None, hidden=None, stretch=forces)
 
     return None if made is None else Call(alone, {})
 
@@ -244,7 +261,7 @@ def monte_carlo(build: Builder, found: Compiled) -> Call | None:
         like = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
         build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {like}.")
     shared = {place: law for place, law in inputs.items() if place[0] not in VARIED}
-    models = point if POINT in table else found.model
+    models = point if POINT in table else _stretching(build, found.structure, found.model)
     if shared and POINT in table:
         build.note(("monte_carlo",), "[monte_carlo] draws points, or values of the structure.")
     elif shared:

@@ -79,6 +79,9 @@ def beam_between_walls():
     return held(line((0, 0, 0), (0.3, 0, 0), 40), beam), site
 
 
+#: Sites of a map.
+PLACES = [(0.1, 0.1), (0.15, 0.05), (0.2, 0.1)]
+
 CASES = {
     "shell": plate,
     "quadrilaterals": lambda: plate(cell="quadrilateral"),
@@ -164,6 +167,46 @@ def test_strike_takes_second_order_forces_where_the_linear_deflection_asks_for_t
     assert hit.error_budget["peak_force"].stretch > 0
     slow = ao.strike(part, site, ao.RigidMass(0.2, velocity=0.01), *blow, tol=0.1)
     assert slow.model.stretch is None
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_many_impacts_stretch_as_each_alone():
+    """What is linear is solved together, and is that of a linear model to the last bit."""
+    part, site = plate()
+    model = ao.extract(part, site, n=24, stretch="auto")
+    balls = [ao.RigidMass(0.2, velocity=speed) for speed in (1e-3, 2e-3, 0.3, 1.5)]
+    blow = ao.Power(1e6, 1.5), 4e-3
+    found = ao.simulate_many(model, balls, *blow)
+    linear = ao.simulate_many(replace(model, stretch=None), balls, *blow)
+    assert np.array_equal(found.peak_force[:2], linear.peak_force[:2])
+    assert found.peak_force[3] > 1.05 * linear.peak_force[3]
+    for ball, force in zip(balls[2:], found.peak_force[2:], strict=True):
+        assert force == ao.simulate(model, ball, *blow).peak_force
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("case", ["shell", pytest.param("cap", marks=pytest.mark.slow)])
+def test_sites_of_a_map_are_those_of_all_degrees_of_freedom(case):
+    part, site = CASES[case]()
+    mass, speed = (0.2, 1.5) if case == "shell" else (0.5, 0.5)
+    k = 1e6 if case == "shell" else 1e7
+    nodes = part.matrices.mesh.dolfinx.geometry.x
+    places = [nodes[np.argmin(np.linalg.norm(nodes[:, :2] - at, axis=1))] for at in PLACES]
+    blow = ao.RigidMass(mass, velocity=speed), ao.Power(k, 1.5), 4e-3
+    options = {"direction": (0, 0, -1), "accuracy": 1.0}
+    found = ao.impact_map(part, places, *blow, stretch="auto", **options)
+    for i, place in enumerate(places):
+        one = replace(site, point=tuple(place))
+        _, force, moved = Full(part, one).impact(mass, speed, k, 4e-3, 160)
+        assert found.peak_force[i] == pytest.approx(force.max(), rel=0.01)
+        assert found.peak_deflection[i] == pytest.approx(moved.max(), rel=0.03)
+    slow = ao.RigidMass(mass, velocity=1e-3), *blow[1:]
+    if case == "shell":
+        small = ao.impact_map(part, places, *slow, stretch="auto", modes=60, **options)
+        linear = ao.impact_map(part, places, *slow, modes=60, **options)
+        assert np.array_equal(small.peak_force, linear.peak_force)
+    with pytest.raises(InputError, match="stresses of a map are linear"):
+        ao.impact_map(part, places, *blow, stretch="auto", stress=True, **options)
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -176,9 +176,7 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
     g = ∫ N : η, N the membrane forces of the shape: its force is k q (1 + 3 g q/(2 k)). 0 of flat
     sheets; < 0: softer. Quartic terms, by which each sheet stiffens, are not in it.
     """
-    x = part.mesh.dolfinx.geometry.x
-    thickness = min(material.section.thickness for material, _ in part.parts)
-    if part.mesh.gdim == 2 or _out_of_plane(part.comm.allgather(x)) <= FLAT * thickness:
+    if is_flat(part):
         return 0.0
     frame, section = frames(part.mesh, part.parts), section_fields(part.mesh, part.parts)
     motion = compat.function_of(part.form.space, shape)
@@ -189,6 +187,13 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
     energy = ufl.inner(section.A * stretch, of_sheet(frame, motion, motion))
     g = compat.integrate(energy * measure(part.mesh, 6), part.mesh.dolfinx)
     return 1.5 * g / stiffness
+
+
+def is_flat(part: MeshedStructure) -> bool:
+    """Whether all nodes of a part of sheets lie in one plane."""
+    x = part.mesh.dolfinx.geometry.x
+    thickness = min(material.section.thickness for material, _ in part.parts)
+    return part.mesh.gdim == 2 or _out_of_plane(part.comm.allgather(x)) <= FLAT * thickness
 
 
 def _out_of_plane(points: list[Array]) -> float:

@@ -26,7 +26,7 @@ from antiosc.base.progress import doing
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.stretch import MOST, Count, Stretch
+from antiosc.models.stretch import MOST, MOST_OF_MAP, Count, Stretch
 
 if TYPE_CHECKING:
     from antiosc.fem.elements.second_order_points import Points
@@ -41,20 +41,24 @@ EXHAUSTED = 1e-6
 AT_ONCE = 20_000
 
 
-def checked(structure: Structure, model: AntiOscillators) -> MeshedStructure:
-    """The part of a model that can stretch; InputError for others."""
+def part_of(structure: Structure) -> MeshedStructure:
+    """The part that can stretch; InputError for others."""
     matrices = structure.matrices
     refuse_prestress(structure, "stretch=")
     if not matrices.meshed or matrices.assembled:
         raise InputError(
             "stretch= takes a part of one mesh, a Structure(mesh, material, supports); got "
-            f"{structure.describe()}: extract its model with stretch=False."
+            f"{structure.describe()}: take stretch=False."
         )
+    return cast("MeshedStructure", matrices)
+
+
+def _check_model(model: AntiOscillators) -> None:
+    """InputError for a model whose modes cannot stretch."""
     if model.shapes is None:
         raise InputError("stretch= needs the shapes of the model: extract it with shapes=True.")
     if model.free_modes.damping is not None:
         raise InputError("stretch= does not take dampers, nor layers that relax: leave it out.")
-    return cast("MeshedStructure", matrices)
 
 
 def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> AntiOscillators:
@@ -62,30 +66,54 @@ def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> 
 
     count : how many an impact takes, or "auto". Two more are found, to compare with.
     """
-    part = checked(structure, model)
-    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
-
-    modes = candidates(model, MOST if count == "auto" else min(count + 2, MOST))
+    part_of(structure)
+    _check_model(model)
     body = model.free_modes
     assert body.shape is not None
+    modes = candidates(body.omega, body.B, MOST if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T
+    return replace(model, stretch=_found(structure, modes, phi, count))
+
+
+def stretch_of_map(
+    structure: Structure, omega: Array, phi: Array, b: Array, count: Count
+) -> Stretch:
+    """The second-order forces in free modes phi (rows, J), for sites with b (P, J) in them.
+
+    Of several sites at most `MOST_OF_MAP` motions for all, the principal ones of Λ⁻¹b, Λ⁻²b and
+    Λ⁻³b. Without `shapes`.
+    """
+    if len(b) == 1:
+        modes = candidates(omega, b.T, MOST)
+    else:
+        flexible = 1 / omega[:, None] ** 2
+        blocks = [flexible**power * b.T for power in (1, 2, 3)]
+        unit = np.hstack([one / np.linalg.norm(one, axis=0) for one in blocks])
+        modes = np.linalg.svd(unit, full_matrices=False)[0][:, :MOST_OF_MAP]
+    return replace(_found(structure, modes, phi @ modes, count), shapes=None)
+
+
+def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
+    """The forces in combinations `modes` of the free modes, the motions phi (rows, m)."""
+    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
+
     with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
-        quadratic, cubic, shapes = tensors(structure, points_of(part), phi)
-    return replace(model, stretch=Stretch(modes, quadratic, cubic, count, shapes))
+        found = tensors(structure, points_of(part_of(structure)), phi)
+    quadratic, cubic, shapes = found
+    return Stretch(modes, quadratic, cubic, count, shapes)
 
 
-def candidates(model: AntiOscillators, count: int) -> Array:
-    """Orthonormal combinations (J, m) of the free modes that forces on the sites move, m <= count.
+def candidates(omega: Array, B: Array, count: int) -> Array:
+    """Orthonormal combinations (J, m) of the free modes that forces on sites B move, m <= count.
 
     The Krylov space of the flexibility Λ⁻¹ from the static displacements Λ⁻¹b: the local dent of a
     sheet under its striker, which takes many modes, is the first, and the lowest modes follow.
     """
-    body = model.free_modes
-    elastic = body.omega > 0
+    elastic = omega > 0
     if not elastic.any():
         raise InputError("stretch= needs a model with elastic modes: raise n.")
-    flexible = np.where(elastic, 1 / np.where(elastic, body.omega, 1.0) ** 2, 0.0)[:, None]
-    found, block = np.zeros((len(body.omega), 0)), flexible * body.B
+    flexible = np.where(elastic, 1 / np.where(elastic, omega, 1.0) ** 2, 0.0)[:, None]
+    found, block = np.zeros((len(omega), 0)), flexible * B
     while block.shape[1] and found.shape[1] < count:
         for _ in range(2):
             size = np.linalg.norm(block, axis=0)

@@ -224,7 +224,9 @@ SMALL_DEFLECTION = 0.5
 SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
 
 
-REMEDY = 'take extract(…, stretch="auto"), which has these forces of a part of one mesh'
+REMEDY = (
+    'take stretch="auto" of extract or impact_map, which has these forces of a part of one mesh'
+)
 
 
 def beyond_linear(name: str, deflection: float, thickness: float) -> str:
