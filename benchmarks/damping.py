@@ -160,7 +160,7 @@ def least(calls: dict[str, Callable[[], Any]], runs: int = 20) -> dict[str, floa
 def row(name: str, part: ao.Structure) -> tuple[str, int]:
     """A line of the table, and the number of free dofs."""
     whole, t = Whole(part), np.linspace(0, 0.999 * END, 4000)
-    model = ao.extract(part, SITE, band=float(OMEGA[-1]), accuracy=ACCURACY, n=45)
+    model = ao.extract(part, SITE, band=float(OMEGA[-1]) / (2 * np.pi), accuracy=ACCURACY, n=45)
     bare = replace(model, damping=None)
     off = np.abs(model.modal().receptance(OMEGA) / whole.receptance(OMEGA) - 1).max()
     hit, force = ao.simulate(model, BALL, LAW, END, tol=1e-6), whole.force(t)

@@ -53,7 +53,7 @@ def _impact(folder: Path, rng: np.random.Generator, k: int) -> dict[str, float]:
     hertz = ball.hertz(E=70e9, nu=0.33)
     damped, plastic = ao.HuntCrossley(hertz.stiffness, 0.2), ao.Thornton(hertz.stiffness, 5e-6)
     law = (ao.Linear(1e7), hertz, damped, plastic)[k % 4]
-    duration = 40 * np.pi / ao.impact_band(ball, law)
+    duration = 20 / ao.impact_band(ball, law)
     scene = ao.Scene({"part": model, "ball": ball}, [ao.Contact("part", "ball", law)])
     started = time.perf_counter()
     hit = scene.run(duration, tol=TOL)["part", "ball"]

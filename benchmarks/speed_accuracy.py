@@ -190,7 +190,10 @@ def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
     off = [abs(found.models.k0[i] / one.k0 - 1) for i, one in zip(which, direct, strict=True)]
     Z = [
         stiffness_error(
-            found.model(i).dynamic_stiffness, one.dynamic_stiffness, found.band, one.omega[0]
+            found.model(i).dynamic_stiffness,
+            one.dynamic_stiffness,
+            2 * np.pi * found.band,
+            one.omega[0],
         )
         for i, one in zip(which, direct, strict=True)
     ]

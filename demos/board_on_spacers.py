@@ -51,9 +51,9 @@ def main(
             signal = ao.probe(part, hit, CHIP, quantity, times, part="board")
             numbers[name][key] = float(np.abs(signal).max())
         felt = cfc_filter(times[1], signal, "CFC1000")  # without it n decides
-        numbers[name]["chip"], lines[name] = float(np.abs(felt).max()), felt[:, 2] / 9.81
+        numbers[name]["chip"], lines[name] = float(np.abs(felt).max()), felt[:, 2] / 9.80665
     out.mkdir(parents=True, exist_ok=True)
-    compared.print_table("spacers", numbers, {"chip g": ("chip", 1 / 9.81, ".1f")})
+    compared.print_table("spacers", numbers, {"chip g": ("chip", 1 / 9.80665, ".1f")})
     compared.plot(times, lines, "chip (g, CFC1000)", out / "board_on_spacers.png")
     arrow = {"point": STRUCK, "direction": (0, 0, -1)}
     plotting.plot_deformed(part, hit, out / "board_on_spacers_part.png", **arrow)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 import scipy.sparse
 
+import antiosc as ao
 from paths import ROOT
 
 SRC = ROOT / "src"
@@ -158,3 +161,20 @@ def test_docstrings_name_parameters_and_attributes_that_exist():
     text = "Attributes\n----------\na, b : x\n    c\n\nNotes\n-----\nd : e"
     assert documented(text, "Attributes") == ["a", "b"]
     assert stale() == []
+
+
+@pytest.mark.fem
+def test_groups_of_names_are_those_of_the_package():
+    spaces = {name: getattr(ao, name) for name in ("errors", "joints", "laws", "results")}
+    assert ao.laws.Hertz is ao.Hertz
+    assert len(dir(ao)) <= 115
+    for space in spaces.values():
+        assert set(space.__all__) <= set(ao.__all__)
+        assert all(getattr(space, name) is getattr(ao, name) for name in space.__all__)
+        with pytest.raises(AttributeError, match="'Hooke'"):
+            space.Hooke  # noqa: B018
+    classes = {name: one for name in ao.__all__ if inspect.isclass(one := getattr(ao, name))}
+    laws = {name for name, kind in classes.items() if issubclass(kind, ao.ContactLaw)}
+    assert laws <= set(ao.laws.__all__)
+    errors = {name for name, kind in classes.items() if issubclass(kind, Exception)}
+    assert errors == set(ao.errors.__all__)

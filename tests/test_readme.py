@@ -106,7 +106,7 @@ def test_the_scene_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert "Completed" in capsys.readouterr().out
     pushed = sum(landing[f"box:foot{i}", "floor"].impulse for i in range(4))
     gained = landing.bodies["box"].momentum[-1, 2] - landing.bodies["box"].momentum[0, 2]
-    assert gained == pytest.approx(pushed - 0.8 * 9.81 * 8e-3, rel=1e-6)
+    assert gained == pytest.approx(pushed - 0.8 * 9.80665 * 8e-3, rel=1e-6)
     for i in range(4):
         contact = landing[f"box:foot{i}", "floor"]
         assert abs(contact.friction).max() <= 0.3 * contact.peak_force * (1 + 1e-9)

@@ -6,28 +6,25 @@ finite-element packages. Each module is loaded when one of its names is first us
 `__init__.pyi` lists the names.
 """
 
-import ast
 from importlib import import_module
-from pathlib import Path
 from typing import Any
+
+from antiosc.base import lazily
 
 __version__ = "0.1.0"
 
-
-def _listed() -> dict[str, str]:
-    """Public name -> module that holds it, from the stub beside this file."""
-    stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
-    return {alias.name: str(node.module) for node in imports for alias in node.names}
-
-
-_MODULES = _listed()
+_MODULES = lazily.listed(__file__)
 #: Modules that need the finite-element packages, or whose functions do.
 _MESHED = ("antiosc.fem", "antiosc.maps", "antiosc.results", "antiosc.striking", "antiosc_studies")
+#: Modules with names that `dir` leaves out here, but for these common ones.
+_NAMESPACES = ("errors", "joints", "laws", "results")
+_COMMON = {"Bolt", "ElasticPlastic", "Hertz", "Linear", "Tie"}
 __all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
+    if name in _NAMESPACES:
+        return import_module(f"antiosc.{name}")
     if name not in _MODULES:
         raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
     if _MODULES[name].startswith(_MESHED):
@@ -44,4 +41,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    grouped = {name for space in _NAMESPACES for name in __getattr__(space).__all__}
+    return sorted({*__all__, *_NAMESPACES, "__version__"} - (grouped - _COMMON))

@@ -1,6 +1,12 @@
 # The public names and the modules that hold them: the one list of them, for type checkers and for
 # the package itself, which loads a module when one of its names is first used.
 
+from antiosc import (
+    errors as errors,
+    joints as joints,
+    laws as laws,
+    results as results,
+)
 from antiosc.base.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,

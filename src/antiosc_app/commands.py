@@ -7,7 +7,7 @@ import sys
 import traceback
 from argparse import Namespace
 from dataclasses import replace
-from math import pi, sqrt
+from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
 from antiosc.base.texts import engineering
+from antiosc.simulation.bodies import GRAVITY
 from antiosc.simulation.reference import FIRST_STEPS
 from antiosc.simulation.scene import DEFAULT_TOL
 from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
@@ -28,7 +29,6 @@ from antiosc_app.scene_file.document import Table, read
 from antiosc_app.scene_file.scene import STUDIES, Compiled
 from antiosc_app.scene_file.schema import schema
 from antiosc_studies.drops.body import MODES
-from antiosc_studies.drops.drop import GRAVITY
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
@@ -230,8 +230,8 @@ def _of_model(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("extract", {})
     sites = len(scene.document.data.get("sites", {}))
     if "band" in asked:
-        until = asked["band"] / (2 * pi)
-        return [("anti-oscillators", f"as many as needed up to {engineering(until, 'Hz')}")]
+        until = engineering(asked["band"], "Hz")
+        return [("anti-oscillators", f"as many as needed up to {until}")]
     from antiosc.fem.extraction.extract import DEFAULT_COUNT
 
     n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
@@ -264,9 +264,9 @@ def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     except AntioscError as error:
         rows.append(("contact time", f"not forecast: {error}"))
         return rows
-    time = BAND_OVER_PULSE * pi / band
+    time = BAND_OVER_PULSE / (2 * band)
     rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
-    rows.append(("band of the impact", f"up to {engineering(band / (2 * pi), 'Hz')}"))
+    rows.append(("band of the impact", f"up to {engineering(band, 'Hz')}"))
     if "strike" not in scene.document.data:
         step = asked.get("step", time / FIRST_STEPS)
         tol = asked.get("tol", DEFAULT_TOL)

@@ -191,7 +191,7 @@ def equal_stiffness(
     if isinstance(law, Linear):
         return float(law.stiffness)
     if duration is None:  # contact times on a rigid wall
-        duration = CONTACT_TIMES * BAND_OVER_PULSE * np.pi / impact_band(impactor, law)
+        duration = CONTACT_TIMES * BAND_OVER_PULSE / 2 / impact_band(impactor, law)
     hit = simulate(model, impactor, law, duration=duration)
     deepest = float(hit.indentation.max())
     if not hit.peak_force > 0 or not deepest > 0:

@@ -301,7 +301,7 @@ def headline_of_map(found: ImpactMap) -> Headline:
     worst = float(found.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
-        f" {engineering(found.band / (2 * np.pi), 'Hz')}; the mesh's error is not estimated."
+        f" {engineering(found.band, 'Hz')}; the mesh's error is not estimated."
     )
     about = f"{_body(found.impactor)} strikes {_named(found.info.get('structure', 'a part'))}."
     return Headline(about if found.impactor else "Models over a surface", numbers, sentences)

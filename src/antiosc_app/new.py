@@ -507,7 +507,7 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
 
 
 def _band(radius: float) -> float:
-    """Highest circular frequency [rad/s] that the impact of the scene excites, two digits."""
+    """Highest frequency [Hz] that the impact of the scene excites, two digits."""
     ball = Sphere(radius=radius, **STEEL, velocity=1.0)
     return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
 

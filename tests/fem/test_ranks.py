@@ -444,9 +444,9 @@ found = {}
 for name, (mesh, material, supports, sites) in cases.items():
     structure = ao.Structure(mesh, material, supports)
     models = ao.extract(structure, sites, n=20)
-    models += ao.extract(structure, sites, band=1.2 * models[0].omega[0], accuracy=1e-6)
-    band = 1.2 * models[0].omega[0]
-    at = np.linspace(0.05 * band, band, 40) * (1 + 0.01j)
+    top = 1.2 * models[0].omega[0]
+    models += ao.extract(structure, sites, band=top / (2 * np.pi), accuracy=1e-6)
+    at = np.linspace(0.05 * top, top, 40) * (1 + 0.01j)
     found[name] = {
         "fixed": [[m.k0, m.m_st, m.n] for m in models],
         "Z": [np.abs(m.dynamic_stiffness(at)).tolist() for m in models],

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import Field, fields
 from functools import cache, wraps
 from itertools import accumulate
-from math import inf, isfinite
+from math import inf, isfinite, pi
 from numbers import Rational, Real
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar, overload
@@ -96,6 +96,11 @@ def positive(name: str, value: object, unit: str = "") -> float:
     if result <= 0:
         raise InputError(f"{name} must be > 0{_unit_text(unit)}; got {result:g}.")
     return result
+
+
+def band(value: object) -> float:
+    """The top of a band, given in Hz, as a circular frequency [rad/s]."""
+    return 2 * pi * positive("band", value, "Hz")
 
 
 def nonnegative(name: str, value: object, unit: str = "") -> float:

@@ -28,13 +28,14 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
 from antiosc.base.stresses import equivalent
-from antiosc.base.texts import point_text as placed
+from antiosc.base.texts import engineering, point_text as placed
 from antiosc.contact import ContactLaw
 from antiosc.contact.curvature import SHARP
 from antiosc.fem.assembly import MeshedParts, with_parts
@@ -329,7 +330,7 @@ def impact_map(
         Number of free modes; default 20, or as many as reach 1.5 times the band, of a band that is
         not given at most 100.
     band : float, optional
-        Highest circular frequency of interest, rad/s. Default: what the blow excites
+        Highest frequency of interest, Hz. Default: what the blow excites
         (`impact_band`); without a blow, with `modes`, or where 100 modes end below it, as far as
         the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
     accuracy : float
@@ -355,7 +356,7 @@ def impact_map(
     if radius is not None:
         radius = positive("radius", radius, "m")
     if band is not None:
-        band = positive("band", band, "rad/s")
+        band = checks.band(band)
     given = contact is not None and not is_auto(contact)
     if (impactor is None) != (duration is None) or (impactor is None and given):
         raise InputError(
@@ -395,8 +396,8 @@ def impact_map(
     band = WITHIN * float(omega[-1]) if band is None else band
     if band >= omega[-1]:
         raise InputError(
-            f"the band {band:g} rad/s must end below the last of {len(omega)} free modes,"
-            f" {omega[-1]:g} rad/s: ask for more modes."
+            f"the band {_hertz(band)} must end below the last of {len(omega)} free modes,"
+            f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
     models, errors = _reduced(seen, counts, structure.shift, band, accuracy)
     reduced = time.perf_counter()
@@ -420,7 +421,7 @@ def impact_map(
         models=models,
         local_compliance=sites.local,
         radius=None if np.isnan(sites.radii).any() else sites.radii,
-        band=band,
+        band=band / (2 * math.pi),
         error=error,
         direct=direct,
         skipped=found.count - len(sites),
@@ -472,10 +473,14 @@ def _laws(
 
 
 def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
-    """The band of a blow by an impactor that moves."""
+    """The band [rad/s] of a blow by an impactor that moves."""
     if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
         return None
-    return impact_band(impactor, contact)
+    return 2 * math.pi * impact_band(impactor, contact)
+
+
+def _hertz(omega: float) -> str:
+    return engineering(omega / (2 * math.pi), "Hz")
 
 
 def _reduced(
@@ -542,8 +547,8 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
     if left:
         warn(
             f"Z may be off by more than {accuracy:g} at {left} of {len(result)} sites up to "
-            f"{result.band:g} rad/s (at worst {result.error.max():.1e}): raise n or modes, lower "
-            "the band, or extract those sites (see .error).",
+            f"{engineering(result.band, 'Hz')} (at worst {result.error.max():.1e}): raise n or"
+            " modes, lower the band, or extract those sites (see .error).",
             AccuracyWarning,
         )
 
@@ -551,11 +556,12 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
     """Warn of blows that excite what the models of the map do not hold."""
     excited = _excited(impactor, contact)
-    if excited is not None and result.band < excited:
+    if excited is not None and 2 * math.pi * result.band < excited:
         warn(
-            f"the models of the map hold up to {result.band:g} rad/s, the blow excites up to"
-            f" {excited:g}: the anti-oscillators are too few for this contact where the part is"
-            " thin, and forces are too large there; give band=ao.impact_band(impactor, contact).",
+            f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
+            f" up to {_hertz(excited)}: the anti-oscillators are too few for this contact where"
+            " the part is thin, and forces are too large there;"
+            " give band=ao.impact_band(impactor, contact).",
             AccuracyWarning,
         )
 

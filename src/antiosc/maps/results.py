@@ -47,7 +47,7 @@ class ImpactMap(ReprMixin):
         Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
     local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
     radius : (P,) radii of the patches [m], or None for points.
-    error : (P,) bound on |dZ|/|Z| up to `band` [rad/s].
+    error : (P,) bound on |dZ|/|Z| up to `band` [Hz].
     direct : (P,) bool, sites that were extracted separately.
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     names : (P,) the group or part of each site, by its name in `where`; "" without a name.

@@ -28,7 +28,7 @@ from antiosc.models.stretch import Stretch
 
 
 class Band(TypedDict, total=False):
-    """The band of an extraction: its ends [rad/s], and the bound on the error of Z over it."""
+    """The band of an extraction: its ends [Hz], and the bound on the error of Z over it."""
 
     bottom: float
     top: float

@@ -20,6 +20,7 @@ import os
 import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import pi
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -112,6 +113,7 @@ def _check_regular(path: Path) -> None:
         raise InputError(f"there is no model file {path}: it is a folder or a device.")
 
 
+_HERTZ = "Hz"
 #: Arrays of a file -> their unit and meaning.
 _ARRAYS = {
     "m0": ("kg", "residual mass, Article eq. (15)"),
@@ -176,11 +178,22 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
         **{name: _plain(getattr(model, name)) for name in _SCALARS},
         "damping": None if model.damping is None else model.damping.as_dict(),
         "info": model.info.as_dict(),
+        "band_unit": _HERTZ,
     }
     if several:
         header["sites"] = list(model.sites)
         header["columns"] = {name: list(own) for name, own in model.columns.items()}
     write(path, header, arrays)
+
+
+def _info(header: Named) -> ModelInfo:
+    """The facts of a file; its band is in rad/s unless the header says Hz."""
+    given = header.get("info", {})
+    band = given.get("band") if isinstance(given, Mapping) else None
+    if isinstance(band, Mapping) and header.get("band_unit") != _HERTZ:
+        ends = {name: band[name] / (2 * pi) for name in ("bottom", "top") if name in band}
+        given = {**given, "band": {**band, **ends}}
+    return ModelInfo.of(given)
 
 
 def arguments(path: str | os.PathLike[str]) -> Named:
@@ -194,7 +207,7 @@ def arguments(path: str | os.PathLike[str]) -> Named:
             "inertia": _inertia(arrays),
             "stretch": _stretch(arrays, header.get("stretch")),
             "damping": _damping(damping),
-            "info": ModelInfo.of(header.get("info", {})),
+            "info": _info(header),
             "sites": tuple(header.get("sites", ())),
             "columns": dict(header.get("columns", {})),
             **{name: header[name] for name in _SCALARS},

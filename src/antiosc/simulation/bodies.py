@@ -255,7 +255,7 @@ STEEL = {"E": 210e9, "nu": 0.3}
 STEEL_DENSITY = 7850.0
 #: Ice at 0 °C, kg/m³ (handbook value).
 ICE_DENSITY = 917.0
-#: m/s²
+#: Standard gravity, m/s².
 GRAVITY = 9.80665
 
 

@@ -272,8 +272,8 @@ def _free_body_load(body: ModalBody, load: Array) -> Array:
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
 
 
-#: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
-#: T has its first zero there
+#: The band of an impact over the frequency 1/(2T) of its contact time T: a half-sine of length T
+#: has its first zero there.
 BAND_OVER_PULSE = 3.0
 
 
@@ -281,7 +281,7 @@ BAND_OVER_PULSE = 3.0
 def impact_band(
     impactor: LinearBody, contact: AnyLaw = AUTO, struck: LinearBody | None = None
 ) -> float:
-    """The highest circular frequency [rad/s] that an impact excites, about 3 pi/T.
+    """The highest frequency [Hz] that an impact excites, about 3/(2T).
 
     T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
     the structure can have. With "auto" the law is that of a contact with `struck`, a model; None:
@@ -295,11 +295,8 @@ def impact_band(
             "give the band as a number."
         )
     endless = 1e6  # s
-    return (
-        BAND_OVER_PULSE
-        * np.pi
-        / assemble_pair(Impact(Obstacle(), impactor, law, endless)).contact_time_estimate
-    )
+    pulse = assemble_pair(Impact(Obstacle(), impactor, law, endless)).contact_time_estimate
+    return BAND_OVER_PULSE / (2 * pulse)
 
 
 IMPACT = cast("np.dtype[np.void]", np.dtype(march.Impact))

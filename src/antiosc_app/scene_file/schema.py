@@ -285,7 +285,7 @@ CHECKS: dict[str, Check] = {
     **dict.fromkeys(("size", "merge", "radius", "height", "corner_radius"), _of("m")),
     **dict.fromkeys(("max_contacts", "max_steps", "modes"), checks.whole),
     "accuracy": checks.positive,
-    "band": _of("rad/s"),
+    "band": _of("Hz"),
     "damping": lambda _, value: as_damping(value),
     "density": _of("kg/m³"),
     "filter": _among("antiosc_studies.drops.fall:CLASSES"),

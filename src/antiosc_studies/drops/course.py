@@ -13,6 +13,7 @@ from antiosc.base.texts import FieldsRepr
 from antiosc.contact import ContactLaw, ElasticPlastic, Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.results.margin import HertzContact
+from antiosc.simulation.bodies import GRAVITY
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import AXES, Episode, Held, episode
 from antiosc_studies.drops.flight import SIDES, Flight, State
@@ -185,10 +186,6 @@ def _around(points: Array, close: float) -> bool:
     return bool(gaps.max(initial=2 * np.pi if len(points) < 2 else 0.0) <= np.pi + 1e-9)
 
 
-#: Standard gravity, for results in g [m/s^2].
-G = 9.80665
-
-
 @dataclass(frozen=True, eq=False)
 class Impact:
     """One impact: all contacts with less than a period of the slowest mode between them.
@@ -275,7 +272,7 @@ class Peak(FieldsRepr):
     @property
     def g(self) -> float:
         """An acceleration in g."""
-        return self.value / G
+        return self.value / GRAVITY
 
     def __float__(self) -> float:
         return self.value

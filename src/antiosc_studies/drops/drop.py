@@ -22,6 +22,7 @@ from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr, ReprMixin
 from antiosc.models.motion import unit_vector
 from antiosc.simulation.batch import check_executor
+from antiosc.simulation.bodies import GRAVITY
 from antiosc_studies.chance.monte_carlo import made, sample_of
 from antiosc_studies.chance.sample import Quantile, quantile
 from antiosc_studies.drops.bed import bedded
@@ -277,8 +278,6 @@ def _tumble(
     }
 
 
-#: Of the floor [m/s^2].
-GRAVITY = 9.81
 #: Longest first flight [s], and least height [m]: below it there is no flight.
 LONGEST, LEAST_HEIGHT = 1e4, 1e-9
 #: Standard deviations that a draw of an ensemble is meant to lie within.

@@ -68,7 +68,7 @@ class FoundImpact(ReprMixin):
     history : the impact, from the first touch on; its shapes are not known.
     time : (n,) samples [s]; force : (n,) contact force there [N].
     measured, computed : (n', m) signals in their units, in the compared band, at `compared_time`.
-    band : the band that is compared [rad/s].
+    band : the band that is compared [Hz].
     points, explained : (P, 3) sites of the scan [m], and (P,) the share of the signals that the
         best pulse at each explains.
     others : places [m] that explain the signals as well.
@@ -257,7 +257,7 @@ def find_impact(
     modes : int, optional
         Free modes of the model; default 60, or as many as reach 1.5 times `band`.
     band : float, optional
-        Highest circular frequency that is compared [rad/s]; default: where the power of the signals
+        Highest frequency that is compared [Hz]; default: where the power of the signals
         ends, at most the last free frequency over 1.5.
     frequency_error, shape_error : float
         Expected relative errors (standard deviations) of the model: of each natural frequency, and
@@ -293,7 +293,7 @@ def find_impact(
         checks.tolerance(shape_error, "shape_error"),
     )
     if band is not None:
-        band = checks.positive("band", band, "rad/s")
+        band = checks.band(band)
     recording(signals, sensors, rate, noise, band, np.inf)  # refused before the modes
     monitored = prepared(structure, sensors, where, direction, radius, modes, band)
     prepared_at = time.perf_counter()
@@ -423,7 +423,7 @@ def _told(
         start=blow.start, E=blow.E, bars=bars, chi2=best.chi2, rank=rank,
         unknowns=len(limits), status=status, message=message, history=hit, time=t, force=force,
         compared_time=t[::every][: len(data.compared)], measured=data.compared * gain,
-        computed=best.signals * gain, band=data.band, points=model.surface.points,
+        computed=best.signals * gain, band=data.band / (2 * np.pi), points=model.surface.points,
         explained=scanned.explained, others=np.reshape(others, (-1, 3)),
         info={"sites": len(model.surface.points), "modes": len(model.omega)},
     )  # fmt: skip

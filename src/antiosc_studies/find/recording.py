@@ -135,7 +135,7 @@ class Recording:
     ----------
     values : (n, m); dt : sampling interval [s].
     sigma : (m,) standard deviation of the noise of a sample.
-    band : (rad/s) up to which they are compared.
+    band : circular frequency (rad/s) up to which they are compared.
     filter : (n', n) low-pass filter that keeps the noise of a sample and leaves out samples.
     """
 
@@ -190,13 +190,13 @@ def recording(
     size = np.sqrt(np.mean(values**2, axis=0))
     if np.any(size == 0):
         raise InputError(f"the signal of sensor {int(np.argmin(size))} is zero throughout.")
-    nyquist, lowest = np.pi * rate, LINES * 2 * np.pi * rate / len(values)
-    if band is not None and checks.positive("band", band, "rad/s") < lowest:
+    lowest = LINES * rate / len(values)
+    if band is not None and not lowest <= band / (2 * np.pi) <= rate / 2:
         raise InputError(
-            f"band must hold {LINES} periods of the record, {lowest:.4g} rad/s; got {band:g}."
+            f"band must hold {LINES} periods of the record, {lowest:.4g} Hz, and end at half the"
+            f" rate, {rate / 2:.4g} Hz; got {band / (2 * np.pi):.4g} Hz."
         )
-    top = min(most, _band(values, rate)) if band is None else band
-    top = min(top, nyquist)
+    top = min(most, _band(values, rate), np.pi * rate) if band is None else band
     if noise is None:
         sigma = np.maximum(_noise(values, rate, top), LEAST_NOISE * size)
     else:
@@ -207,7 +207,7 @@ def recording(
                 f" {sigma.size}."
             )
         sigma = np.broadcast_to(sigma, (count,))
-    return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / nyquist))
+    return Recording(values, 1 / rate, sigma, top, _low_pass(len(values), top / (np.pi * rate)))
 
 
 def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:

@@ -168,7 +168,7 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])
 def test_bound_across_a_slide(angle, method):
     structure, site = _slide(angle)
-    model = ao.extract(structure, site, method=method, band=2e4)
+    model = ao.extract(structure, site, method=method, band=2e4 / (2 * np.pi))
     omega = np.geomspace(10.0, 2e4, 150) * (1 + 1j * bands.DAMPING)  # the reference knows these
     K, M = (csr(a).toarray() for a in (structure.K, structure.M))
     exact = exact_stiffness(K, M, np.asarray(site.vector), omega)
@@ -182,7 +182,7 @@ Array = NDArray[np.float64]
 
 def _frequencies(model: ao.AntiOscillators) -> NDArray[np.complex128]:
     """Damped frequencies over the band, others than those at which the bound was found."""
-    bottom, top = model.info["band"]["bottom"], model.info["band"]["top"]
+    bottom, top = (2 * np.pi * model.info["band"][end] for end in ("bottom", "top"))
     own = model.omega[(model.omega < top) & (model.omega > bottom)]
     return np.append(own, np.geomspace(bottom, top, 40)) * (1 + 1j * bands.DAMPING)
 
@@ -201,12 +201,12 @@ def _extracted(seed: int) -> tuple[float, float, str]:
     rigid, method, p = seed % 8, METHODS[seed // 8 % 2], 1 + seed // 16 % 4
     K, M, b = loose_bodies(rng, rigid)
     B = more_loads(rng, K, b, p)
-    band = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
+    top = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
     n = int(rng.integers(1, min(8, len(b)))) if rng.integers(2) else None
     sites = {f"s{i}": ao.Site(vector=column) for i, column in enumerate(B.T)}
     with warnings.catch_warnings(action="ignore"):
         structure = ao.Structure.from_matrices(K, M)
-        model = ao.extract(structure, sites, n, method, band=band)
+        model = ao.extract(structure, sites, n, method, band=top / (2 * np.pi))
     kept = model.info["independent"]
     omega = _frequencies(model)
     H, other = exact_receptances(K, M, B[:, kept], omega)
@@ -261,13 +261,14 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
 def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     K, M = loose_chains((80,), held, rng)
     B = np.eye(80)[:, [40, 23][:p]]
-    structure, band = ao.Structure.from_matrices(K, M), 80.0
+    structure, top = ao.Structure.from_matrices(K, M), 80.0
     L = np.linalg.cholesky(B.T @ structure.factorize().solve_block(B))
     ratios = []
     for n in range(5, 26, 3):
         with warnings.catch_warnings(action="ignore", category=ao.AccuracyWarning):
-            model = ao.extract(structure, sites_of(B), n, band=band, accuracy=1e-13)
-        omega = np.linspace(model.info["band"]["bottom"], band, 120) * (1 + 1j * bands.DAMPING)
+            model = ao.extract(structure, sites_of(B), n, band=top / (2 * np.pi), accuracy=1e-13)
+        bottom = 2 * np.pi * model.info["band"]["bottom"]
+        omega = np.linspace(bottom, top, 120) * (1 + 1j * bands.DAMPING)
         H = np.array([B.T @ np.linalg.solve(K - w**2 * M, B) for w in omega])
         error, bound = _error(model, H, L, omega).max(), model.info["band"]["error_bound"]
         if 1e-9 < error < 1e-1:

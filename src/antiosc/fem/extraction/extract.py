@@ -24,6 +24,7 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
+from antiosc.base.texts import engineering
 from antiosc.fem.extraction import (
     SiteShapes,
     inertia_of,
@@ -89,7 +90,7 @@ class ExtractOptions:
     n: int
     method: Method
     tol: float
-    band: float | None
+    band: float | None  # rad/s
     accuracy: float
 
 
@@ -132,15 +133,11 @@ def models_of(
         one = at_one_site(static, kept, options.n) if UNNAMED in each else None
         band: Band | None = None
         if options.band is not None and isinstance(remainder, Reached):
-            band = {
-                "bottom": remainder.bottom,
-                "top": options.band,
-                "error_bound": remainder.error,
-            }
+            band = _band(remainder.bottom, options.band, remainder.error)
         elif options.band is not None and callable(remainder):
             omega = kept.omega if one is None else one.omega
             bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
-            band = {"bottom": lowest, "top": options.band, "error_bound": bound}
+            band = _band(lowest, options.band, bound)
         info = replace(
             _info(structure, known, kept, options),
             band=band,
@@ -331,6 +328,11 @@ def _turned(W: Array, matrix: Array) -> Array:
     return np.asarray(factor @ factor.T)
 
 
+def _band(bottom: float, top: float, bound: float) -> Band:
+    """The record of a band whose ends are given in rad/s."""
+    return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
+
+
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
     """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
     too low."""
@@ -349,18 +351,18 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
         )
     if options.band is None or model.info.band is None:
         return
-    error = model.info.band["error_bound"]
+    error, top = model.info.band["error_bound"], engineering(model.info.band["top"], "Hz")
     if not error <= options.accuracy:
         warn(
-            f"with {model.n} anti-oscillators the error of Z up to {options.band:g} rad/s is at "
-            f"most {error:.1e}, above accuracy = {options.accuracy:g}: raise n or lower the band.",
+            f"with {model.n} anti-oscillators the error of Z up to {top} is at most {error:.1e}, "
+            f"above accuracy = {options.accuracy:g}: raise n or lower the band, which is in Hz.",
             AccuracyWarning,
         )
     elif model.n and options.band < model.omega[0]:
         warn(
-            f"the band ends at {options.band:g} rad/s, below the first antiresonance "
-            f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
-            "and mass; raise the band if the impact is shorter.",
+            f"the band ends at {top}, below the first antiresonance "
+            f"{engineering(model.omega[0] / (2 * np.pi), 'Hz')}: the model consists almost only of "
+            "its static stiffness and mass; raise the band if the impact is shorter.",
             AccuracyWarning,
         )
 
@@ -444,14 +446,13 @@ def extract(
         `accuracy`. At a site of symmetry an uneven mesh gives every mode that the symmetry hides a
         little mass.
     band : float, optional
-        Highest circular frequency of interest, rad/s (see `impact_band`). The number of
-        anti-oscillators is chosen so that the error of Z(ω) up to this frequency is at most
-        `accuracy`.
+        Highest frequency of interest, Hz (see `impact_band`). The number of anti-oscillators is
+        chosen so that the error of Z(ω) up to this frequency is at most `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
         that was reached, including truncation and rounding. Of several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
-        identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [rad/s] on.
+        identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [Hz] on.
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional
@@ -564,7 +565,7 @@ def _checked_options(
         free = on_root(structure.comm, process.free_memory) / structure.comm.size
         process.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
     else:
-        band = positive("band", band, "rad/s")
+        band = checks.band(band)
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
     return ExtractOptions(n, method, tol, band, accuracy)

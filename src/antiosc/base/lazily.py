@@ -1,0 +1,32 @@
+"""Names of a package that are found when they are first used."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def listed(module: str) -> dict[str, str]:
+    """Name -> module that holds it, from the stub beside a module's file."""
+    stub = ast.parse(Path(module).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [
+        node
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom) and node.module != "antiosc"  # its namespaces
+    ]
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """`__all__`, `__getattr__` and `__dir__` of a module of antiosc's names, given by its file."""
+    names = sorted(listed(module))
+
+    def getattr_(name: str) -> Any:
+        if name not in names:
+            raise AttributeError(f"{Path(module).stem} has no name {name!r}")
+        return getattr(import_module("antiosc"), name)
+
+    return names, getattr_, lambda: names

@@ -1,0 +1,16 @@
+# Names of this module, for type checkers and for the module itself.
+
+from antiosc.fem.assembly.pins import (
+    Ball as Ball,
+    Bolt as Bolt,
+    Bushing as Bushing,
+    Equation as Equation,
+    Hinge as Hinge,
+    Mean as Mean,
+    Rigid as Rigid,
+    Slider as Slider,
+    Weld as Weld,
+)
+from antiosc.fem.assembly.tie import (
+    Tie as Tie,
+)

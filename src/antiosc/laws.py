@@ -1,0 +1,5 @@
+"""Contact laws, and what they tell: `antiosc.laws.Hertz`."""
+
+from antiosc.base import lazily
+
+__all__, __getattr__, __dir__ = lazily.namespace(__file__)

@@ -1,0 +1,27 @@
+# Names of this module, for type checkers and for the module itself.
+
+from antiosc.contact.base import (
+    ContactLaw as ContactLaw,
+)
+from antiosc.contact.dent import (
+    Dent as Dent,
+)
+from antiosc.contact.geometry import (
+    ContactStress as ContactStress,
+    contact_stress as contact_stress,
+)
+from antiosc.contact.laws import (
+    ElasticPlastic as ElasticPlastic,
+    Flores as Flores,
+    Gonthier as Gonthier,
+    Hertz as Hertz,
+    HuntCrossley as HuntCrossley,
+    LankaraniNikravesh as LankaraniNikravesh,
+    Linear as Linear,
+    Power as Power,
+    Stronge as Stronge,
+    Tabulated as Tabulated,
+    TanSun as TanSun,
+    Thornton as Thornton,
+    YangSun as YangSun,
+)
