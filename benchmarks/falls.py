@@ -57,7 +57,7 @@ def main(falls: int = 100, first: int = 0) -> dict[str, float]:
         print(
             f"{seed:4} {own:5} {seconds[-1]:6.2f} s, {len(fall.impacts):3} impacts, "
             f"{len(fall.episodes):4} contacts, gain {gains[-1]:.1e}, tol {given['tol']:g}, "
-            f"{fall.status}",
+            f"{fall.message}",
             flush=True,
         )
     found = {

@@ -96,7 +96,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     about = f"{part_text(fall)} falls from {height} onto {floor_text(fall)}."
     impacts = fall.impacts
     if not impacts:
-        return Headline(about, [("impacts", "none")], [f"{fall.status}."])
+        return Headline(about, [("impacts", "none")], [f"{fall.message}."])
     hardest = max(range(len(impacts)), key=lambda k: impacts[k].peak_force)
     one = impacts[hardest]
     numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
@@ -105,7 +105,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
         for name, unit in NUMBERS[:3]
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    return Headline(about, numbers, [*_verdict(fall, worst), f"The fall ended: {fall.status}."])
+    return Headline(about, numbers, [*_verdict(fall, worst), f"The fall ended: {fall.message}."])
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:

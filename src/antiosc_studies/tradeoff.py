@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, cast
 from antiosc.base import checks
 from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin, engineering
+from antiosc.base.texts import Result, engineering
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg import algebra
@@ -102,7 +102,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Tradeoff(ReprMixin):
+class Tradeoff(Result):
     """What `tradeoff` has tried, the cheap members first.
 
     Attributes
@@ -148,6 +148,22 @@ class Tradeoff(ReprMixin):
             if not kept or one.bar < kept[-1].bar:
                 kept.append(one)
         return tuple(kept)
+
+    @property
+    def status(self) -> int:
+        """0 if a member has a bar of at most `tol`, else 1."""
+        return 0 if min(one.bar for one in self.table) <= self.tol else 1
+
+    @property
+    def message(self) -> str:
+        """The least bar beside `tol`."""
+        least = min(one.bar for one in self.table)
+        return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
+
+    def numbers(self) -> dict[str, object]:
+        """The table, status and message: name -> JSON value."""
+        table = [asdict(one) for one in self.table]
+        return {"table": table, "tol": self.tol, "status": self.status, "message": self.message}
 
     def summary(self) -> str:
         """The table as text."""

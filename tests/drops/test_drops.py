@@ -530,7 +530,7 @@ def test_a_heavy_ball_leaves_the_soil_again(radius: float, dents: bool) -> None:
 def test_a_ball_comes_to_rest_on_soil() -> None:
     ball, soil = ao.Sphere(0.05, 30e9, 0.2, 2400.0), ao.soil_cone(0.1, 20e6, 0.3, 1800.0)
     fall = ao.drop(ball, 0.1, floor=ao.Floor(model=soil, restitution=0.5))
-    assert fall.status == "at rest"
+    assert fall.message == "at rest"
     held = fall.episodes[-1].held
     if held:
         pressed = sum(float(one.force[0]) for one in held.values())
@@ -587,12 +587,12 @@ def test_what_no_contact_takes_does_not_keep_a_part_from_rest() -> None:
     for part, moving, friction in ((rod, whirl, 0.3), (ball, along, 0.3), (block(), along, 0.0)):
         floor = ao.Floor(law=law, friction=friction)
         fall = ao.drop(part, 0.02, floor=floor, until=1.0, tol=1e-2, **moving)
-        assert fall.status == "at rest"
+        assert fall.message == "at rest"
         rigid = fall.end.energies(fall.body, G)[0]
         assert rigid > 0.05 * fall.start.energies(fall.body, G)[0]
     floor = ao.Floor(law=law, friction=0.05)
     fall = ao.drop(block(), 0.02, floor=floor, until=0.15, tol=1e-2, **along)
-    assert fall.status != "at rest"  # it still slides, and friction takes that
+    assert fall.message != "at rest"  # it still slides, and friction takes that
 
 
 def test_a_fall_that_does_not_come_to_rest_ends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -638,7 +638,7 @@ def test_a_point_that_has_parted_below_the_floor_is_no_contact() -> None:
 def test_the_ends_of_a_fall() -> None:
     floor = ao.Floor(law=ao.HuntCrossley(1e8, 0.4), friction=0.4)
     fall = ao.drop(block(), 0.05, tilt=(4, 7, 0), floor=floor, tol=1e-2)
-    assert fall.status == "at rest"
+    assert fall.message == "at rest"
     assert abs(fall.end.R[2, 2]) > 0.999  # it lies flat
     assert fall.end.centre[2] == pytest.approx(HALF[2], abs=2e-3)
     _, energies = fall.energy()

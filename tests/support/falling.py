@@ -18,7 +18,7 @@ from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Setting
 
-G = 9.81
+G = 9.80665
 
 HALF = np.array([0.075, 0.035, 0.004])
 CORNERS = HALF * np.array(list(product((-1, 1), repeat=3)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 from math import floor, isfinite, log10
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,43 @@ class ReprMixin:
 
     def _repr_html_(self) -> str:
         return _table(self, self._shown_facts())
+
+
+class Result(ReprMixin):
+    """What a computation returns, as text and as JSON values; it has a status and a message.
+
+    Status 0: completed; the message tells what another one means.
+    """
+
+    status: Any
+    message: Any
+
+    def summary(self) -> str:
+        """What was found, one fact a line, and the message of a status that is not 0."""
+        facts = self._facts()
+        width = max((len(name) for name, _ in facts), default=0)
+        rows = [f"{name:<{width}}  {value}" for name, value in facts]
+        return "\n".join([*rows, *([str(self.message)] if np.any(self.status) else [])])
+
+    def numbers(self) -> dict[str, object]:
+        """Its single results in SI units, status and message: name -> JSON value."""
+        names = [f.name for f in dataclasses.fields(self)]  # type: ignore[arg-type]
+        values = {name: getattr(self, name) for name in names}
+        known = {name: _json(v) for name, v in values.items() if np.ndim(v) == 0}
+        kept = {name: v for name, v in known.items() if isinstance(v, bool | int | float | str)}
+        return {**kept, "status": _json(self.status), "message": self.message}
+
+
+class Completed(Result):
+    """A result that exists if the computation has completed, and else is an error."""
+
+    status = 0
+    message = "Completed."
+
+
+def _json(value: object) -> object:
+    """A number or an array of NumPy as Python's own."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 class FieldsRepr:

@@ -15,7 +15,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin, engineering, point_text, range_text
+from antiosc.base.texts import Completed, engineering, point_text, range_text
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo
@@ -36,7 +36,7 @@ class MapInfo(TypedDict, total=False):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImpactMap(ReprMixin):
+class ImpactMap(Completed):
     """Anti-oscillators and impacts over a surface, on every rank alike.
 
     Attributes

@@ -30,7 +30,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
-from antiosc.base.texts import ReprMixin, engineering, point_text as placed
+from antiosc.base.texts import Completed, engineering, point_text as placed
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
 from antiosc.fem.platform import collective, warn
@@ -234,7 +234,7 @@ PLACES_APART = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PeakField(ReprMixin):
+class PeakField(Completed):
     """The largest value of one quantity at every node of a part.
 
     Attributes

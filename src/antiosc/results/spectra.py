@@ -14,7 +14,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import ReprMixin, engineering, range_text
+from antiosc.base.texts import Completed, ReprMixin, engineering, range_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +37,7 @@ ROUGH, SAMPLED = 0.5, 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ShockSpectrum(ReprMixin):
+class ShockSpectrum(Completed):
     """Extreme responses of oscillators to one signal, in its unit.
 
     Attributes

@@ -5,20 +5,24 @@ Every scene of `simulate_many` is integrated as `simulate` does it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeGuard, TypeVar, cast
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march, plausible, process
 from antiosc.base._types import Array, Index
+from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import Result, range_text
 from antiosc.contact import ContactLaw
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo, info_of
@@ -42,6 +46,9 @@ from antiosc.simulation.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.simulation.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
 from antiosc.simulation.truncation import truncation_warning
 from antiosc.simulation.two_bodies import Impact, ImpactRows, Pair, assemble_pair
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 T = TypeVar("T")
 #: Positional arguments and keywords of a call.
@@ -211,7 +218,7 @@ CHECKED_MODELS = 3  # models of which the worst impact is run again and checked
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Batch(ReprMixin):
+class Batch(Result):
     """Results of many impacts, one entry per scene; see `History` for their meaning.
 
     Attributes
@@ -238,6 +245,35 @@ class Batch(ReprMixin):
 
     def __len__(self) -> int:
         return self.peak_force.size
+
+    def numbers(self) -> dict[str, object]:
+        """Results of all scenes: name -> list of JSON values, None where there is no number."""
+        single = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step")
+        found = {name: getattr(self, name).tolist() for name in (*single, "error", "status")}
+        known = {
+            name: [x if isfinite(x) else None for x in values] for name, values in found.items()
+        }
+        return {**known, "message": list(self.message)}
+
+    def summary(self) -> str:
+        """How many scenes completed, and the range of their peak forces."""
+        done = np.isfinite(self.peak_force)
+        rows = [f"{done.sum()} of {len(self)} scenes have results"]
+        if done.any():
+            low, high = self.peak_force[done].min(), self.peak_force[done].max()
+            rows.append(f"peak force {range_text(low, high, 'N')}")
+        told = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
+        return "\n".join([*rows, *told])
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """Peak force and contact time of all scenes; with `path` the picture is written."""
+        figure, axes = panels(2, 1, (6.4, 4.8), shown=path is None, sharex=True)
+        above, below = axes[:, 0]
+        above.plot(self.peak_force, ".-")
+        above.set_ylabel("peak force (N)")
+        below.plot(1e3 * self.contact_time, ".-")
+        below.set(xlabel="scene", ylabel="contact time (ms)")
+        return figure_or_path(figure, path)
 
 
 @checks.within_range

@@ -15,7 +15,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import InputError
-from antiosc.base.texts import FieldsRepr, ReprMixin
+from antiosc.base.texts import Completed, FieldsRepr, Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +84,7 @@ def _share(name: str, value: float) -> float:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sample(ReprMixin):
+class Sample(Result):
     """The runs of a Monte Carlo study.
 
     Attributes
@@ -100,6 +100,30 @@ class Sample(ReprMixin):
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))
+
+    @property
+    def status(self) -> int:
+        """1 if runs failed, else 0."""
+        return int(bool(self.failed))
+
+    @property
+    def message(self) -> str:
+        """How many runs failed."""
+        return f"{len(self.failed)} of {len(self)} runs failed." if self.failed else "Completed."
+
+    def numbers(self) -> dict[str, object]:
+        """Quantiles of each quantity that some run has: name -> JSON value."""
+        levels = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
+        known = [name for name, found in self.values.items() if np.isfinite(found).any()]
+        return {
+            "runs": len(self),
+            **{
+                name: {text: self.quantile(name, q).value for text, q in levels.items()}
+                for name in known
+            },
+            "status": self.status,
+            "message": self.message,
+        }
 
     def finite(self, quantity: str) -> Array:
         """(k,) the results that are numbers; InputError for an unknown quantity or none."""
@@ -187,7 +211,7 @@ class Sample(ReprMixin):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(ReprMixin):
+class Sensitivity(Completed):
     """First-order indices of the inputs.
 
     Attributes

@@ -239,6 +239,10 @@ class Impacts(tuple[Impact, ...]):
             table[f"{name.replace('_', ' ')} (rad/s)"] = np.linalg.norm(spin, axis=1)
         return table
 
+    def numbers(self) -> dict[str, object]:
+        """The table as JSON values: name with unit -> values of all impacts."""
+        return {name: values.tolist() for name, values in self.columns().items()}
+
     def __str__(self) -> str:
         rows = [
             f"{'':>3} {'time s':>10} {'place m':>26} {'peak N':>10} {'impulse Ns':>10} "

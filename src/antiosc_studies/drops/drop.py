@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from math import hypot, inf, sqrt
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,12 +21,12 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
-from antiosc.base.texts import FieldsRepr, ReprMixin
+from antiosc.base.texts import FieldsRepr, Result
 from antiosc.models.motion import unit_vector
 from antiosc.simulation.batch import check_executor
 from antiosc.simulation.bodies import GRAVITY
 from antiosc_studies.chance.monte_carlo import made, sample_of
-from antiosc_studies.chance.sample import Quantile, quantile
+from antiosc_studies.chance.sample import Quantile, Sample, quantile
 from antiosc_studies.drops.bed import bedded
 from antiosc_studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
 from antiosc_studies.drops.course import MOST_IMPACTS, hung
@@ -32,6 +34,9 @@ from antiosc_studies.drops.fall import Fall, fall_of
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
 from antiosc_studies.drops.lines import with_lines
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Number of faces that an edge and a corner belong to.
 FACES = {"face": 1, "edge": 2, "corner": 3}
@@ -151,7 +156,7 @@ class Tilts(FieldsRepr):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Drops(ReprMixin):
+class Drops(Result):
     """The falls of an ensemble.
 
     Attributes
@@ -174,6 +179,35 @@ class Drops(ReprMixin):
 
     def __len__(self) -> int:
         return len(self.impacts)
+
+    @property
+    def status(self) -> int:
+        """1 if falls failed or do not reach `tol`, else 0."""
+        return int(bool(self.failed) or bool(self.missed.any()))
+
+    @property
+    def message(self) -> str:
+        """How many falls failed, and how many do not reach `tol`."""
+        failed, missed = len(self.failed), int(self.missed.sum())
+        return f"Of {len(self)} falls {failed} failed and {missed} do not reach tol."
+
+    def numbers(self) -> dict[str, object]:
+        """Quantiles of the largest values of the falls: name -> JSON value."""
+        levels = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
+        return {
+            "falls": len(self),
+            **{
+                name: {text: self.quantile(name, q).value for text, q in levels.items()}
+                for name in self.values
+            },
+            "status": self.status,
+            "message": self.message,
+        }
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """The distribution of the largest force of the falls; with `path` it is written."""
+        largest = {"largest force of a fall (N)": self.largest()}
+        return Sample({}, largest, {}).plot(path)
 
     def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
         """(n,) largest value of each fall, or its value in one impact (from 0)."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import Result
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc_studies.drops.body import FreeBody
@@ -93,8 +93,12 @@ class WorstField(PeakField):
     impact: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
+#: `Fall.status` of a fall that has come to no rest.
+UNSETTLED = 2
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Fall(ReprMixin):
+class Fall(Result):
     """A fall from its start to its end: flights and episodes of contact in turn.
 
     Attributes
@@ -105,7 +109,9 @@ class Fall(ReprMixin):
     episodes : the contacts, each linear about its first orientation, on the path of the part.
     flights : the motions between the episodes.
     groups : of each impact the indices of its episodes.
-    status : why the fall ended.
+    status : 0: at rest, or at the end asked for; 1: contact forces do not reach `tol`; 2: not at
+        rest after the most contacts.
+    message : why the fall ended.
     """
 
     body: FreeBody
@@ -115,7 +121,18 @@ class Fall(ReprMixin):
     episodes: list[Episode]
     flights: list[Flight]
     groups: list[list[int]]
-    status: str
+    message: str
+
+    @property
+    def status(self) -> int:
+        if self.message.startswith("not at rest"):
+            return UNSETTLED
+        return 1 if self.missed else 0
+
+    def numbers(self) -> dict[str, object]:
+        """Its impacts, how and when it ended: name -> JSON value."""
+        ended = {"duration": float(self.end.time), "status": self.status, "message": self.message}
+        return {"impacts": self.impacts.numbers(), "peak_force": self.peak_force, **ended}
 
     @cached_property
     def impacts(self) -> Impacts:
@@ -416,7 +433,7 @@ class Fall(ReprMixin):
     def summary(self) -> str:
         """The impacts as a table, and how the fall ended."""
         notes = "".join(f"\n{note}" for note in self.notes)
-        return f"{self.impacts}\n{self.status} at {self.end.time:.4g} s{notes}"
+        return f"{self.impacts}\n{self.message} at {self.end.time:.4g} s{notes}"
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The part as it first hits, its height, the energies and the forces of the impacts."""
@@ -433,7 +450,7 @@ class Fall(ReprMixin):
     def _facts(self) -> list[tuple[str, str]]:
         return [
             ("impacts", f"{len(self.impacts)}, the strongest {self.peak_force:.4g} N"),
-            ("end", f"{self.status} at {self.end.time:.4g} s"),
+            ("end", f"{self.message} at {self.end.time:.4g} s"),
         ]
 
     def warn(self) -> None:
@@ -446,8 +463,8 @@ class Fall(ReprMixin):
                 f"{STIFFENS:g}.",
                 AccuracyWarning,
             )
-        if "not at rest" in self.status:
-            warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
+        if self.status == UNSETTLED:
+            warn(f"the fall is ended {self.message}; give until=.", AccuracyWarning)
         if self.missed:
             tol, most = self.setting.tol, max(one.error for one in self.episodes)
             known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"

@@ -23,7 +23,7 @@ from antiosc.base._types import Array
 from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import Result
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective, warn
@@ -47,7 +47,7 @@ FOUND, UNDETERMINED, UNEXPLAINED = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FoundImpact(ReprMixin):
+class FoundImpact(Result):
     """A blow found from measured signals.
 
     Attributes

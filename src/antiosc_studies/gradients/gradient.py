@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base import checks, march
 from antiosc.base._types import Array
+from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin, value_text
+from antiosc.base.texts import Completed, value_text
 from antiosc.contact import ContactLaw
 from antiosc.simulation.march import engine
 from antiosc_studies.gradients.changes import (
@@ -38,6 +41,9 @@ from antiosc_studies.gradients.of_run import (
     shown_goal,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Relative change of a law's field by which its parameters are derived.
 CHANGE = 1e-6
 #: What a gradient has derivatives by.
@@ -45,7 +51,7 @@ _PARTS = ("bodies", "contacts")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Gradient(ReprMixin):
+class Gradient(Completed):
     """Derivatives of a result; those of one body or contact alone are attributes too.
 
     Attributes
@@ -88,6 +94,35 @@ class Gradient(ReprMixin):
             f"the gradient has no {name}: {why}; take it from bodies[name] or contacts[a, b], which"
             f" have {', '.join(known)}."
         )
+
+    def numbers(self) -> dict[str, object]:
+        """The value and its derivatives: name -> JSON value."""
+        parts = {**self.bodies, **{" - ".join(ends): own for ends, own in self.contacts.items()}}
+        slopes = {
+            name: {key: None if v is None else np.asarray(v).tolist() for key, v in own.items()}
+            for name, own in parts.items()
+        }
+        return {**super().numbers(), "derivatives": slopes}
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """The derivatives by single numbers as bars; with `path` the picture is written.
+
+        Each bar is in the unit of the goal over that of its parameter, on a scale that is
+        logarithmic on both sides of zero.
+        """
+        parts = [*self.contacts.values(), *self.bodies.values()]
+        single = [
+            (n, v) for own in parts for n, v in own.items() if v is not None and not np.ndim(v)
+        ]
+        if not single:
+            raise InputError("the gradient has no derivative by a single number to be drawn.")
+        figure, ((axes,),) = panels(1, 1, (6.4, 1.2 + 0.3 * len(single)), shown=path is None)
+        values = np.array([v for _, v in single], dtype=float)
+        axes.barh(range(len(single)), values, tick_label=[n for n, _ in single])
+        least = np.abs(values[values != 0]).min(initial=np.inf)
+        axes.set_xscale("symlog", linthresh=least if least < np.inf else 1.0)
+        axes.set_xlabel(f"derivative of {self.goal.replace('_', ' ')} (SI units)")
+        return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
         facts = [(self.goal, f"{self.value:.6g}")]

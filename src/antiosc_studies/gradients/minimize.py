@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +15,16 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import Result
 from antiosc.simulation.histories import History
 from antiosc.simulation.scene import simulate
 from antiosc.simulation.two_bodies import Impact, assemble_pair
 from antiosc_studies.gradients.changes import changed
 from antiosc_studies.gradients.goals import GOALS, Sampled
 from antiosc_studies.gradients.of_run import derived
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Change of an input, over its scale, by which the bodies are made anew for a derivative.
 CHANGE = 1e-4
@@ -31,7 +36,7 @@ ARGUMENTS = ("model", "impactor", "contact", "duration")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Optimum(ReprMixin):
+class Optimum(Result):
     """What `minimize` found.
 
     Attributes
@@ -47,6 +52,19 @@ class Optimum(ReprMixin):
     runs: int
     converged: bool
     message: str
+
+    @property
+    def status(self) -> int:
+        """0 if the optimizer reached its tolerance, else 1."""
+        return 0 if self.converged else 1
+
+    def numbers(self) -> dict[str, object]:
+        """The inputs and the goal there: name -> JSON value."""
+        return {**super().numbers(), "x": self.x.tolist()}
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """The run with the inputs that were found, as `History.plot`."""
+        return self.hit.plot(path)
 
 
 def minimize(

@@ -25,7 +25,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.process import one_thread
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import Completed
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import ErrorOption, extract
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -372,7 +372,7 @@ def site_of(model: AntiOscillators) -> Site:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignMap(ReprMixin):
+class DesignMap(Completed):
     """What `design_map` returns.
 
     Attributes

@@ -17,7 +17,7 @@ from antiosc.base._types import Array
 from antiosc.base.charts import figure_or_path, legend, panels
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import Completed
 from antiosc_studies.measured.tables import table
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class ForceHistory(Protocol):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ForceComparison(ReprMixin):
+class ForceComparison(Completed):
     """A measured force beside the computed one.
 
     Attributes

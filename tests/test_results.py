@@ -1,0 +1,80 @@
+"""Results of one family: each has a status, a message, a summary, numbers and a picture."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+FAMILY = {
+    *("Batch", "DesignMap", "Drops", "Fall", "ForceComparison", "FoundImpact", "Gradient"),
+    *("History", "ImpactMap", "Optimum", "PeakField", "Sample", "SceneHistory", "Sensitivity"),
+    "ShockSpectrum",
+}
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.2], omega=[2e3, 7e3])
+BALL, LAW, DURATION = ao.RigidMass(mass=0.2, velocity=1.0), ao.Hertz(1e9), 3e-3
+
+
+def spread():
+    def run(velocity):
+        hit = ao.simulate(MODEL, ao.RigidMass(0.2, velocity), LAW, DURATION)
+        return {"peak_force": hit.peak_force}
+
+    return ao.monte_carlo(run, {"velocity": ao.normal(1.0, 0.05)}, n=60, seed=3)
+
+
+def least():
+    def build(x):
+        return MODEL, ao.RigidMass(float(x[0]), 1.0), LAW, DURATION
+
+    return ao.minimize(build, "peak_force", [0.2], bounds=[(0.1, 0.3)])
+
+
+RESULTS = {
+    "History": lambda: ao.simulate(MODEL, BALL, LAW, DURATION),
+    "Batch": lambda: ao.simulate_many(MODEL, [BALL, ao.RigidMass(0.1, 2.0)], LAW, DURATION),
+    "Sample": spread,
+    "Sensitivity": lambda: spread().sensitivity("peak_force"),
+    "Gradient": lambda: ao.gradient(ao.simulate(MODEL, BALL, LAW, DURATION), "peak_force"),
+    "Optimum": least,
+}
+
+
+@pytest.mark.parametrize("name", sorted(FAMILY))
+def test_results_have_the_same_five_names(name):
+    kind = getattr(ao, name)
+    for member in ("status", "message", "summary", "numbers", "plot"):
+        assert hasattr(kind, member) or member in kind.__dataclass_fields__, member
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_result_is_told_written_and_drawn(name, tmp_path):
+    found = RESULTS[name]()
+    assert not np.any(found.status)
+    numbers = json.loads(json.dumps(found.numbers(), allow_nan=False))
+    assert numbers["status"] == (found.status.tolist() if name == "Batch" else 0)
+    assert numbers["message"]
+    assert found.summary().strip()
+    picture = found.plot(tmp_path / "picture.png")
+    assert picture.stat().st_size > 1000
+
+
+def test_numbers_of_a_sample_are_its_quantiles():
+    found = spread()
+    numbers = found.numbers()
+    assert numbers["peak_force"]["50 %"] == found.quantile("peak_force", 0.5).value
+    assert found.numbers()["runs"] == 60
+
+
+def test_a_sample_with_runs_that_failed_says_so():
+    found = ao.Sample({"v": np.ones(3)}, {"peak_force": np.array([1.0, np.nan, 2.0])}, {1: "no"})
+    assert (found.status, found.message) == (1, "1 of 3 runs failed.")
+
+
+def test_the_slopes_of_a_gradient_are_its_numbers():
+    found = RESULTS["Gradient"]()
+    slopes = found.numbers()["derivatives"]
+    assert any(own.get("velocity") == found.velocity for own in slopes.values())
