@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import log10
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 import antiosc
+from antiosc.base._types import Array
 from antiosc.base.errors import (
     InputError,
     PiecesError,
@@ -73,8 +74,8 @@ class ForeignPart:
     notes: list[str] = field(default_factory=list)
 
 
-def foreign_part(path: Path) -> ForeignPart:
-    """Read or mesh a part.
+def foreign_part(path: Path, free: bool = False) -> ForeignPart:
+    """Read or mesh a part; `free`: a deck without its supports.
 
     Raises
     ------
@@ -84,7 +85,7 @@ def foreign_part(path: Path) -> ForeignPart:
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
-        return _of_deck(path)
+        return _of_deck(path, free)
     with without_warnings():
         return _of_mesh(path)
 
@@ -180,7 +181,7 @@ def _of_way(read: Read) -> list[str]:
 # --- Decks ----------------------------------------------------------------------------------------
 
 
-def _of_deck(path: Path) -> ForeignPart:
+def _of_deck(path: Path, free: bool) -> ForeignPart:
     """The model of a deck in the unit in which its materials are real ones.
 
     One model that can be read says what the others would be.
@@ -190,14 +191,14 @@ def _of_deck(path: Path) -> ForeignPart:
     reason: InputError | None = None
     for unit in UNITS:
         try:
-            structure, read = _model(path, unit)
+            structure, read = _model(path, unit, free)
         except InputError as error:
             reason = reason or error
             continue
         best = _likeliest(structure, unit, "density" in read)
         if best != unit:
             with contextlib.suppress(InputError):
-                structure, read = _model(path, best)
+                structure, read = _model(path, best, free)
         members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
         mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
         return ForeignPart(mesh, read, structure, _of_way(read))
@@ -205,9 +206,9 @@ def _of_deck(path: Path) -> ForeignPart:
     raise reason
 
 
-def _model(path: Path, unit: str) -> tuple[Structure, Read]:
+def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read]:
     """The structure of a deck, and how it was read: with a density, or of one piece if needed."""
-    read: Read = {"unit": unit}
+    read: Read = {"unit": unit, **({"free": True} if free else {})}
     while True:
         try:
             with warnings_to(list[str]().append):
@@ -232,9 +233,9 @@ def _likeliest(structure: Structure, unit: str, of_scene: bool) -> str:
 
     now = UnitSystem.of(unit)
     members = with_parts(structure).members()
-    materials = [vars(m) for member in members for m, _ in member.part.parts]
-    moduli = np.array([own["E"] for own in materials if isinstance(own.get("E"), float)])
-    rho = np.array([own["rho"] for own in materials if isinstance(own.get("rho"), float)])
+    materials = [m for member in members for m, _ in member.part.parts]
+    plain = [layer for m in materials for layer in getattr(m, "layers", [m])]
+    moduli, rho = _numbers(plain, "E", "E1", "E2"), _numbers(plain, "rho")
     extent = max(member.part.mesh.extent() for member in members)
 
     def off(name: str) -> float:
@@ -245,6 +246,12 @@ def _likeliest(structure: Structure, unit: str, of_scene: bool) -> str:
         return total + _outside(np.array([extent * then.length / now.length]), LENGTHS)
 
     return min(UNITS, key=lambda name: round(off(name), 3))
+
+
+def _numbers(materials: Iterable[object], *names: str) -> Array:
+    """The constants of these names that materials have."""
+    found = (getattr(one, name, None) for one in materials for name in names)
+    return np.array([value for value in found if isinstance(value, float)])
 
 
 def _outside(values: Any, between: tuple[float, float]) -> float:

@@ -6,6 +6,7 @@ Family, unit, where the part is held and where it is struck: the scene runs as i
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 from collections.abc import Iterator, Sequence
@@ -27,7 +28,10 @@ from antiosc.simulation.bodies import Sphere
 from antiosc.simulation.two_bodies import impact_band
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc_app.report import rendered
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.outline import Outline, check_size
+from antiosc_app.scene_file.run import results
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
@@ -68,6 +72,8 @@ ON_PLANE = 1e-6
 THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 #: Anti-oscillators of a new scene, by family.
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
+#: Most nodes of a part that is struck for a moment [s] before its scene is written.
+MOST_NODES, MOMENT = 4000, 2e-4
 #: Lowest frequency of a plate of length L that is held at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
 
@@ -89,6 +95,7 @@ class Inspection:
     points, faces, held : nodes (P, 3), corners (F, k), and which nodes are held, to be drawn.
     of_deck : whether supports and materials are those of a deck.
     notes : what was decided while reading, one sentence each.
+    flat : modulus [Pa] and Poisson's ratio of a flat face in place of a surface that is not known.
     """
 
     family: str
@@ -108,6 +115,7 @@ class Inspection:
     held: BoolArray = field(repr=False)
     of_deck: bool = False
     notes: tuple[str, ...] = ()
+    flat: tuple[float, float] | None = None
 
     @property
     def length(self) -> float:
@@ -128,6 +136,14 @@ class Inspection:
             return LARGEST_BALL
         most = BALL_OVER_PATCH[self.of_deck] * self.radius
         return min(LARGEST_BALL, float(f"{most:.1g}"))
+
+    @property
+    def stiffness(self) -> float | None:
+        """Hertz's [N/m^1.5] of the ball on a flat face; None where the surface is known."""
+        if self.flat is None:
+            return None
+        ball = Sphere(radius=self.ball, **STEEL, velocity=1.0)
+        return float(f"{ball.hertz(*self.flat).stiffness:.3g}")
 
     @property
     def duration(self) -> float:
@@ -171,7 +187,10 @@ class Inspection:
         if self.radius is not None:
             rows.append(("patch", f"radius {self.radius:g} m", "[sites.tip] radius"))
         ball = f"steel ball, radius {1e3 * self.ball:g} mm, 1 m/s"
-        return [*rows, ("striker", ball, "[impactor]")]
+        rows.append(("striker", ball, "[impactor]"))
+        if self.flat is not None:
+            rows.append(("contact", "as on a flat face: nothing is known of it", "[contact]"))
+        return rows
 
     def _held(self) -> str:
         """What holds the part, in words."""
@@ -190,8 +209,8 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
     return [f"  {a:<{first}}  {b:<{second}}  {c}" for a, b, c in rows]
 
 
-def inspect_part(path: Path) -> Inspection:
-    """Read or mesh the file of a part and look at it.
+def inspect_part(path: Path, free: bool = False) -> Inspection:
+    """Read or mesh the file of a part and look at it; `free`: a deck without its supports.
 
     Raises
     ------
@@ -199,7 +218,7 @@ def inspect_part(path: Path) -> Inspection:
         It cannot be read or meshed, or is too large to be looked at.
     """
     check_size(path)
-    part = foreign_part(path)
+    part = foreign_part(path, free)
     found = _inspect_mesh(part.mesh, part.read, part.structure)
     return replace(found, notes=tuple(part.notes))
 
@@ -235,6 +254,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     sites: Iterator[tuple[Array, Array, float | None]]
     if family == "Beam":
         sites = _on_lines(x, nodes, held, struck)
+    elif mesh.gdim == 2:
+        sites = _on_rim(x, faces, held)
     else:
         there = _on_faces(x, faces, outer, held, struck, size)
         meshed = "size" in read
@@ -246,9 +267,10 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites)
     point, direction, radius = next(sites)
-    radius = radius if family == "Solid" else None
+    radius = radius if family == "Solid" or mesh.gdim == 2 else None
     if structure is not None:
         point, direction, radius = _movable(structure, (point, direction, radius), sites)
+    flat = _flat(mesh, outer, structure, (point, direction, radius))
     # each node that is not held has three dofs or more
     dofs = 3 * int((~held).sum()) if structure is None else structure.dofs
     count = max(0, min(COUNTS[family], dofs - 1))
@@ -256,8 +278,31 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     return Inspection(
         family, read, low, high, list(mesh.groups), cells, where, plane,
         _rounded(point, size), _rounded(direction), radius, count, x, faces, held,
-        of_deck=structure is not None,
+        of_deck=structure is not None, flat=flat,
     )  # fmt: skip
+
+
+def _flat(
+    mesh: Mesh, outer: Faces, structure: Structure | None, site: tuple[Array, Array, float | None]
+) -> tuple[float, float] | None:
+    """Modulus [Pa] and ratio of a flat face where nothing is known of the surface at a site."""
+    from antiosc.fem.mesh.curvature import curvature
+    from antiosc.fem.site.curvature import material_at
+    from antiosc.fem.site.surface import surface_at
+
+    point, direction, radius = site
+    try:
+        if structure is not None:
+            surface_at(structure, point, direction, radius, lengths=False)
+        elif mesh.tdim > 1:
+            curvature(mesh, outer, point, direction, lengths=False)
+    except InputError:
+        of_deck = None if structure is None else material_at(structure, point, direction.tolist())
+        E, nu = (getattr(of_deck, name, None) for name in ("E", "nu"))
+        if isinstance(E, float) and isinstance(nu, float):
+            return E, nu
+        return STEEL["E"], STEEL["nu"]
+    return None
 
 
 def _outside_hollows(
@@ -442,6 +487,23 @@ def _on_lines(
         yield x[best], -np.eye(3)[2 - axis], None
 
 
+def _on_rim(x: Array, faces: IntArray, held: BoolArray) -> Iterator[tuple[Array, Array, float]]:
+    """Middles of the outer edges of a plane part, from the highest; directions into it."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    owner = np.repeat(np.arange(len(faces)), faces.shape[1])
+    edge, count = np.unique(np.sort(ends), axis=0, return_inverse=True, return_counts=True)[1:]
+    outer = count[edge.ravel()] == 1
+    a, b = x[ends[outer].T]
+    middle, length = (a + b) / 2, np.linalg.norm(b - a, axis=1)
+    across = np.cross([0.0, 0.0, 1.0], b - a) / length[:, None]
+    inward = x[faces[owner[outer]]].mean(axis=1) - middle
+    across *= np.sign(np.einsum("ni,ni->n", across, inward))[:, None]
+    far = _from_supports(x, held, middle)
+    aside = np.abs(middle[:, 0] - x[:, 0].mean())
+    for best in np.lexsort((aside, -np.round(middle[:, 1], 9), -far)):
+        yield middle[best], across[best], float(f"{1.05 * length[best]:.2g}")
+
+
 def _radius(inscribed: float, edge: float, length: float, meshed: bool) -> float:
     """Radius of the patch: within its side, and of the size of the faces of a finished mesh."""
     radius = min(RADIUS * inscribed, LARGEST_RADIUS * length)
@@ -494,7 +556,7 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
         deck=deck,
         closed=ending == ".stl",
         look=found,
-        read=dict.fromkeys(keys) | dict(found.read if found else {}),
+        read=dict.fromkeys((*keys, "free")) | dict(found.read if found else {}),
         family="Solid" if found is None else found.family,
         count=COUNTS["Solid"] if found is None else found.count,
         point=[0.0, 0.0, 0.1] if found is None else found.point,
@@ -548,7 +610,7 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            found = inspect_part(source)
+            found = inspect_part(source, drop)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     sentences += found.sentences(source.name, drop)
@@ -558,6 +620,8 @@ def write_scene(
         with temporary.open("x", encoding="utf-8") as stream:
             stream.write(content)
         try:
+            if len(found.points) <= MOST_NODES:
+                _try(temporary, target.name)
             os.link(temporary, target)  # fails if the target exists; a rename would replace it
         finally:
             temporary.unlink()
@@ -568,6 +632,21 @@ def write_scene(
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
     picture = target.with_suffix(".png")
     return target, sentences + _draw_if_possible(found, picture, drop)
+
+
+def _try(scene: Path, name: str) -> None:
+    """Strike the part for a moment, or drop it once: InputError if that is refused."""
+    calls = compiled(read(scene))
+    for name, own in (("history", {"duration": MOMENT}), ("fall", {"until": 1})):
+        call = getattr(calls, name)
+        if call is not None:
+            setattr(calls, name, replace(call, arguments={**call.arguments, **own}))
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):
+            results(calls, ("structure", "model", "impactor", "contact", "history", "fall"))
+    except AntioscError as error:
+        told = str(error).replace(str(scene), name)
+        raise InputError(f"the part can be read, but not struck as it is: {told}") from None
 
 
 def _absent(target: Path) -> None:

@@ -83,6 +83,7 @@ def read(ask: Request) -> FileMesh:
     deck, owners = _deck(found)
     if ask.model is not None:
         deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
+        deck.free = ask.model.get("free", False)
         builder = ModelBuilder(deck, UnitSystem(*ask.unit), ask.model.get("density"))
         _model(found, deck, owners, builder)
         deck.model = finished(builder)

@@ -206,7 +206,9 @@ class ModelBuilder:
             self.ignored.append(ignored)
 
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
-        """Fix motions (0 to 5) of nodes."""
+        """Fix motions (0 to 5) of nodes, unless the supports of the deck are left out."""
+        if self.deck.free:
+            return
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def hold(self) -> None:

@@ -33,6 +33,7 @@ def _reader(
         deck = found.deck
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")
+            deck.free = options.get("free", False)
             deck.model = model_of(found, UnitSystem(*ask.unit), options.get("density"))
         if not deck.n_elements:
             left = f": it has {listed(deck.left)}" if deck.left else ""

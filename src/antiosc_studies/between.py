@@ -91,10 +91,9 @@ def _other(other: Any, at: object) -> Surface:
 def _surface_of(body: Structure | Body, at: object) -> Surface:
     """The surface of a structure at a place, or of a body."""
     if isinstance(body, Structure):
-        found = surface_at(body, *_place(body, at))
-    else:
-        kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
-        found = checks.instance("part", body, Body, kinds).surface()
+        return surface_at(body, *_place(body, at))
+    kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
+    found = checks.instance("part", body, Body, kinds).surface()
     if found is None:
         raise InputError(
             f"the material and the curvature of {checks.shown(body)} are not known there: give the "

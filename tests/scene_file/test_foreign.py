@@ -180,3 +180,68 @@ def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
     sites = iter([(hollow, down, 1e-3), (flat, down, 1e-3)])
     found = [x.tolist() for x, _, _ in new._outside_hollows(mesh, Faces(mesh, False), sites)]
     assert found == [flat.tolist(), hollow.tolist()]
+
+
+def sheet(path: Path, *, shear: str = "3.+5", plane: bool = False) -> Path:
+    """Plates of 0.3 m and 3 x 3 cells, held at their corners: of four layers in inches (Nastran),
+    or of steel in plane stress (Abaqus, mm)."""
+    rows, cells = [], []
+    for n in range(16):
+        x, y = 300 * (n % 4) / 3, 300 * (n // 4) / 3
+        grid = f"GRID,{n + 1},,{x / 25.4:.5f},{y / 25.4:.5f},0."
+        rows.append(f"{n + 1}, {x}, {y}" if plane else grid)
+        if n % 4 < 3 and n < 12:
+            around = f"{n + 1}, {n + 2}, {n + 6}, {n + 5}"
+            cells.append(f"{n + 1}, {around}" if plane else f"CQUAD4,{n + 1},1,{around}")
+    if plane:
+        lines = ["*NODE", *rows, "*ELEMENT, TYPE=CPS4, ELSET=ALL", *cells]
+        lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "210e3, 0.3", "*DENSITY", "7.85e-9"]
+        lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL", "5."]
+        lines += ["*BOUNDARY", "1, 1, 2", "4, 1, 2"]
+    else:
+        layers = [f"+,1,.1,{angle}.,,1,.1,{angle + 90}.,,+" for angle in (0, 90)]
+        lines = ["BEGIN BULK", f"MAT8,1,2.+7,1.5+6,.3,7.+5,{shear},{shear},1.5-4", *rows, *cells]
+        lines += ["PCOMP,1,,,,,,,,+", *layers, "SPC1,1,123456,1,4,13,16", "ENDDATA"]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_the_layers_of_a_laminate_tell_the_unit_of_its_deck(tmp_path):
+    found = inspect_part(sheet(tmp_path / "a.bdf"))
+    assert found.read == {"unit": "in"}
+    np.testing.assert_allclose(found.high, [0.3, 0.3, 0], atol=1e-6)
+
+
+def test_what_cannot_be_struck_ends_before_its_scene_is_written(tmp_path, capsys):
+    sheet(tmp_path / "a.bdf", shear="1.+15")
+    assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.bdf") == 1
+    assert "wrote" not in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bdf"]
+
+
+def test_a_surface_of_which_nothing_is_known_is_struck_as_a_flat_face(tmp_path):
+    path = sheet(tmp_path / "a.inp", plane=True)
+    found = inspect_part(path)
+    part = 210e9 / (1 - 0.3**2)  # both of steel: half of it; Hertz: 4/3 E* √R
+    expected = 4 / 3 * part / 2 * np.sqrt(found.ball)
+    assert found.stiffness == pytest.approx(expected, rel=1e-3)
+    assert antiosc("new", tmp_path / "a.toml", path) == 0
+    scene = tomllib.loads((tmp_path / "a.toml").read_text())
+    assert scene["contact"] == {"kind": "Hertz", "stiffness": found.stiffness}
+    inside = np.array(found.point) + 1e-3 * np.array(found.direction)
+    assert found.point[1] == 0.3  # on the upper edge, not between the faces
+    assert inside[1] < 0.3
+    part = ao.read_model(path, unit="mm")
+    model = ao.extract(part, ao.Site(found.point[:2], found.direction[:2], found.radius), 4)
+    with pytest.raises(ao.InputError, match="plane part has no surface"):
+        ao.simulate(model, ao.Sphere(0.01, material="steel S235", velocity=1.0), "auto", 1e-4)
+
+
+def test_a_deck_falls_without_its_supports(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm")
+    part = ao.read_model(path, unit="mm", free=True)
+    assert part.rigid_modes.shape[1] == 6
+    mass = part.uniform_inertia(np.array([0, 0, 1.0]))[2::3].sum()
+    assert mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-6)
+    assert antiosc("new", tmp_path / "a.toml", path, "--drop") == 0
+    assert tomllib.loads((tmp_path / "a.toml").read_text())["deck"]["free"] is True

@@ -122,6 +122,8 @@ class Deck:
     wanted: list[str] | None = None
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
     piece: int | None = None
+    #: whether the supports are left out of a model
+    free: bool = False
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
     #: numbers of the first nodes in the file

@@ -18,6 +18,7 @@ second term at each; these and the search over all nodes and times are the cost.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import time
@@ -461,7 +462,9 @@ def _laws(
     lengths = striker is None or 0.0 in striker.curvatures
     for i, (point, direction, radius) in enumerate(sites):
         patch = None if np.isnan(radius) else radius
-        own = surface_at(structure, point, direction, patch, lengths)
+        own = None
+        with contextlib.suppress(InputError):
+            own = surface_at(structure, point, direction, patch, lengths)
         body = PlaneOf(structure, own)
         try:
             laws.append(law_of(AUTO, body, impactor))

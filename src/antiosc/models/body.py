@@ -26,6 +26,9 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import Stretch
 
+#: Key of `ModelInfo.surfaces` for why the surface of a site is not known.
+NOT_KNOWN = "not known"
+
 
 class Band(TypedDict, total=False):
     """The band of an extraction: its ends [Hz], and the bound on the error of Z over it."""
@@ -117,7 +120,7 @@ class ModelInfo(ReprMixin):
     measured : of a model from measured frequency responses, what its bars follow from.
     doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
     surfaces : material and curvature at each site, by name, "" of one without, as `Surface.as_dict`
-        has them: the law of a contact follows from them.
+        has them, or why it is not known: the law of a contact follows from them.
     thickness : the least [m] of its sheets, unless these are held along one line alone, as a
         cantilever is: their theory holds for small deflections.
     cells : of each site, "" without a name: longest edge [m] of the cell there, product of the
@@ -199,7 +202,12 @@ class ModelInfo(ReprMixin):
     @cached_property
     def known_surfaces(self) -> dict[str, Surface]:
         """The surfaces of the sites whose material and curvature are known."""
-        return {name: Surface.of(one) for name, one in (self.surfaces or {}).items()}
+        given = (self.surfaces or {}).items()
+        return {name: Surface.of(one) for name, one in given if NOT_KNOWN not in one}
+
+    def unknown_surface(self, site: str) -> str:
+        """Why nothing is known of the surface of a site; "": it is known, or nobody looked."""
+        return str((self.surfaces or {}).get(site, {}).get(NOT_KNOWN, ""))
 
     def as_dict(self) -> dict[str, object]:
         """What is known, as JSON values."""

@@ -9,7 +9,7 @@ from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
 from antiosc.contact.choice import Choice, choose
 from antiosc.contact.surfaces import Surface
-from antiosc.models.body import Body, checked_body
+from antiosc.models.body import Body, checked_body, info_of
 
 #: What chooses the law.
 AUTO: Literal["auto"] = "auto"
@@ -35,6 +35,12 @@ def _surface(body: object, site: str) -> Surface:
     known = body if isinstance(body, Body) else checked_body("a body in contact", body)
     found = known.surface(site)
     if found is None:
+        reason = info_of(known).unknown_surface(site)
+        if reason:
+            raise InputError(
+                'contact="auto" finds no law, give one as Hertz(stiffness): nothing is known of '
+                f"the surface of the {type(body).__name__}, for {reason}"
+            )
         raise InputError(
             f'contact="auto" needs the material and the curvature of both surfaces, and those of '
             f"the {type(body).__name__} are not known: extract it from a mesh, give the striker "

@@ -11,7 +11,15 @@ from typing import Any
 from mpi4py import MPI
 
 from antiosc.base._types import IntArray
-from antiosc.base.checks import instance, list_of, path as checked_path, positive, shown, whole
+from antiosc.base.checks import (
+    flag,
+    instance,
+    list_of,
+    path as checked_path,
+    positive,
+    shown,
+    whole,
+)
 from antiosc.base.errors import InputError, PiecesError
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
@@ -119,6 +127,7 @@ def read_model(
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
+    free: bool = False,
     root: str | Path | None = None,
     solver: Choice = "auto",
     timeout: float | None = None,
@@ -148,6 +157,8 @@ def read_model(
         Of elements that fall into pieces without a node in common: 1 for the largest, 2 for the
         next; the others are left out likewise. Without it, several pieces are read where each of
         them is held.
+    free
+        Leave the supports of the deck out, as for a fall or an impact in flight.
     root
         Folder of the files that the deck may include; by default that of the deck, or the one above
         it where both are the user's own.
@@ -183,8 +194,8 @@ def read_model(
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
     read = _reader(
-        file, unit, density=density, merge=merge, parts=parts, piece=piece, root=root,
-        timeout=timeout,
+        file, unit, density=density, merge=merge, parts=parts, piece=piece, free=free,
+        root=root, timeout=timeout,
     )  # fmt: skip
     more = list_of("supports", supports, Support, "Support objects")
     added = attachments_of(attached)
@@ -211,7 +222,7 @@ def outline_of_deck(
     Nothing is assembled. `options` are others of `read_model`; those that reading does not need
     are not looked at.
     """
-    needed = ("density", "merge", "parts", "piece", "root", "timeout")
+    needed = ("density", "merge", "parts", "piece", "free", "root", "timeout")
     known = {name: options[name] for name in needed if name in options}
     raws = _reader(checked_path("path", path), unit, **known)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
@@ -229,6 +240,7 @@ def _reader(
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
+    free: bool = False,
     root: str | Path | None = None,
     timeout: float | None = None,
 ) -> Callable[[], dict[str, RawMesh]]:
@@ -244,6 +256,7 @@ def _reader(
         if not named or not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         parts = list(parts)
+    free = flag("free", free)
     if piece is not None:
         piece = whole("piece", piece, least=1)
     if root is not None:
@@ -253,7 +266,7 @@ def _reader(
         root = str(folder)
 
     def work() -> dict[str, RawMesh]:
-        options = {"density": density, "parts": parts, "piece": piece, "root": root}
+        options = {"density": density, "parts": parts, "piece": piece, "root": root, "free": free}
         found: dict[str, RawMesh] = {}
         by_shape = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
         for raw in by_shape.values():

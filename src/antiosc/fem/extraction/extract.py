@@ -53,7 +53,7 @@ from antiosc.fem.platform import collective, on_root
 from antiosc.fem.site import Functional, Site, functionals
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Band, ModelInfo
+from antiosc.models.body import NOT_KNOWN, Band, ModelInfo
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
 
@@ -239,7 +239,7 @@ def _at_one_site(
 def surfaces(
     structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
 ) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of no site.
+    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of matrices.
 
     Without `lengths` for balls alone: see `surface_at`.
     """
@@ -247,11 +247,14 @@ def surfaces(
         return None
     from antiosc.fem.site.surface import surface_at  # given matrices do without meshes
 
-    found = {
-        name: surface_at(structure, one.point, one.direction, one.radius, lengths)
-        for name, one in sites.items()
-    }
-    return {name: one.as_dict() for name, one in found.items() if one is not None} or None
+    found: dict[str, dict[str, object]] = {}
+    for name, one in sites.items():
+        place = one.point, one.direction, one.radius
+        try:
+            found[name] = surface_at(structure, *place, lengths).as_dict()
+        except InputError as error:
+            found[name] = {NOT_KNOWN: str(error)}
+    return found
 
 
 def _at_named_sites(

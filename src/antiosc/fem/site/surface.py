@@ -28,23 +28,26 @@ def surface_at(
     direction: Array | None = None,
     radius: float | None = None,
     lengths: bool = True,
-) -> Surface | None:
+) -> Surface:
     """The surface at a point (3,), struck along a direction (3,) on a patch of this radius [m].
 
-    None where nothing is known of it: matrices, plane parts, materials with directions. Without
-    `lengths` those of lines are infinite: a ball does not need them.
+    Without `lengths` those of lines are infinite: a ball does not need them.
+
+    Raises
+    ------
+    InputError
+        Nothing is known of it: matrices, plane parts, materials with directions, few nodes.
     """
     if point is None:
-        return None
+        raise InputError("the site is no point of a surface.")
     way = None if direction is None else direction.tolist()
-    try:
-        material = material_at(structure, point, way)
-        matter = _matter(material)
-        if matter is None or isinstance(material, Beam):
-            return None if matter is None else _of_bar(material, matter, radius)
-        found = curvature_at(structure, point, way, lengths)
-    except InputError:
-        return None
+    material = material_at(structure, point, way)
+    matter = _matter(material)
+    if matter is None:
+        raise InputError("a plane part has no surface in space.")
+    if isinstance(material, Beam):
+        return _of_bar(material, matter, radius)
+    found = curvature_at(structure, point, way, lengths)
     return placed(found, matter, corner_radius(structure), radius)
 
 

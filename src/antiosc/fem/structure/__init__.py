@@ -342,7 +342,7 @@ def _solver(A: Matrix) -> Solver:
 def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
     """An M-orthonormal basis of the columns, those that others span dropped (Gram–Schmidt)."""
     loads = multiply(M, block)
-    before = np.sqrt(dot(comm, block, loads).diagonal())
+    before = np.sqrt(np.maximum(dot(comm, block, loads).diagonal(), 0.0))  # by round-off below 0
     basis = np.empty(block.shape, order="F")
     products = np.empty(block.shape, order="F")
     count = 0
