@@ -578,7 +578,7 @@ def _signals(probes: Sequence[Probe], ax: Axes) -> None:
 def _fall(found: Results) -> Presentation:
     """A fall, or an ensemble of them; its accelerometers and largest stress."""
     fall, worst, peaks = found.fall, found.worst, found.peaks or {}
-    single, status = hasattr(fall, "summary"), getattr(fall, "status", "")
+    single = hasattr(fall, "flights")
     table = dict(fall.impacts.columns()) if single else _quantiles(fall, QUANTITIES | {"lost": "J"})
     asked = found.compiled.document.data.get("accelerometers", {}) if peaks else {}
     rows = [
@@ -590,7 +590,7 @@ def _fall(found: Results) -> Presentation:
         for name, peak in peaks.items()
     ]
     rows += [] if worst is None else _stress_rows({worst.quantity: worst})
-    numbers: Columns = {"fall": table | {"status": status}}
+    numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
     if single:
@@ -606,7 +606,7 @@ def _fall(found: Results) -> Presentation:
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
-        sections={"Fall": [narrow_table(fall) if single else table, rows, status]},
+        sections={"Fall": [narrow_table(fall) if single else table, rows, fall.message]},
         pictures=pictures,
     )
 

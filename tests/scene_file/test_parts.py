@@ -296,7 +296,7 @@ def test_a_fall_is_that_of_drop(box_folder: Path, capsys: pytest.CaptureFixture[
     assert found["fall"]["peak force (N)"] == pytest.approx([fall.peak_force])
     assert found["accelerometers"]["middle"]["g"] == pytest.approx(peak.g)
     assert found["worst"]["von_mises"] == pytest.approx(fall.worst().values.max())
-    assert found["fall"]["status"] == "1 impacts"
+    assert found["fall"]["message"] == "1 impacts"
     row = next(csv.DictReader((box_folder / "out/fall.csv").read_text().splitlines()))
     assert float(row["place x (m)"]) == pytest.approx(0.12)
     for text in (printed, page):

@@ -94,7 +94,7 @@ class WorstField(PeakField):
 
 
 #: `Fall.status` of a fall that has come to no rest.
-UNSETTLED = 2
+UNSETTLED = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +109,7 @@ class Fall(Result):
     episodes : the contacts, each linear about its first orientation, on the path of the part.
     flights : the motions between the episodes.
     groups : of each impact the indices of its episodes.
-    status : 0: at rest, or at the end asked for; 1: contact forces do not reach `tol`; 2: not at
+    status : 0: at rest, or at the end asked for; 1: contact forces do not reach `tol`; 3: not at
         rest after the most contacts.
     message : why the fall ended.
     """
