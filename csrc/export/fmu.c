@@ -22,7 +22,7 @@
 
 /* ---- the model file ------------------------------------------------------------------------- */
 
-enum { N_COUNTS = 10, TOKEN = 64, CONTACT_INTS = 4, CONTACT_DOUBLES = 7, N_OPTIONS = 6 };
+enum { N_COUNTS = 11, TOKEN = 64, CONTACT_INTS = 4, CONTACT_DOUBLES = 7, N_OPTIONS = 6 };
 #define MAGIC "AOMMODEL"
 #define ENDIAN_MARK 0x01020304
 
@@ -60,11 +60,17 @@ static void fill_contacts(model_file *file, const int32_t *ints, const double **
     file->model.system.contacts = file->contacts;
 }
 
+/* Numbers of the quadratic forces of stretching. */
+static size_t stretch_size(const int32_t *counts) {
+    size_t n = (size_t)counts[8];
+    return n * n * n;
+}
+
 static void fill_model(model_file *file, const int32_t *counts) {
     const double *at = file->doubles;
     const int32_t *ints = file->ints;
     size_t J = (size_t)counts[0], m = (size_t)counts[1], K = (size_t)counts[3];
-    size_t S = (size_t)counts[4], N = (size_t)counts[5];
+    size_t S = (size_t)counts[4], N = (size_t)counts[5], s3 = stretch_size(counts);
     axm_model *model = &file->model;
     const double *o = next(&at, N_OPTIONS);
     model->options = (aom_options){o[0], o[1], o[2], o[3], o[4], INT64_MAX / 4, INT64_MAX / 4, 0};
@@ -73,6 +79,7 @@ static void fill_model(model_file *file, const int32_t *counts) {
                       .n_rows = counts[1],
                       .n_contacts = counts[2],
                       .n_breaks = counts[3],
+                      .n_stretch = counts[8],
                       .stored = o[5]};
     s->omega = next(&at, J);
     s->decay = next(&at, J);
@@ -93,16 +100,19 @@ static void fill_model(model_file *file, const int32_t *counts) {
     model->n_outputs = counts[6];
     model->outputs = (const axm_output_spec *)(ints + CONTACT_INTS * counts[2]);
     fill_contacts(file, ints, &at);
+    s->quadratic = next(&at, s3);
+    s->cubic = next(&at, s3 * (size_t)counts[8]);
 }
 
 /* Number of doubles of a file with these counts, 0 if they are out of range. */
 static size_t doubles_of(const int32_t *counts) {
-    for (int k = 0; k < 8; k++)
-        if (counts[k] < 0 || counts[k] > 10000000)
+    for (int k = 0; k < 9; k++)
+        if (counts[k] < 0 || counts[k] > (k < 8 ? 10000000 : 1000))
             return 0;
     double J = counts[0], m = counts[1], p = counts[2], K = counts[3], S = counts[4], N = counts[5];
     double total = (double)N_OPTIONS + J * (4 + m + K + S + N) + m * (m + K + S) + K * (1 + S) + N +
-                   p * (double)CONTACT_DOUBLES + counts[7];
+                   p * (double)CONTACT_DOUBLES + counts[7] +
+                   (double)stretch_size(counts) * (1.0 + counts[8]);
     return total < 1e9 ? (size_t)total : 0;
 }
 
@@ -138,8 +148,8 @@ static bool read_bytes(model_file *file, const char *at, size_t size) {
     copy_next(&at, file->token, TOKEN);
     file->token[TOKEN - 1] = '\0';
     size_t doubles = doubles_of(counts);
-    if (memcmp(magic, MAGIC, sizeof magic) != 0 || counts[8] != ENDIAN_MARK ||
-        counts[9] != AOM_VERSION || doubles == 0)
+    if (memcmp(magic, MAGIC, sizeof magic) != 0 || counts[9] != ENDIAN_MARK ||
+        counts[10] != AOM_VERSION || doubles == 0)
         return false;
     size_t ints = CONTACT_INTS * (size_t)counts[2] + 2 * (size_t)counts[6];
     if (size - head != ints * sizeof(int32_t) + doubles * sizeof(double))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -350,6 +351,9 @@ def _chain(model: object, ending: str) -> AntiOscillators:
         )
     if model.damping is not None:
         warn(f"the damping of the model is left out of the file {ending}.", AccuracyWarning)
+    if model.stretch is not None:
+        warn(f"second-order forces are left out of the file {ending}.", AccuracyWarning)
+        model = replace(model, stretch=None)
     while model.n and model.m0 <= _SMALLEST * model.m_st:
         model = model.truncated(model.n - 1)  # its mass joins m0
     if model.m0 <= 0:

@@ -313,12 +313,13 @@ def _numbers(name: str, data: RunData) -> str:
     """The numbers as constant arrays, and the model that points to them."""
     arrays = data.arrays()
     needed = [part for part in arrays if part not in ("options", "contacts")]
-    if not data.system.laws:
-        needed.remove("law_parameters")
+    absent = [] if data.system.laws else ["law_parameters"]
+    absent += ["quadratic", "cubic"] if data.system.cubic is None else []
+    needed = [part for part in needed if part not in absent]
     lines = [_array(f"{name}_{part}", arrays[part]) for part in needed]
     specs = ", ".join(f"{{{kind}, {index}}}" for kind, index in data.outputs.tolist())
     lines.append(f"static const axm_output_spec {name}_outputs[] = {{{specs}}};")
-    modes, rows, contacts, breaks, sites, parameters, count, _ = data.counts()
+    modes, rows, contacts, breaks, sites, parameters, count, _, stretch = data.counts()
     at, listed = 0, []
     scales = arrays["contacts"].reshape(contacts, 7)
     for c, values in zip(data.given.contacts, scales, strict=True):
@@ -334,12 +335,13 @@ def _numbers(name: str, data: RunData) -> str:
         f"{name}_{part}"
         for part in ("omega", "decay", "beta", "residual", "breaks", "loads", "offsets")
     )
+    tensors = f", {stretch}, {name}_quadratic, {name}_cubic" if stretch else ""
     options = [*(_number(x) for x in data.options), "INT64_MAX / 4", "INT64_MAX / 4", "0"]
     lines.append(
         f"static const axm_model {name} = {{\n"
         f"    {{{modes}, {rows}, {contacts}, {breaks}, {pointers},\n"
         f"     {f'{name}_contacts' if listed else '0'}, {name}_q, {name}_v,"
-        f" {_number(data.system.given)}, 0}},\n"
+        f" {_number(data.system.given)}, 0{tensors}}},\n"
         f"    {{{', '.join(options)}}},\n"
         f"    {sites}, {name}_site_modes, {name}_site_forces, {name}_site_shifts,\n"
         f"    {parameters}, {name}_parameters, {name}_starts, {count}, {name}_outputs\n}};\n"

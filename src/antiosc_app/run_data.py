@@ -15,13 +15,16 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.contact.base import is_compiled
 from antiosc.models.body import LinearBody
+from antiosc.models.stretch import stretch_of
 from antiosc.simulation.assembly import Assembly, assemble_scene
 from antiosc.simulation.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
+from antiosc.simulation.histories import SceneHistory
 from antiosc.simulation.histories.energy import energy_gain
 from antiosc.simulation.histories.results import inexact_message, open_contacts
 from antiosc.simulation.march.convergence import FINE
 from antiosc.simulation.march.system import Given, System
-from antiosc.simulation.scene import integrate_exact, set_initial_forces
+from antiosc.simulation.reference import Settings
+from antiosc.simulation.scene import integrate, integrate_exact, set_initial_forces
 from antiosc.simulation.scene_parts import SceneParts
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
@@ -88,12 +91,14 @@ class RunData:
         return self.system.packed
 
     def counts(self) -> list[int]:
-        """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, law parameters."""
+        """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, law parameters, and
+        of rows that stretch."""
         laws = [law.n_params for law, _ in self.given.laws]
         m, size = self.system.beta.shape
         return [
             size, m, len(laws), self.system.breaks.size, len(self.site_modes),
             len(self.parameter_variables), len(self.outputs), sum(laws),
+            0 if self.system.cubic is None else len(self.system.cubic),
         ]  # fmt: skip
 
     def integers(self) -> NDArray[np.int32]:
@@ -122,6 +127,8 @@ class RunData:
             "site_forces": self.site_forces, "site_shifts": self.site_shifts,
             "parameters": [each.start for each in self.parameter_variables],
             "starts": self.starts, "contacts": contacts, "law_parameters": values,
+            "quadratic": () if s.quadratic is None else s.quadratic,
+            "cubic": () if s.cubic is None else s.cubic,
         }  # fmt: skip
         return {name: np.ravel(np.asarray(part, dtype=float)) for name, part in parts.items()}
 
@@ -158,6 +165,11 @@ def of_model(model: LinearBody) -> RunData:
     _refuse_coupled({"model": body})
     if isinstance(model, Obstacle) or not body.B.size:
         raise InputError("an obstacle, or a model without a site, has no motion to export.")
+    if stretch_of(model) is not None:
+        raise InputError(
+            "a model alone is linear in an exported file, and this one stretches: export its"
+            " impact, or extract it with stretch=False."
+        )
     count = body.B.shape[1]
     names = _column_names(body)
     system = _body_system(body)
@@ -177,12 +189,10 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    first = CONTACT_TIMES * assemble_scene(scene, 1.0).contact_time_estimate
+    first = CONTACT_TIMES * assemble_scene(scene, 1.0, stretch=True).contact_time_estimate
     spans = [first * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
-        assembly = assemble_scene(scene, span)
-        _refuse_coupled(assembly.bodies)
-        set_initial_forces(assembly)
+        assembly = _assembled(scene, span, tol)
         found, _ = integrate_exact(assembly, span, tol, None, *_MAX)
         if not plain or not open_contacts(found.run, assembly.system):  # scenes may come to rest
             break
@@ -207,6 +217,17 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
         shift[:, columns].copy(), np.concatenate((contacts, sites)),
         contact_variables + site_variables, [], starts, parameters,
     )  # fmt: skip
+
+
+def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
+    """The scene for a run of `span` seconds, with the second-order forces that `simulate` takes."""
+    assembly = assemble_scene(scene, span, stretch=True)
+    _refuse_coupled(assembly.bodies)
+    set_initial_forces(assembly)
+    if all(stretch_of(body.body) is None for body in assembly.bodies.values()):
+        return assembly
+    history, _ = integrate(SceneHistory, assembly, span, Settings(tol))
+    return history.assembly
 
 
 def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import stretched
 from antiosc import closed_form
 from antiosc.base import march
 from fmus import ERROR, OK, Fmu
@@ -268,6 +269,23 @@ def test_a_port_answers_a_constant_force_as_its_modes_do(model, tmp_path, fmi):
     assert rows[-1] == pytest.approx([moved, speed], rel=1e-10)
 
 
+@VERSIONS
+def test_a_sheet_that_stretches_goes_with_its_tensors(tmp_path, fmi):
+    sheet = stretched.model(3)
+    ball, law, end = ao.RigidMass(0.3, velocity=1.0), ao.Power(5e8, 1.5), 4e-3
+    ao.export(tmp_path / "sheet.fmu", sheet, ball, law, duration=end, tol=1e-9, fmi=fmi)
+    run = Fmu(tmp_path / "sheet.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    names = ["peak_force", "impulse", "displacement"]
+    found = run.run(end, 7, names)[-1]
+    hit = ao.simulate(sheet, ball, law, end, tol=1e-9)
+    assert found == pytest.approx([hit.peak_force, hit.impulse, hit.displacement[-1]], rel=1e-9)
+    linear = ao.simulate(replace(sheet, stretch=None), ball, law, end)
+    assert abs(hit.peak_force / linear.peak_force - 1) > 0.05
+    with pytest.raises(ao.InputError, match="a model alone is linear"):
+        ao.export(tmp_path / "port.fmu", sheet)
+
+
 def test_a_scene_of_several_contacts(model, tmp_path):
     scene = ao.Scene(
         {"strip": model, "ball": BALL, "stop": ao.Obstacle()},
@@ -293,7 +311,9 @@ def test_a_scene_of_several_contacts(model, tmp_path):
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 @pytest.mark.slow
 @pytest.mark.parametrize("law", [LAW, YIELDS])
-def test_the_c_file_is_the_same_run(model, tmp_path, law):
+@pytest.mark.parametrize("stretches", [False, True])
+def test_the_c_file_is_the_same_run(model, tmp_path, law, stretches):
+    model = stretched.model(3) if stretches else model
     ao.export(tmp_path / "blow.c", model, BALL, law, duration=DURATION, tol=1e-6)
     ao.export(tmp_path / "blow.fmu", model, BALL, law, duration=DURATION, tol=1e-6)
     strict = ["-std=c99", "-O1", "-Wall", "-Werror"]
