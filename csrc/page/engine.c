@@ -56,19 +56,20 @@ static void *copied(const void *old, size_t bytes, size_t room) {
 }
 
 /* Room for four times the nodes, and the states of all steps. */
-static bool enlarge(aom_record *r, int J) {
+static bool enlarge(aom_record *r) {
     int64_t nodes = r->max_nodes ? 4 * r->max_nodes : 1024;
+    int J = posed.n_modes;
     size_t one = sizeof(double), state = 2 * one * (size_t)J, event = sizeof(aom_event);
-    size_t room = (size_t)nodes * one, held = (size_t)r->n_nodes * one;
-    if (8.0 * (double)nodes * (7.0 + (double)J) > MOST_BYTES)
+    size_t room = (size_t)nodes * one, held = (size_t)r->n_nodes * one, m = (size_t)posed.n_rows;
+    if (8.0 * (double)nodes * (5.0 + 2.0 * (double)m + (double)J) > MOST_BYTES)
         return false;
     r->max_nodes = nodes;
     r->max_states = nodes / 2 + 1;
     r->max_events = nodes + 2;
     r->every = r->every ? r->every : 1;
     r->time = copied(r->time, held, room);
-    r->force = copied(r->force, held, room);
-    r->depth = copied(r->depth, held, room);
+    r->force = copied(r->force, m * held, m * room);
+    r->depth = copied(r->depth, m * held, m * room);
     r->states = copied(r->states, (size_t)r->n_states * state, (size_t)(nodes / 2 + 2) * state);
     r->events = copied(r->events, (size_t)r->n_events * event, (size_t)(nodes + 2) * event);
     return r->time && r->force && r->depth && r->states && r->events;
@@ -92,7 +93,7 @@ static int solve(double duration, double rel_tol, double lasting, double max_ste
     __builtin_memset(records, 0, sizeof records);
     do {
         answer = aom_solve(stepper, &posed, &options, &solution, records, INT64_MAX);
-        if (answer == AOM_FULL && !enlarge(records + solution.present, posed.n_modes))
+        if (answer == AOM_FULL && !enlarge(records + solution.present))
             return AOM_TOO_MANY_STEPS;
     } while (answer == AOM_FULL || answer == AOM_PAUSED);
     return answer > AOM_LAW_FAILED ? answer : solution.answer;
@@ -121,25 +122,31 @@ EXPORT(page_sources) const char *page_sources(void) {
     return aom_source_hash();
 }
 
-/* Simulate an impact. Arrays of n_modes: omega, decay, beta, load, v; mobility [1/kg] of both bodies
- * (`ModalBody.mobility`). Returns the address of `found`. The answer is an aom_status. */
+/* Simulate an impact. Arrays of n_modes: omega, decay, load, v, and each row of beta, first that of
+ * the contact; mobility [1/kg] of both bodies (`ModalBody.mobility`). Other rows stretch, by the
+ * tensors. Returns the address of `found`, whose forces are those of all rows at each node. The
+ * answer is an aom_status. */
 EXPORT(page_strike)
 double *page_strike(int n_modes, const double *omega, const double *decay, const double *beta,
                     const double *load, const double *v, double residual, double gap, int kind,
                     int n_params, const double *params, double mobility, double duration,
-                    double rel_tol, double max_steps) {
-    double *few = page_take(3 * sizeof *few), *q = page_take((size_t)n_modes * sizeof *q);
+                    double rel_tol, double max_steps, int n_stretch, const double *quadratic,
+                    const double *cubic) {
+    size_t m = 1 + (size_t)n_stretch, numbers = m * m + m + 1;
+    double *few = page_take(numbers * sizeof *few), *q = page_take((size_t)n_modes * sizeof *q);
     __builtin_memset(&found, 0, sizeof found);
     __builtin_memset(q, 0, (size_t)n_modes * sizeof *q);
     found.restitution = NAN;
-    few[0] = residual, few[1] = 0.0, few[2] = gap;
+    __builtin_memset(few, 0, numbers * sizeof *few);
+    few[0] = residual, few[m * m] = gap;
     aom_impact given = {.n_modes = n_modes, .beta = beta, .load = load, .v = v, .gap = gap,
                         .law = {kind, n_params, params, NULL}, .duration = duration};
     given.mass = mobility > 0.0 ? 1.0 / mobility : 1.0;
     contact = (aom_contact){.law = given.law, .first_tangential = 1, .mass = given.mass};
-    posed = (aom_system){.n_modes = n_modes, .n_rows = 1, .n_contacts = 1, .n_breaks = 1,
+    posed = (aom_system){.n_modes = n_modes, .n_rows = (int)m, .n_contacts = 1, .n_breaks = 1,
+                         .n_stretch = n_stretch, .quadratic = quadratic, .cubic = cubic,
                          .omega = omega, .decay = decay, .beta = beta, .residual = few,
-                         .breaks = few + 1, .loads = load, .offsets = few + 2,
+                         .breaks = few + numbers - 1, .loads = load, .offsets = few + m * m,
                          .contacts = &contact, .q = q, .v = v};
     found.answer = aom_law_check(&contact.law);
     if (found.answer != AOM_DONE)
@@ -166,13 +173,14 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
     return &found.answer;
 }
 
-/* q of the last impact at a time [s], and its force behind them, into out [2 n_modes + 1]. */
+/* q of the last impact at a time [s], v, and the forces of its rows, into out [2 n_modes + 2 rows];
+ * what is behind them is of no use. */
 EXPORT(page_state) void page_state(double t, double *out) {
     const aom_record *best = records + (solution.best > 0 ? solution.best : 0);
     int64_t k = step_from(best, t), steps = best->n_nodes / 2;
-    double depth;
+    double *force = out + 2 * (ptrdiff_t)posed.n_modes;
     if (k > 0 && (k >= steps || best->time[2 * k] > t))
         k--;
     t = within(t - best->time[2 * k], 0.0, best->time[2 * k + 2] - best->time[2 * k]);
-    aom_state_at(&posed, best, k, t, out, out + 2 * posed.n_modes, &depth);
+    aom_state_at(&posed, best, k, t, out, force, force + posed.n_rows);
 }

@@ -114,16 +114,16 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     """The impact for the page; None for one that the page cannot repeat.
 
     It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
-    start, under loads that do not change, without dampers that couple modes, of parts that do not
-    stretch. `bars`: its error budget, or empty.
+    start, under loads that do not change, without dampers that couple modes, of strikers that do
+    not stretch. `bars`: its error budget, or empty.
     """
     if not isinstance(hit, History) or isinstance(hit, SceneHistory):
         return None
     system, law = hit.assembly.system, hit.assembly.laws[0]
     if not is_compiled(law) or system.breaks.size > 1 or system.pressed.any():
         return None
-    # the page has modes that decay each for itself, and linear ones
-    if system.first is not None or system.cubic is not None:
+    # the page has modes that decay each for itself, and strikers that are linear
+    if system.first is not None or "impactor" in hit.assembly.stretched:
         return None
     body, striker = hit.assembly.bodies["structure"], hit.assembly.bodies["impactor"]
     if not isinstance(body.modes, ModalBody) or not isinstance(striker.modes, ModalBody):
@@ -136,7 +136,7 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         "ratio": _ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
-        "body": modal_data(body.modes, body.start, loads[0], local),
+        "body": {**modal_data(body.modes, body.start, loads[0], local), "stretch": _stretch(hit)},
         "bars": _bars(hit, bars, local),
         "computed": _computed(hit),
     }
@@ -193,6 +193,21 @@ def modal_data(
     }
 
 
+def _stretch(hit: History) -> Data | None:
+    """The rows of the part that stretch, its modes as rows, and the tensors; None: it is linear."""
+    taken, system = hit.assembly.stretched.get("structure"), hit.assembly.system
+    if taken is None:
+        return None
+    assert system.quadratic is not None
+    assert system.cubic is not None
+    return {
+        "rows": system.beta[-taken.size :, hit.assembly.spans["structure"]].ravel(),
+        "modes": taken.modes.T.ravel(),
+        "quadratic": system.quadratic.ravel(),
+        "cubic": system.cubic.ravel(),
+    }
+
+
 def _ratio(model: LinearBody) -> float | None:
     """The damping ratio of all modes, where the damping is just that; None of another damping."""
     damping = getattr(model, "damping", None)
@@ -215,7 +230,8 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         return {"shares": {}, "variants": {}, "word": ""}
     model, variants = hit.model, {}
     moving = hit.assembly.bodies["structure"].start.any()
-    if shares and not moving and getattr(model, "strain_error", None) is not None:
+    linear = not hit.assembly.stretched
+    if shares and linear and not moving and getattr(model, "strain_error", None) is not None:
         bodies = {"mesh": model.corrected(), "truncation": softest_model(model)}
         variants = {cause: modal_data(one.modal(), local=local) for cause, one in bodies.items()}
     return {"shares": shares, "variants": variants, "word": "numerical " if budget.law else ""}

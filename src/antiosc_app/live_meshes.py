@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
@@ -25,6 +26,7 @@ from antiosc.maps.results import ImpactMap, hardest
 from antiosc.models.body import checked_body
 from antiosc.results.fields import shapes_of
 from antiosc.results.pictures import MAP_QUANTITIES, outer_faces
+from antiosc.results.second_order import tensors_at_nodes
 from antiosc.simulation.histories import History
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
@@ -42,13 +44,11 @@ BEAM = 0.012
 
 def of_structure(structure: Structure, hit: History) -> Data | None:
     """Surface and fields for the page, the same on all ranks; None of a part without a surface."""
-    if hit.assembly.stretched:  # the page has the linear motion alone
-        return None
     try:
         shapes = shapes_of(structure, hit, "structure")
         points, cells, moved = source(structure).at_nodes(structure, shapes)
         skin = surface(points, cells)
-        stress = _stress(structure, shapes)
+        stress = _stress(structure, hit, shapes)
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
     skin, moved, stress = structure.comm.bcast((skin, moved, stress), root=0)
@@ -139,7 +139,7 @@ def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
 
 
-def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
+def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
     """Stresses (N, 6, columns) at all nodes on rank 0; None: unknown.
 
     Of sheets on both sides, of beams at each point of the outlines.
@@ -147,8 +147,8 @@ def _stress(structure: Structure, shapes: Array) -> list[Array] | None:
     found = []
     for side in sides(structure):
         try:
-            points, _, tensors = source(structure).tensors_at_nodes(
-                structure, shapes, "stress", [side]
+            points, _, tensors = tensors_at_nodes(
+                structure, hit, "structure", shapes, "stress", [side]
             )
         except InputError:  # a beam, whose section has no outline
             return None
@@ -171,18 +171,26 @@ def _averages(tensors: NodeTensors, n: int) -> list[Array]:
 
 
 def _coordinates(hit: History, times: Array) -> Array:
-    """Modal displacements of the structure, and the force of the contact (n, J + 1)."""
+    """Modal displacements of the structure and the force of the contact (n, J + 1).
+
+    Of a part that stretches the amplitudes of pairs of its modes follow.
+    """
     q, _ = hit.states(times)
-    own = hit.assembly.spans["structure"]
-    return np.column_stack([q[:, own], hit.force_at(times)])
+    q = q[:, hit.assembly.spans["structure"]]
+    forces = hit.assembly.stretched.get("structure")
+    pairs = [] if forces is None else [forces.pairs(q @ forces.modes)]
+    return np.column_stack([q, hit.force_at(times), *pairs])
 
 
 def _by_coordinates(hit: History) -> Array:
-    """Factors (B, J + 1) of the shapes by modal displacements and force."""
+    """Factors (B, J + 1) of the shapes by modal displacements and force, and those of pairs."""
     _, own = hit.of("structure")
     size = own.omega.size
     q, force = np.eye(size + 1)[:, :size], np.eye(size + 1)[:, size]
-    return np.asarray(own.amplitudes(own.coordinates(q, force))).T
+    factors = np.asarray(own.amplitudes(own.coordinates(q, force))).T
+    forces = hit.assembly.stretched.get("structure")
+    count = 0 if forces is None else forces.size * (forces.size + 1) // 2
+    return block_diag(factors, np.eye(count))
 
 
 def _held(moved: Array) -> BoolArray:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import stretched
 from antiosc.base import march
 from antiosc.base.texts import engineering
 from antiosc_app import live as assets
@@ -74,6 +75,7 @@ def same(found, hit, rel=1e-9):
         (replace(MODEL, local_compliance=2e-8), STRIKER, YIELDS, {}),
         (FREE, ao.Obstacle(), LAW, {"initial_velocity": 1.0}),
         (MODEL, ao.Impactor(FREE, 1.5), ao.Power(1e8, 1.3), {}),
+        (stretched.model(3), STRIKER, ao.Power(5e8, 1.5), {}),
         (MODEL, STRIKER, ao.Tabulated([0, 1e-5, 1e-4, 1e-3], [0, 50, 1e3, 5e4]), {}),
     ],
 )
@@ -115,6 +117,15 @@ def test_sliders_pose_what_simulate_poses():
         law = ao.Hertz(given.get("stiffness", 1e9))
         damped = replace(model, damping=ao.Damping(given.get("damping", 0.0)))
         same(found, ao.simulate(damped, striker, law, 3e-3, gap=given.get("gap"), tol=1e-6))
+
+
+@node
+def test_sliders_pose_a_part_that_stretches():
+    model, law = stretched.model(3), ao.Power(5e8, 1.5)
+    hit = ao.simulate(model, STRIKER, law, 3e-3)
+    (found,) = on_the_page(hit, [{"mass": 0.3, "speed": 1.0}])
+    other = ao.simulate(model, ao.RigidMass(0.3, 1.0), law, 3e-3, tol=1e-6)
+    same(found, other, rel=1e-6)  # the modes are in other axes
 
 
 def test_the_engine_is_built_of_these_sources():

@@ -74,3 +74,26 @@ def test_the_page_has_the_stress_of_peak_field(family):
     assert worst["value"] == pytest.approx(peak.largest(1)[0][0], rel=0.05)
     held = np.asarray(data["held"])
     assert 0 < held.sum() < count
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_page_has_the_membrane_stress_of_a_sheet_that_stretches():
+    """Its fields are those of the run: motion and stress, from modes, force and pairs of modes."""
+    sheet = ao.Shell(**ALUMINIUM, thickness=1e-3)
+    rim = ao.Support(lambda x: np.isclose(x[0] * (0.2 - x[0]) * x[1] * (0.1 - x[1]), 0))
+    part = ao.Structure(parts.plate((8, 4), (0.2, 0.1)), sheet, [rim])
+    model = ao.extract(part, ao.Site((0.1, 0.05, 0), (0, 0, 1), radius=0.01), n=10, stretch=4)
+    hit = ao.simulate(model, ao.RigidMass(0.2, 2.0), ao.Hertz(1e7), 4e-3)
+    data = live_data.data_of_history(hit, part, {})["part"]
+    peak = ao.peak_field(part, hit).largest(1)[0][0]
+    assert data["worst"]["value"] == pytest.approx(peak, rel=0.05)
+    t = 1e-3
+    taken = hit.assembly.stretched["structure"]
+    q = hit.states([t])[0][0, hit.assembly.spans["structure"]]
+    x = np.concatenate([q, hit.force_at([t]), taken.pairs((q @ taken.modes)[None])[0]])
+    motion = data["motion"]
+    amplitudes = motion["scale"] * (motion["factors"].reshape(len(motion["scale"]), -1) @ x)
+    shown = (amplitudes @ motion["fields"].reshape(len(amplitudes), -1)).reshape(-1, 3)
+    found = np.linalg.norm(shown, axis=1).max()
+    moved = np.linalg.norm(hit.field(t).reshape(-1, 6)[:, :3], axis=1).max()
+    assert found == pytest.approx(moved, rel=0.02)

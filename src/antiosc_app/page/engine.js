@@ -26,16 +26,17 @@ class Engine {
 
   // The numbers of an impact, and its nodes: time, force.
   strike(posed, duration, tol) {
-    const wasm = this.wasm, n = posed.omega.length;
+    const wasm = this.wasm, n = posed.omega.length, m = posed.beta.length / n;
     wasm.page_clear();
     const arrays = ["omega", "decay", "beta", "load", "v"].map((name) => this.given(posed[name]));
     const at = wasm.page_strike(n, ...arrays, posed.residual, posed.gap, posed.kind,
-      posed.params.length, this.given(posed.params), posed.mobility, duration, tol, MOST_STEPS);
+      posed.params.length, this.given(posed.params), posed.mobility, duration, tol, MOST_STEPS,
+      m - 1, this.given(posed.quadratic), this.given(posed.cubic));
     const read = this.view(at, NUMBERS.length), hit = { posed, duration, modes: n };
     NUMBERS.forEach((name, i) => { hit[name] = read[i]; });
     hit.time = this.view(hit.time, hit.n_nodes).slice();
-    hit.force = this.view(hit.force, hit.n_nodes).slice();
-    this.out = wasm.page_take(8 * (2 * n + 1));
+    hit.force = this.view(hit.force, m * hit.n_nodes).filter((_, i) => i % m === 0);
+    this.out = wasm.page_take(8 * 2 * (n + m));
     return hit;
   }
 
@@ -48,7 +49,7 @@ class Engine {
 }
 
 // A system for the engine: the free modes of the struck body beside those of the striker.
-// body: omega, decay, b, load, v, r, mobility, a law of its own or none; blow: striker (as a body), law, gap, mass, speed;
+// body: omega, decay, b, load, v, r, mobility, a law of its own or none, stretch or none; blow: striker (as a body), law, gap, mass, speed;
 // set: mass, speed, stiffness, gap, damping.
 function pose(body, blow, set) {
   const striker = blow.striker, faster = blow.speed ? set.speed / blow.speed : 1;
@@ -56,19 +57,32 @@ function pose(body, blow, set) {
   const both = (name, change) => Float64Array.from([...body[name], ...striker[name].map(change)]);
   const same = (x) => x, omega = both("omega", same), law = body.law || blow.law;
   const k = set.stiffness === null ? null : set.stiffness * (law.params[0] / blow.law.params[0]);
-  const decay = both("decay", same);
+  const decay = both("decay", same), n = omega.length, own = body.omega.length;
+  const stretch = body.stretch || { rows: [], modes: [], quadratic: [], cubic: [] };
+  const beta = new Float64Array(n * (1 + stretch.rows.length / own)); // the striker does not stretch
+  beta.set(both("b", (x) => x / heavier).map((x) => -x));
+  stretch.rows.forEach((x, i) => { beta[n * (1 + Math.floor(i / own)) + i % own] = x; });
   for (let j = 0; j < body.omega.length; j++) {
     decay[j] = blow.ratio === null ? decay[j] + set.damping * omega[j] : set.damping * omega[j];
   }
   return {
-    omega, decay, gap: set.gap,
-    beta: both("b", (x) => x / heavier).map((x) => -x),
+    omega, decay, beta, gap: set.gap, quadratic: stretch.quadratic, cubic: stretch.cubic,
     load: both("load", (x) => x * heavier),
     v: both("v", (x) => x * heavier).map((x) => x * faster),
     residual: body.r + striker.r,
     mobility: body.mobility + striker.mobility / heavier ** 2,
     kind: law.kind, params: parameters(law, body.local, k),
   };
+}
+
+// The amplitudes of second-order displacements: products of the modes that stretch, in pairs.
+function pairs(stretch, q) {
+  if (!stretch) return [];
+  const n = q.length, a = [];
+  for (let at = 0; at < stretch.modes.length; at += n) {
+    a.push(q.reduce((sum, x, j) => sum + x * stretch.modes[at + j], 0));
+  }
+  return a.flatMap((x, i) => a.slice(i).map((y, k) => (k ? 2 : 1) * x * y));
 }
 
 // The parameters of a law with another stiffness, without the compliance of a patch. That of a sphere

@@ -22,7 +22,8 @@ class Part {
       const { q, force } = engine.state(hit, t);
       let way = 0;
       for (let j = body; j < q.length; j++) way += hit.posed.beta[j] * q[j];
-      return { x: [...q.slice(0, body), force], way };
+      const own = q.slice(0, body);
+      return { x: [...own, force, ...pairs(this.blow.body.stretch, own)], way };
     });
     this.largest = {};
     if (data.motion) this.factor = Number((ENLARGED * 2 * data.half / (this.most("motion") || 1)).toPrecision(1));
