@@ -185,12 +185,14 @@ def test_numbers_that_are_no_forces_are_told(change, what):
         Stretch(**given | change)
 
 
-def test_what_stretches_is_told_and_the_page_does_not_repeat_it():
-    """The engine of the page has linear modes."""
+def test_what_stretches_is_told_and_a_striker_that_does_is_not_on_the_page():
     hit = ao.simulate(model(3), BALL, LAW, DURATION)
     linear = ao.simulate(replace(model(), stretch=None), BALL, LAW, DURATION)
     assert "'structure' stretches: second-order forces of 3 motions" in hit.summary()
     assert "stretch" not in linear.summary()
-    assert live.blow_of_history(hit, {}) is None
-    assert live.blow_of_history(linear, {}) is not None
+    assert live.blow_of_history(hit, {})["body"]["stretch"] is not None
+    assert live.blow_of_history(linear, {})["body"]["stretch"] is None
+    striker = ao.Impactor(model(3), velocity=1.0)
+    other = ao.simulate(replace(model(), stretch=None), striker, LAW, DURATION)
+    assert live.blow_of_history(other, {}) is None
     assert set(live.REMEDIES) >= set(CAUSES)
