@@ -60,12 +60,12 @@ def _impact(folder: Path, rng: np.random.Generator, k: int) -> dict[str, float]:
     row = {"Scene.run, s": time.perf_counter() - started}
     for fmi in (2, 3):
         file = folder / f"fmi{fmi}.fmu"
-        ao.export(file, model, ball, law, duration=duration, tol=TOL, fmi=fmi)
+        ao.export(model, file, ball, law, duration=duration, tol=TOL, fmi=fmi)
         row |= {f"FMI {fmi}: {name}": x for name, x in _in_fmpy(file, hit, duration).items()}
-    ao.export(folder / "a.c", model, ball, law, duration=duration, tol=TOL)
+    ao.export(model, folder / "a.c", ball, law, duration=duration, tol=TOL)
     row["C file: force, L2"] = _in_c(folder, hit)
     if k % 4 < 2:
-        ao.export(folder / "a.xml", model, ball, law, duration=duration)
+        ao.export(model, folder / "a.xml", ball, law, duration=duration)
         row["MuJoCo, steps of 1e-6 s: peak force"] = _in_mujoco(folder / "a.xml", hit, duration)
     return row
 

@@ -72,7 +72,7 @@ def impact(size: float, out: Path) -> tuple[str, Path]:
     part, striker, contact = bracket(size)
     model = ao.extract(part, ao.Site(POINT, STRIKE, radius=2e-3, snap=True), n=20)
     hit = ao.simulate(model, striker, contact, 1e-3)
-    return f"impact, {part.dofs} dofs", ao.write_report(out / f"live_{part.dofs}.html", hit, part)
+    return f"impact, {part.dofs} dofs", ao.write_report(hit, out / f"live_{part.dofs}.html", part)
 
 
 def mapped(size: float, out: Path) -> tuple[str, Path]:
@@ -83,7 +83,7 @@ def mapped(size: float, out: Path) -> tuple[str, Path]:
         part, ["eye", "front"], striker, contact, 3e-4, radius=2e-3, n=20, modes=40, stress=True
     )
     print(f"stresses of {len(found)} sites: {found.info['seconds']['stresses']:.1f} s")
-    return f"map, {len(found)} sites", ao.write_report(out / "live_map.html", found, part)
+    return f"map, {len(found)} sites", ao.write_report(found, out / "live_map.html", part)
 
 
 def bracket(size: float) -> tuple[ao.Structure, ao.Sphere, ao.Hertz]:

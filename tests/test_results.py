@@ -78,3 +78,15 @@ def test_the_slopes_of_a_gradient_are_its_numbers():
     found = RESULTS["Gradient"]()
     slopes = found.numbers()["derivatives"]
     assert any(own.get("velocity") == found.velocity for own in slopes.values())
+
+
+def test_what_is_written_comes_first_and_either_order_is_the_same_file(tmp_path):
+    first, other = tmp_path / "a" / "port.c", tmp_path / "b" / "port.c"
+    for path in (first, other):
+        path.parent.mkdir()
+    ao.export(MODEL, first)
+    ao.export(other, MODEL)
+    assert first.read_text() == other.read_text()
+    hit = RESULTS["History"]()
+    assert ao.write_report(hit, tmp_path / "a.html") == tmp_path / "a.html"
+    assert ao.write_report(tmp_path / "b.html", hit) == tmp_path / "b.html"

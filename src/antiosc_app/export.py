@@ -226,8 +226,8 @@ _SMALLEST = 1e-6
 
 
 def export(
-    path: str | os.PathLike[str],
-    source: LinearBody | SceneParts,
+    source: LinearBody | SceneParts | str | os.PathLike[str],
+    path: str | os.PathLike[str] | LinearBody | SceneParts,
     impactor: LinearBody | None = None,
     contact: AnyLaw | None = None,
     *,
@@ -255,9 +255,9 @@ def export(
 
     Parameters
     ----------
-    path : str or Path
-        File to write; its ending decides what.
     source : AntiOscillators, any LinearBody, or Scene
+    path : str or Path
+        File to write; its ending decides what. `source` and `path` may change places.
     impactor, contact : as for `simulate`
         Neither for a model alone or a scene.
     duration : float, optional
@@ -277,24 +277,25 @@ def export(
         For an unknown ending, a law that has no form in C (a class of the user's: use `Tabulated`),
         or a source that the file cannot hold; nothing is written then.
     """
-    ending = checked(path)
-    target = Path(path)
+    what, file = checks.what_and_path(source, path)
+    ending = checked(file)
+    target = Path(file)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
-    law = _law(source, impactor, contact)
-    scene = _scene(source, impactor, law, initial_velocity, gravity, gap)
+    law = _law(what, impactor, contact)
+    scene = _scene(what, impactor, law, initial_velocity, gravity, gap)
     if ending in _MODELS:
-        if scene is source:
+        if scene is what:
             raise InputError(
                 f"a file {ending} holds one model; a Scene can be an .fmu or a .c file."
             )
-        _MODELS[ending](target, _chain(source, ending), impactor, law, duration)
+        _MODELS[ending](target, _chain(what, ending), impactor, law, duration)
         return
     tol = checks.tolerance(tol)
     if scene is not None:
-        data = of_scene(scene, duration, tol, plain=scene is not source)
+        data = of_scene(scene, duration, tol, plain=scene is not what)
     else:
-        data = of_model(source)  # type: ignore[arg-type]
+        data = of_model(what)
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
     _RUNS[ending](target, data, **options)
 

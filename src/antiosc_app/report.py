@@ -142,8 +142,8 @@ def checked(path: str) -> Path:
 
 
 def write_report(
-    path: str | os.PathLike[str],
-    result: History | ImpactMap | Fall,
+    result: History | ImpactMap | Fall | str | os.PathLike[str],
+    path: str | os.PathLike[str] | History | ImpactMap | Fall,
     structure: Structure | None = None,
     *,
     title: str | None = None,
@@ -155,9 +155,9 @@ def write_report(
 
     Parameters
     ----------
-    path : str or Path
-        The file, named .html.
     result : History, ImpactMap or Fall
+    path : str or Path
+        The file, named .html. `result` and `path` may change places.
     structure : Structure, optional
         The structure from which the model was extracted; of `strike` its own. With it the page
         shows the part in 3-D, its motion and its stress; of a map the part behind its points.
@@ -169,27 +169,28 @@ def write_report(
     InputError
         For another kind of result, or a file that cannot be written.
     """
-    target = checked(os.fspath(checks.path("path", path)))
-    checks.instance("result", result, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
+    what, file = checks.what_and_path(result, path)
+    target = checked(os.fspath(checks.path("path", file)))
+    checks.instance("result", what, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
     if structure is not None:
         from antiosc.fem.structure.structure import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
     found = Results(title=target.stem if title is None else checks.text("title", title))
-    if isinstance(result, ImpactMap):
-        found.map, found.structure = result, structure
-    elif isinstance(result, Fall):
-        found.fall, found.structure = result, result.body.structure
+    if isinstance(what, ImpactMap):
+        found.map, found.structure = what, structure
+    elif isinstance(what, Fall):
+        found.fall, found.structure = what, what.body.structure
         if found.structure is not None:
-            found.worst = worst_by_strengths(result)
+            found.worst = worst_by_strengths(what)
     else:
-        found.history = result
-        found.structure = result.structure if structure is None else structure
-        found.model = None if isinstance(result, SceneHistory) else result.model
-        found.impactor = None if isinstance(result, SceneHistory) else result.impactor
+        found.history = what
+        found.structure = what.structure if structure is None else structure
+        found.model = None if isinstance(what, SceneHistory) else what.model
+        found.impactor = None if isinstance(what, SceneHistory) else what.impactor
         if found.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
-                found.stresses = by_strengths(found.structure, result)
+                found.stresses = by_strengths(found.structure, what)
     return write_page(found, target)[0]
 
 

@@ -306,6 +306,11 @@ def path(name: str, value: object) -> Path:
     return Path(name_of_file)
 
 
+def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
+    """What is written, and the path; they may be given in the other order too."""
+    return (path, what) if isinstance(what, str | os.PathLike) else (what, path)
+
+
 def new_file(name: str, value: object) -> Path:
     """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
     found = path(name, value)
