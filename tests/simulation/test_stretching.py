@@ -192,7 +192,8 @@ def test_what_stretches_is_told_and_a_striker_that_does_is_not_on_the_page():
     assert "stretch" not in linear.summary()
     assert live.blow_of_history(hit, {})["body"]["stretch"] is not None
     assert live.blow_of_history(linear, {})["body"]["stretch"] is None
-    striker = ao.Impactor(model(3), velocity=1.0)
-    other = ao.simulate(replace(model(), stretch=None), striker, LAW, DURATION)
+    rigid, struck = ao.RigidMass(0.3, velocity=0.0), ao.Impactor(model(3))
+    other = ao.simulate(rigid, struck, LAW, DURATION, initial_velocity=1.0)
+    assert other.assembly.stretched
     assert live.blow_of_history(other, {}) is None
     assert set(live.REMEDIES) >= set(CAUSES)
