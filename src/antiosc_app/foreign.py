@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import log10
 from pathlib import Path
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
     from antiosc.fem.structure.structure import Structure
     from antiosc.io.neutral import FileMesh
+    from antiosc.io.reading import Piece
 
 #: Arguments of `read_mesh` or `read_model` besides the file.
 Read: TypeAlias = dict[str, Any]
@@ -66,12 +67,14 @@ class ForeignPart:
     read : arguments of `read_mesh`, or of `read_model`, besides the file.
     structure : of a deck with a model.
     notes : what was decided, one sentence each.
+    pieces : of a part that falls apart, the largest first.
     """
 
     mesh: Mesh
     read: Read
     structure: Structure | None = None
     notes: list[str] = field(default_factory=list)
+    pieces: Sequence[Piece] = ()
 
 
 def foreign_part(path: Path, free: bool = False) -> ForeignPart:
@@ -102,6 +105,7 @@ def _of_mesh(path: Path) -> ForeignPart:
     read: Read = {}
     notes: list[str] = []
     ways: list[Read] = [{}]
+    looked = None
     if suffix in GEOMETRIES or suffix in SURFACES:
         looked = outline(path)
         length = float(np.ptp(looked.points, axis=0).max())
@@ -116,42 +120,67 @@ def _of_mesh(path: Path) -> ForeignPart:
             ways = [{"solid": True, "size": size}]
     else:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
-    mesh, way = _first(path, read, ways)
+    mesh, way, pieces = _first(path, read, ways)
     read |= way
     if "size" not in read and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
             read["unit"] = "mm"
+            pieces = [one._replace(low=1e-3 * one.low, high=1e-3 * one.high) for one in pieces]
+    if "piece" in way:
+        notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
         read["gdim"] = 3
     if {"unit", "gdim"} & set(read):
         mesh = antiosc.read_mesh(str(path), **read)
-    return ForeignPart(mesh, read, None, [*notes, *_of_way(read)])
+    if looked is not None and suffix in GEOMETRIES:
+        pieces = _solids(looked)
+    return ForeignPart(mesh, read, None, [*notes, *_of_way(read)], pieces)
 
 
 def _of_solids(looked: FileMesh, notes: list[str]) -> list[Read]:
     """Ways to mesh the solids of a CAD file, which has a line for each in its outline."""
-    sides = np.ptp(looked.points[looked.cells["line"]], axis=1)
-    if len(sides) < 2:
+    from antiosc.io.reading import described_pieces
+
+    solids = _solids(looked)
+    if not solids:
         return [{}]
-    shown = ["×".join(f"{1e3 * c:.3g}" for c in side) for side in sides[:8]]
-    more = ", …" if len(sides) > 8 else ""
-    notes.append(f"it has {len(sides)} solids of {', '.join(shown)}{more} mm.")
+    notes.append(f"it has {len(solids)} solids ({described_pieces(solids)}).")
     largest: Read = {"piece": 1}
-    return [{"fragments": True}, largest] if len(sides) <= MOST_SOLIDS else [largest]
+    return [{"fragments": True}, largest] if len(solids) <= MOST_SOLIDS else [largest]
 
 
-def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read]:
-    """(mesh, way) of the first way that gives a mesh; the error of the first if none does."""
+def _solids(looked: FileMesh) -> list[Piece]:
+    """The solids of a CAD file, if there are several."""
+    from antiosc.io.reading import Piece
+
+    boxes = looked.points[looked.cells["line"]]
+    several = boxes if len(boxes) > 1 else boxes[:0]
+    return [Piece("", box.min(axis=0), box.max(axis=0)) for box in several]
+
+
+def _described(pieces: Sequence[Piece]) -> list[str]:
+    """A sentence on the pieces of a part that falls apart."""
+    from antiosc.io.reading import described_pieces
+
+    if not pieces:
+        return []
+    return [f"it falls into {len(pieces)} pieces ({described_pieces(pieces)})."]
+
+
+def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequence[Piece]]:
+    """(mesh, way, pieces) of the first way that gives a mesh; the error of the first if none."""
+    pieces: Sequence[Piece] = ()
     reason: InputError | None = None
     for way in _with_pieces(ways):
         if reason is not None and way.get("of_pieces") and not isinstance(reason, PiecesError):
             continue
         own = {key: value for key, value in way.items() if key != "of_pieces"}
         try:
-            return antiosc.read_mesh(str(path), **read, **own), own
+            return antiosc.read_mesh(str(path), **read, **own), own, pieces
         except InputError as error:
             reason = reason or error
+            pieces = pieces or getattr(error, "pieces", ())
     assert reason is not None
     raise reason
 
@@ -191,32 +220,33 @@ def _of_deck(path: Path, free: bool) -> ForeignPart:
     reason: InputError | None = None
     for unit in UNITS:
         try:
-            structure, read = _model(path, unit, free)
+            structure, read, pieces = _model(path, unit, free)
         except InputError as error:
             reason = reason or error
             continue
         best = _likeliest(structure, unit, "density" in read)
         if best != unit:
             with contextlib.suppress(InputError):
-                structure, read = _model(path, best, free)
+                structure, read, pieces = _model(path, best, free)
         members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
         mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-        return ForeignPart(mesh, read, structure, _of_way(read))
+        return ForeignPart(mesh, read, structure, [*_described(pieces), *_of_way(read)], pieces)
     assert reason is not None
     raise reason
 
 
-def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read]:
-    """The structure of a deck, and how it was read: with a density, or of one piece if needed."""
+def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read, Sequence[Piece]]:
+    """The structure of a deck, how it was read (a density, one piece if needed), its pieces."""
+    pieces: Sequence[Piece] = ()
     read: Read = {"unit": unit, **({"free": True} if free else {})}
     while True:
         try:
             with warnings_to(list[str]().append):
-                return antiosc.read_model(str(path), **read), read
-        except PiecesError:
+                return antiosc.read_model(str(path), **read), read, pieces
+        except PiecesError as error:
             if "piece" in read:
                 raise
-            read["piece"] = 1
+            read["piece"], pieces = 1, error.pieces
         except InputError as error:
             if "no density" not in str(error) or "density" in read:
                 raise

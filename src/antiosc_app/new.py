@@ -9,8 +9,9 @@ import contextlib
 import io
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, combinations, islice
 from math import floor, log10, sqrt
 from pathlib import Path
@@ -26,6 +27,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, warnings_to
 from antiosc.simulation.bodies import Sphere
 from antiosc.simulation.two_bodies import impact_band
+from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc_app.report import rendered
 from antiosc_app.scene_file.compiled import compiled
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
     from antiosc.fem.mesh.surface import Faces
     from antiosc.fem.structure.structure import Structure
+    from antiosc.io.reading import Piece
 
 T = TypeVar("T")
 
@@ -96,6 +99,7 @@ class Inspection:
     of_deck : whether supports and materials are those of a deck.
     notes : what was decided while reading, one sentence each.
     flat : modulus [Pa] and Poisson's ratio of a flat face in place of a surface that is not known.
+    pieces : of a part that falls apart, the largest first.
     """
 
     family: str
@@ -116,6 +120,7 @@ class Inspection:
     of_deck: bool = False
     notes: tuple[str, ...] = ()
     flat: tuple[float, float] | None = None
+    pieces: Sequence[Piece] = ()
 
     @property
     def length(self) -> float:
@@ -220,7 +225,7 @@ def inspect_part(path: Path, free: bool = False) -> Inspection:
     check_size(path)
     part = foreign_part(path, free)
     found = _inspect_mesh(part.mesh, part.read, part.structure)
-    return replace(found, notes=tuple(part.notes))
+    return replace(found, notes=tuple(part.notes), pieces=part.pieces)
 
 
 def inspect_structure(part: Structure) -> Inspection:
@@ -517,7 +522,7 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
 
 
-def draw(found: Inspection, path: Path, drop: bool = False) -> None:
+def draw(found: Inspection, path: Path, *, drop: bool = False) -> None:
     """A picture of the part: its outer faces; if not dropped, what holds it and the impact."""
     from antiosc.base.charts import save_figure
     from antiosc.base.surfaces import Deformed, deformed_figure
@@ -574,15 +579,15 @@ def _band(radius: float) -> float:
     return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
 
 
-def _draw_if_possible(found: Inspection, path: Path, drop: bool) -> list[str]:
-    """A sentence on the picture; none where it cannot be drawn."""
+def _picture(path: Path, about: str, draw_it: Callable[[Path], object]) -> list[str]:
+    """A sentence on a picture, drawn where there is none."""
     if path.exists():
         return []
     try:
-        draw(found, path, drop)
+        draw_it(path)
     except AntioscError as error:
         return [f"{path.name} is not drawn: {error}"]
-    return [f"a picture of it: {path}"]
+    return [f"{about}: {path}"]
 
 
 def write_scene(
@@ -630,8 +635,15 @@ def write_scene(
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
-    picture = target.with_suffix(".png")
-    return target, sentences + _draw_if_possible(found, picture, drop)
+    pictures: dict[str, tuple[str, Callable[[Path], object]]] = {
+        ".png": ("a picture of it", partial(draw, found, drop=drop))
+    }
+    if found.pieces:
+        boxes = partial(pieces.draw, found.pieces, chosen=found.read.get("piece"))
+        pictures[pieces.ENDING] = ("its pieces, of which piece = 2 is the second", boxes)
+    for ending, (about, draw_it) in pictures.items():
+        sentences += _picture(target.with_suffix(ending), about, draw_it)
+    return target, sentences
 
 
 def _try(scene: Path, name: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -245,3 +246,48 @@ def test_a_deck_falls_without_its_supports(tmp_path):
     assert mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-6)
     assert antiosc("new", tmp_path / "a.toml", path, "--drop") == 0
     assert tomllib.loads((tmp_path / "a.toml").read_text())["deck"]["free"] is True
+
+
+def test_pieces_have_sizes_and_a_picture_and_one_is_chosen(tmp_path, capsys):
+    path = deck(tmp_path / "a.inp", "mm", model=False, pieces=3)
+    text = path.read_text().splitlines()  # the second is twice as long
+    for row in range(1, 37):
+        n, x, y, z = (float(c) for c in text[row].split(","))
+        text[row] = f"{n:g}, {x * (2 if 12 < n <= 24 else 1)}, {y}, {z}"
+    path.write_text("\n".join(text))
+    assert antiosc("new", tmp_path / "a.toml", path) == 0
+    said = capsys.readouterr().out
+    assert "3 pieces (1: 600 × 100 × 50 mm; 2: 300 × 100 × 50 mm; 3:" in said
+    assert (tmp_path / "a.pieces.png").stat().st_size > 5000
+    scene = (tmp_path / "a.toml").read_text()
+    assert tomllib.loads(scene)["geometry"]["piece"] == 1
+    (tmp_path / "a.pieces.png").unlink()
+    lines = [line for line in scene.splitlines() if not line.startswith("piece")]
+    (tmp_path / "b.toml").write_text("\n".join(lines))
+    assert antiosc("check", tmp_path / "b.toml") == 1
+    assert "600 × 100 × 50 mm" in capsys.readouterr().err
+    assert (tmp_path / "b.pieces.png").stat().st_size > 5000
+    with pytest.warns(ao.AntioscWarning, match="piece 2 of 3"):
+        second = ao.read_mesh(path, unit="mm", piece=2)
+    assert second.extent() == pytest.approx(np.linalg.norm(SIDES), rel=1e-6)
+
+
+def test_numbers_of_nodes_in_a_scene_are_those_points(tmp_path, monkeypatch):
+    deck(tmp_path / "a.inp", "mm")
+    monkeypatch.chdir(tmp_path)
+    peaks = []
+    held = "nodes = [1, 2, 3, 4]", "plane = [[0, 0, 0], [1, 0, 0]]"
+    places = "node = 12", "point = [0.3, 0.0, 0.05]"
+    for name, hold, place in zip("ab", held, places, strict=True):
+        (tmp_path / f"{name}.toml").write_text(
+            '[deck]\npath = "a.inp"\nunit = "mm"\nfree = true\n'
+            f"[[supports]]\n{hold}\n[sites.tip]\n{place}\ndirection = [0, 1, 0]\n"
+            f"[probes.end]\n{place}\n[extract]\nn = 4\n"
+            '[impactor]\nkind = "RigidMass"\nmass = 0.1\nvelocity = 1.0\n'
+            '[contact]\nkind = "Linear"\nstiffness = 1e7\n[simulate]\nduration = 1e-3\n'
+            "[output]\njson = true\n"
+        )
+        assert antiosc("run", f"{name}.toml") == 0
+        result = json.loads((tmp_path / f"{name}_out" / "result.json").read_text())
+        peaks.append(result["result"]["peak_force"])
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)

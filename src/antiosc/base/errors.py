@@ -11,7 +11,7 @@ import difflib
 import inspect
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from functools import wraps
@@ -36,7 +36,9 @@ class UnmeshableError(MeshError):
 
 
 class PiecesError(MeshError):
-    """A mesh of several pieces that share no node."""
+    """A mesh of several pieces that share no node; `pieces`: those that are known, by size."""
+
+    pieces: Sequence[Any] = ()
 
 
 class NotConvergedError(AntioscError, RuntimeError):

@@ -6,12 +6,17 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from antiosc.base._types import IntArray
+
 #: Group of the meshes, group of the results, names of a node's and of a mesh's dimension.
 MESHES, RESULTS, SPACE, DIMENSION = "ENS_MAA", "CHA", "ESP", "DIM"
 
 
-def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str]]:
-    """(a copy in the working folder with the largest mesh of the file alone, what is left out).
+def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str], IntArray]:
+    """(a copy in the working folder with the largest mesh of the file alone, what is left out,
+    numbers of its nodes).
 
     The file itself where it is no HDF5: meshio says what it is.
     """
@@ -20,9 +25,9 @@ def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str]]:
 
         copy = Path(shutil.copyfile(path, "one.med"))
         with h5py.File(copy, "r+") as file:
-            return copy, _cut_down(file, name)
+            return copy, _cut_down(file, name), _numbers(file[MESHES])
     except (ImportError, OSError, KeyError):
-        return path, []
+        return path, [], np.zeros(0, dtype=np.int64)
 
 
 def _cut_down(file: Any, name: str) -> list[str]:
@@ -45,7 +50,19 @@ def _cut_down(file: Any, name: str) -> list[str]:
     return [f"{name} holds {len(nodes)} meshes ({sizes}); {kept} is read."]
 
 
+def _numbers(meshes: Any) -> IntArray:
+    """Numbers of the nodes of the one mesh: its own, or from 1 as Salome counts them."""
+    (mesh,) = meshes.values()
+    own = _first(mesh)["NOE"].get("NUM")
+    return np.arange(1, _nodes(mesh) + 1) if own is None else np.asarray(own, dtype=np.int64)
+
+
+def _first(mesh: Any) -> Any:
+    """A mesh at its first time."""
+    return mesh if "NOE" in mesh else mesh[sorted(mesh)[0]]
+
+
 def _nodes(mesh: Any) -> int:
     """Number of nodes of a mesh."""
-    step = mesh if "NOE" in mesh else mesh[sorted(mesh)[0]]
+    step = _first(mesh)
     return int(step["NOE"]["COO"].attrs["NBR"]) if "NOE" in step else 0

@@ -166,8 +166,9 @@ def read_by_meshio(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
     path, told = Path(ask.path), list[str]()
+    numbers: IntArray = np.zeros(0, dtype=int)
     if path.suffix.lower() == ".med":
-        path, told = med.of_one_mesh(path, name)
+        path, told, numbers = med.of_one_mesh(path, name)
     mesh = content(path, name)
     points = np.zeros((len(mesh.points), 3))
     if len(points):
@@ -184,7 +185,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
-    result.told = told
+    result.told, result.labels = told, numbers.astype(np.int64)
     return as_carried(result, name)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from antiosc.base.errors import InputError, MeshError, UnmeshableError
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
 from antiosc.io.facets import SURFACES
@@ -344,15 +345,26 @@ def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> Ra
 
 
 def piece_of_cells(raw: RawMesh) -> IntArray:
-    """Which piece each cell belongs to (cells,); pieces share no node, and 0 is the largest."""
+    """Which piece each cell belongs to (cells,); pieces share no node.
+
+    0 has the most cells, and of pieces with as many the widest box.
+    """
     first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
     ends = (first.ravel(), raw.cells[:, 1:].ravel())
     graph = coo_matrix((np.ones(first.size, dtype=np.int8), ends), shape=(len(raw.points),) * 2)
     label = connected_components(graph, directed=False)[1][raw.cells[:, 0]]
     _, which, count = np.unique(label, return_inverse=True, return_counts=True)
+    if len(count) == 1:
+        return which.ravel()
+    low = np.full((len(count), raw.points.shape[1]), np.inf)
+    high = -low
+    nodes = raw.points[raw.cells]
+    np.minimum.at(low, which.ravel(), nodes.min(axis=1))
+    np.maximum.at(high, which.ravel(), nodes.max(axis=1))
+    wide = np.linalg.norm(high - low, axis=1)
     rank = np.empty(len(count), dtype=np.int64)
-    rank[np.argsort(-count, kind="stable")] = np.arange(len(count))
-    return rank[which]
+    rank[np.lexsort((-wide, -count))] = np.arange(len(count))
+    return rank[which.ravel()]
 
 
 def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
@@ -368,28 +380,51 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     return raw
 
 
-def described_pieces(raw: RawMesh, most: int = 6) -> str:
-    """The pieces in words: rank, name of a group of cells that is one, and size."""
+class Piece(NamedTuple):
+    """A piece of a mesh: a group of cells that is one, or "", and the corners of its box [m]."""
+
+    name: str
+    low: Array
+    high: Array
+
+
+def pieces_of(raw: RawMesh) -> list[Piece]:
+    """The pieces, the largest first."""
     label = piece_of_cells(raw)
     names = _piece_names(raw, label)
+    order = np.argsort(label, kind="stable")
+    parts = np.split(raw.cells[order], np.cumsum(np.bincount(label))[:-1])
+    boxes = ((raw.points[own].min(axis=(0, 1)), raw.points[own].max(axis=(0, 1))) for own in parts)
+    return [Piece(names.get(k, ""), *box) for k, box in enumerate(boxes)]
+
+
+def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
+    """Pieces in words: rank, name and size."""
     words = []
-    for k in range(min(int(label.max()) + 1, most)):
-        x = raw.points[np.unique(raw.cells[label == k])]
-        size = " × ".join(f"{1e3 * c:.3g}" for c in np.ptp(x, axis=0))
-        name = f" {names[k]!r}" if k in names else ""
-        words.append(f"{k + 1}{name}: {size} mm")
-    return "; ".join(words) + ("; …" if label.max() >= most else "")
+    for k, piece in enumerate(pieces[:most], 1):
+        size = " × ".join(f"{1e3 * c:.3g}" for c in piece.high - piece.low)
+        words.append(f"{k}{f' {piece.name!r}' if piece.name else ''}: {size} mm")
+    return "; ".join(words) + "; …" * (len(pieces) > most)
+
+
+def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
+    """The error of a mesh in pieces, which it describes and knows."""
+    found = pieces_of(raw)
+    error = PiecesError(f"{what} ({described_pieces(found)}): {remedy}")
+    error.pieces = found
+    return error
 
 
 def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
-    """Names of groups that hold the first cell of a piece, by the piece."""
+    """Names of groups that hold the first cell of one piece, by the piece."""
     first = np.unique(label, return_index=True)[1]
     own = keys(raw.cells[first][:, : raw.kind.vertices])
     names: dict[int, str] = {}
     for name, parts in raw.groups.items():
         if raw.kind.dim in parts:
-            for k in np.flatnonzero(np.isin(own, keys(parts[raw.kind.dim]))):
-                names.setdefault(int(k), name)
+            inside = np.flatnonzero(np.isin(own, keys(parts[raw.kind.dim])))
+            if len(inside) == 1:  # others are of several pieces
+                names.setdefault(int(inside[0]), name)
     return names
 
 

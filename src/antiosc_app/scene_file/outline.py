@@ -23,10 +23,12 @@ from antiosc.base.errors import (
     AntioscError,
     InputError,
     MissingDependencyError,
+    PiecesError,
     finite_element_packages,
     without_warnings,
 )
 from antiosc.fem.site import SNAP_SHARE
+from antiosc_app import pieces
 from antiosc_app.scene_file.build import Call, calls_in
 from antiosc_app.scene_file.document import Place, label, unknown
 from antiosc_app.scene_file.scene import Compiled
@@ -96,7 +98,8 @@ def check(found: Compiled) -> list[str]:
         try:
             known[part] = one = outline(call)
         except InputError as error:
-            problems.add(call.place, f"{_path(call).name} cannot be read: {error}")
+            told = f"{_path(call).name} cannot be read: {error}"
+            problems.add(call.place, told + _picture(found, error))
             continue
         except AntioscError as error:
             sentences.append(f"{_path(call).name} was not looked at: {error}")
@@ -110,6 +113,16 @@ def check(found: Compiled) -> list[str]:
         _check_points(found, calls, known)
     problems.raise_if_any()
     return sentences
+
+
+def _picture(found: Compiled, error: InputError) -> str:
+    """A sentence on a picture of the pieces of a part that falls apart, drawn beside the scene."""
+    if not isinstance(error, PiecesError) or not error.pieces:
+        return ""
+    path = found.document.path.with_suffix(pieces.ENDING)
+    with contextlib.suppress(AntioscError):
+        return f" A picture of them: {pieces.draw(error.pieces, path)}."
+    return ""
 
 
 def outlines(found: Compiled) -> list[Outline]:

@@ -111,7 +111,17 @@ def exodus4(path):
         file["connect1"].attrs["elem_type"] = np.bytes_("HEX8")
 
 
+def salome(path):
+    points, cells = bar()
+    meshio.Mesh(points, [("hexahedron", cells)]).write(path)
+    with h5py.File(path, "r+") as file:
+        (mesh,) = file["ENS_MAA"].values()
+        (step,) = mesh.values()
+        step["NOE"]["NUM"] = FIRST + 7 * np.arange(len(points), dtype=np.int32)
+
+
 WRITERS = {
+    "a.med": salome,
     "a.inp": abaqus,
     "a.bdf": nastran,
     "a.unv": universal,

@@ -20,7 +20,7 @@ from antiosc.base.checks import (
     shown,
     whole,
 )
-from antiosc.base.errors import InputError, PiecesError
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.shared_nodes import NodeConstraints, SharedNodes
@@ -38,7 +38,7 @@ from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spr
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import Model, RawMesh, UnitSystem
-from antiosc.io.reading import read_parts
+from antiosc.io.reading import pieces_error, read_parts
 
 
 def point_name(number: int) -> str:
@@ -273,10 +273,12 @@ def _reader(
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
             if model["joined"] and model["pieces"] > 1 and not model["held"] and merge is None:
-                raise PiecesError(
+                raise pieces_error(
+                    flat,
                     f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
-                    "supports do not hold each: join or hold them (nodes that coincide: "
-                    f"merge=1e-6) or read one of them ({_choices(flat)})."
+                    "supports do not hold each",
+                    "join or hold them (nodes that coincide: merge=1e-6) or read one of them "
+                    f"({_choices(flat)}).",
                 )
             pieces = model["joined"] or model["held"]
             part = TRIANGLES if PARTS[raw.kind.dim] in found else PARTS[raw.kind.dim]

@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text
-from antiosc.base.errors import MeshError, PiecesError, UnmeshableError, warn
+from antiosc.base.errors import MeshError, UnmeshableError, warn
 from antiosc.fem.platform import agree, compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
-from antiosc.io.reading import described_pieces, keys, piece_of_cells
+from antiosc.io.reading import keys, piece_of_cells, pieces_error
 
 if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
@@ -341,10 +341,11 @@ def sound(
 def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
     count = int(piece_of_cells(raw).max()) + 1
     if count > 1:
-        raise PiecesError(
-            f"{name} falls into {count} pieces that share no node ({described_pieces(raw)}): join "
-            "them (nodes that coincide: merge=1e-6; solids of a CAD file: fragments=True; in gmsh: "
-            f"BooleanFragments) or read the piece of interest ({by})."
+        raise pieces_error(
+            raw,
+            f"{name} falls into {count} pieces that share no node",
+            "join them (nodes that coincide: merge=1e-6; solids of a CAD file: fragments=True; in "
+            f"gmsh: BooleanFragments) or read the piece of interest ({by}).",
         )
 
 
