@@ -42,6 +42,7 @@ from antiosc.fem.recovery.relaxation import branches_of_materials, other_damping
 from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure, refuse_prestress
 from antiosc.models.modal import superposed
+from antiosc.results import second_order
 from antiosc.results.pictures import SavedFields
 from antiosc.simulation import histories
 from antiosc.simulation.histories import AnyHistory, History
@@ -341,11 +342,6 @@ def reactions(
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     refuse_prestress(structure, "reactions")
-    if histories.stretch_in(history, body) is not None:
-        raise InputError(
-            f"{body!r} stretched in this impact: reactions are those of linear parts; extract it"
-            " with stretch=False."
-        )
     shapes = shapes_of(structure, history, body)
     at = histories.times_of(history, times)
     sites = _site_list(site)
@@ -367,6 +363,8 @@ def reactions(
     comm = structure.comm
     accelerations = histories.amplitudes(history, at, body, 2)
     found = accelerations @ dot(comm, shapes, moved) - forces @ work
+    if histories.stretch_in(history, body) is not None:
+        found += second_order.work_on(structure, history, body, shapes, released.motions, at)
     velocities = histories.amplitudes(history, at, body, 1)
     springs = histories.spring_amplitudes(history, at, body)
     terms = released.damping(shapes)

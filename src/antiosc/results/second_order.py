@@ -17,10 +17,12 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.fem.extraction import stretching
 from antiosc.fem.fields import source
 from antiosc.fem.recovery import NodeTensors
 from antiosc.fem.structure.structure import Structure
-from antiosc.simulation.histories import AnyHistory, stretch_factors, stretch_in
+from antiosc.simulation import histories
+from antiosc.simulation.histories import AnyHistory, History, stretch_factors, stretch_in
 
 #: What gives columns (…, B) of shapes (rows, B); True: with the strain η(s, s)/2 of each.
 Columns = Callable[[Array, bool], Array]
@@ -48,6 +50,20 @@ def with_pairs(at: Columns, history: AnyHistory, body: str, shapes: Array) -> Ar
     columns = linear[..., : shapes.shape[1]].copy()
     columns[..., count:] += np.where(i == j, square, mixed)
     return columns
+
+
+def work_on(
+    structure: Structure, history: History, body: str, shapes: Array, motions: Array, at: Array
+) -> Array:
+    """Work (n, R) of second-order forces on motions (dofs, R) at times; shapes of `shapes_of`."""
+    forces = histories.stretch_in(history, body)
+    assert forces is not None
+    count = shapes.shape[1] - forces.size * (forces.size + 1) // 2
+    phi = shapes[:, :count] @ stretch_factors(history, body).T
+    two, three = stretching.work_on(structure, phi, shapes[:, count:], motions)
+    a = histories.stretch_amplitudes(history, at, body)
+    pairs = forces.pairs(a)
+    return np.asarray(pairs @ two + np.einsum("nk,np,kpr->nr", a, pairs, three, optimize=True))
 
 
 def tensors_at_nodes(

@@ -12,6 +12,8 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.fem.fields.mesh_fields import recovered
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
 from antiosc.fem.recovery import Place
 from antiosc.fem.site import Reach
 from assemblies import line
@@ -79,6 +81,8 @@ def beam_between_walls():
     return held(line((0, 0, 0), (0.3, 0, 0), 40), beam), site
 
 
+#: Ends of a part that are held each for itself.
+WALLS = (0.0, 0.3)
 #: Sites of a map.
 PLACES = [(0.1, 0.1), (0.15, 0.05), (0.2, 0.1)]
 
@@ -218,8 +222,6 @@ def test_fields_have_the_displacements_of_second_order():
     u = hit.field(at).reshape(-1, 6)
     assert np.abs(u[:, 2]).max() > 5e-4
     assert np.abs(u[:, :2]).max() > 1e-7  # a flat sheet has none to first order
-    with pytest.raises(InputError, match="stretched"):
-        ao.reactions(part, hit, site)
     assert np.abs(ao.probe(part, hit, (0.1, 0.05, 0), times=[at])[0, :2]).max() > 1e-7
 
 
@@ -235,6 +237,58 @@ def test_a_beam_between_walls_is_pulled_as_it_bends():
     assert found[0] == pytest.approx(pull, rel=0.01)
     largest = ao.peak_field(part, hit, fibre=(0.0, 0.0))
     assert largest.values.max() == pytest.approx(pull / (0.01 * 0.004), rel=0.01)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_walls_are_pulled_as_a_beam_bends():
+    """By the same force; momentum and sum of all forces along the blow."""
+    part, site = beam_between_walls()
+    ends = [ao.Support(lambda x, at=at: np.isclose(x[0], at)) for at in WALLS]
+    part = ao.Structure(part.matrices.mesh, part.matrices.parts[0][0], ends)
+    model = ao.extract(part, site, n=12, stretch=2)
+    hit = ao.simulate(model, ao.RigidMass(20.0, velocity=0.4), ao.Linear(1e5), 80e-3)
+    k = int(np.argmax(np.abs(hit.displacement)))
+    pull = 12 / 5 * 210e9 * 0.01 * 0.004 * (hit.displacement[k] / 0.3) ** 2
+    found = ao.reactions(part, hit, site, [hit.time[k]])
+    near, far = found.force.values()
+    assert near[0, 0] == pytest.approx(-pull, rel=0.01)
+    assert far[0, 0] == pytest.approx(pull, rel=0.01)
+    balance = found.total + found.applied - found.inertia
+    assert np.abs(balance).max() < 1e-6 * hit.peak_force
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(("rise", "rel"), [(0.0, 0.06), (2e-3, 0.16)])
+def test_reactions_are_those_of_all_degrees_of_freedom(rise, rel):
+    """Rows of the supports of K u + f(u) + M u'' of the part without them."""
+    mesh, site = plate(rise=rise)[0].matrices.mesh, plate(rise=rise)[1]
+    ends = [ao.Support(lambda x, at=at: np.isclose(x[0], at)) for at in WALLS]
+    part, free = ao.Structure(mesh, SHELL, ends), ao.Structure(mesh, SHELL)
+    blow = (0.2, 1.0, 1e6, 4e-3)
+    full = Full(part, site)
+    times = full.impact(*blow, 400)[0]
+    h, u = times[1], full.motion
+    a = np.zeros_like(u)
+    a[1:-1] = (u[2:] - 2 * u[1:-1] + u[:-2]) / h**2
+    K, M = csr(free.K), csr(free.M)
+    every = slice(4, -4, 8)
+    rows = K @ u[every].T + M @ a[every].T + np.array([full.forces(x) for x in u[every]]).T
+    model = ao.extract(part, site, n=24, stretch="auto")
+    hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5), 4e-3)
+    found = ao.reactions(part, hit, site, times[every])
+    linear = ao.simulate(
+        replace(model, stretch=None), ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5), 4e-3
+    )
+    flat = ao.reactions(part, linear, site, times[every])
+    form = part.matrices.form
+    for axis, component in ((0, "x"), (2, "z")):
+        dofs, x = compat.dof_coordinates(form.space, form.components[component])
+        exact = np.array([rows[dofs[np.isclose(x[:, 0], at)]].sum(axis=0) for at in WALLS])
+        own, alone = (np.array([f[:, axis] for f in r.force.values()]) for r in (found, flat))
+        scale = np.abs(exact).max()
+        assert np.abs(own - exact).max() < rel * scale
+        assert np.abs(alone - exact).max() > 2.5 * rel * scale
 
 
 @pytest.mark.slow

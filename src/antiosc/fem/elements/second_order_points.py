@@ -84,11 +84,12 @@ class Points:
         return np.einsum("sde,nde->ns", (self.square + self.square.transpose(0, 2, 1)) / 2, product)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Forces (dofs,) on a motion w of Σ strained·ε(w) + pushed·∇w; stress (n, s), (n, d, b)."""
+        """Forces (dofs,) on a motion w of Σ strained·ε(w) + pushed·∇w; stress (n, s), (n, d, b).
+
+        Those on dofs that are held included.
+        """
         on = np.einsum("nsdb,ns->ndb", self._every(), strained, optimize=True) + pushed
-        found = (self._turned @ on.reshape(-1, self.components)).reshape(-1)
-        found[self.held] = 0.0
-        return np.asarray(found)
+        return np.asarray((self._turned @ on.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:
         """(n, d, b) with which stress·η(a, w) = result·∇w."""

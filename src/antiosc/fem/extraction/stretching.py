@@ -134,16 +134,50 @@ def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Ar
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
     slopes = [points.slopes(mode) for mode in phi.T]
-    stresses = [points.stress(one) for one in slopes]
-    loads = []
+    g = _pair_loads(points, slopes, pairs)
+    g[points.held] = 0.0
+    follows = -_static(structure, g, phi)
+    quartic = _quartic(points, slopes, pairs) + g.T @ follows / 2
+    return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), follows
+
+
+def _pair_loads(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
+    """g_ij (dofs, pairs)."""
+    stresses, loads = [points.stress(one) for one in slopes], []
     for i, j in pairs:
         strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
         pushed = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])
         loads.append(points.load(strained, pushed / 2))
-    g = np.column_stack(loads)
-    follows = -_static(structure, g, phi)
-    quartic = _quartic(points, slopes, pairs) + g.T @ follows / 2
-    return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), follows
+    return np.column_stack(loads)
+
+
+def work_on(
+    structure: Structure, phi: Array, follows: Array, motions: Array
+) -> tuple[Array, Array]:
+    """Work of second-order forces on motions w (dofs, R): of pairs (P, R), of a mode and a pair
+    (m, P, R).
+
+    phi (dofs, m) and follows (dofs, P) as of `tensors`; to third order in the amplitudes
+
+        w·f = Σ a_i a_j g_ijᵀw + Σ a_k a_i a_j ∫ (C ε(v_ij) + C η(φ_i, φ_j)/2) : η(φ_k, w)
+              + ε(φ_k):C:η(v_ij, w) + ε(w):C:η(φ_k, v_ij).
+    """
+    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
+
+    points = points_of(part_of(structure))
+    pairs = list(combinations_with_replacement(range(phi.shape[1]), 2))
+    slopes = [points.slopes(mode) for mode in phi.T]
+    three = np.zeros((len(slopes), len(pairs), motions.shape[1]))
+    stresses = [points.stress(one) for one in slopes]
+    for p, (i, j) in enumerate(pairs):
+        moved = points.slopes(follows[:, p])
+        tension = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
+        tension = tension + points.stress(moved)
+        for k, slope in enumerate(slopes):
+            strained = points.weighted_stress(points.second(slope, moved))
+            pushed = points.along(tension, slope) + points.along(stresses[k], moved)
+            three[k, p] = points.load(strained, pushed) @ motions
+    return _pair_loads(points, slopes, pairs).T @ motions, three
 
 
 def _static(structure: Structure, g: Array, phi: Array) -> Array:

@@ -480,6 +480,11 @@ class Released:
         both = self._of.decided(work)
         return self._of.own(both[0]), self._of.own(both[1])
 
+    @property
+    def motions(self) -> Array:
+        """The motions g (dofs, 6 S) on one rank, to be asked for after `inertia`."""
+        return self._motions
+
     def rigid(self) -> Array:
         """Unit translations (dofs of all parts before they are joined, 3) of the whole."""
         return self._of.places.rigid_motions(np.zeros(3))[:, :3]

@@ -492,6 +492,13 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     return np.hstack([found, forces.pair_motion(a, v, w, derivative)])
 
 
+def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
+    """Amplitudes (n, m) at times of the modes in which a body stretches."""
+    forces = stretch_in(history, body)
+    assert forces is not None
+    return np.asarray(_motion_at(history, times, body).q @ forces.modes)
+
+
 def stretch_factors(history: AnyHistory, body: str) -> Array:
     """Factors (m, B) of the body's shapes in the modes in which it stretches."""
     own, forces = modes_of(history, body), stretch_in(history, body)
