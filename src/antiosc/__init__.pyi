@@ -276,9 +276,6 @@ from antiosc_studies.chance.sample import (
     Sample as Sample,
     Sensitivity as Sensitivity,
 )
-from antiosc_studies.drops.course import (
-    Peak as Peak,
-)
 from antiosc_studies.drops.drop import (
     Drops as Drops,
     Tilts as Tilts,
@@ -291,6 +288,9 @@ from antiosc_studies.drops.fall import (
 from antiosc_studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
+)
+from antiosc_studies.drops.trajectory import (
+    Peak as Peak,
 )
 from antiosc_studies.find import (
     FoundImpact as FoundImpact,

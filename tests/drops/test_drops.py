@@ -14,14 +14,14 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.contact.curvature import Curvature
 from antiosc.contact.laws import restitution_of
-from antiosc_studies.drops.bed import bedded
 from antiosc_studies.drops.body import FreeBody, free_body
-from antiosc_studies.drops.course import hung
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight, State, free_rotation, most, ringing
 from antiosc_studies.drops.floor import law_of
+from antiosc_studies.drops.layer import with_layer_contact
+from antiosc_studies.drops.trajectory import hung
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
@@ -107,8 +107,8 @@ def test_a_face_lands_flat_on_a_layer_as_on_one_spring() -> None:
 
 
 def test_edges_and_corners_displace_wedges_and_pyramids() -> None:
-    body, d, z = bedded(free_body(block(), 0, None, None)), 1e-3, np.zeros(0)
-    assert body.bed is not None
+    body, d, z = with_layer_contact(free_body(block(), 0, None, None)), 1e-3, np.zeros(0)
+    assert body.layer_contact is not None
     for tilt, volume in (
         ((0, 30, 0), lambda up: HALF[1] * d**2 / abs(up[0] * up[2])),
         ((90, 40, 0), lambda up: HALF[2] * d**2 / abs(up[0] * up[1])),
@@ -116,7 +116,7 @@ def test_edges_and_corners_displace_wedges_and_pyramids() -> None:
     ):
         up = tilted(np.array(tilt))[2]
         at = np.array([-d - float((body.points @ up).min())])
-        found = body.bed.pressed(body.bed.every, up, z, at)[0].sum()
+        found = body.layer_contact.pressed(body.layer_contact.every, up, z, at)[0].sum()
         assert found == pytest.approx(volume(up), rel=1e-9)
 
 
@@ -596,7 +596,7 @@ def test_what_no_contact_takes_does_not_keep_a_part_from_rest() -> None:
 
 
 def test_a_fall_that_does_not_come_to_rest_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc_studies.drops.course.CONTACTS", 0.02)
+    monkeypatch.setattr("antiosc_studies.drops.trajectory.CONTACTS", 0.02)
     with pytest.warns(ao.AccuracyWarning, match="not at rest after 4 contacts"):
         fall = ao.drop(block(), 0.01, (3, 2, 0), ao.Floor(law=ao.Hertz(1e8)), tol=1e-2)
     assert len(fall.episodes) == 4

@@ -12,11 +12,11 @@ from scipy.interpolate import CubicSpline
 
 import antiosc as ao
 from antiosc_studies.drops.body import FreeBody
-from antiosc_studies.drops.course import hung
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Setting
+from antiosc_studies.drops.trajectory import hung
 
 G = 9.80665
 

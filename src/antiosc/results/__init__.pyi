@@ -57,14 +57,14 @@ from antiosc_studies.chance.sample import (
     Sample as Sample,
     Sensitivity as Sensitivity,
 )
-from antiosc_studies.drops.course import (
-    Peak as Peak,
-)
 from antiosc_studies.drops.drop import (
     Drops as Drops,
 )
 from antiosc_studies.drops.fall import (
     Fall as Fall,
+)
+from antiosc_studies.drops.trajectory import (
+    Peak as Peak,
 )
 from antiosc_studies.find import (
     FoundImpact as FoundImpact,

@@ -34,7 +34,7 @@ from antiosc_studies.drops.skin import SMOOTH, THIN, Skin, hull, skin_of
 if TYPE_CHECKING:
     from antiosc.fem.site import Site
     from antiosc.fem.structure.structure import Structure
-    from antiosc_studies.drops.bed import Bed
+    from antiosc_studies.drops.layer import LayerContact
 
 
 #: Radius [m] of a sharp corner where none is given, at most a quarter of the least dimension.
@@ -74,10 +74,10 @@ class FreeBody:
     notes : what was taken for granted.
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
     structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
-    bed : its surface, if it falls on a layer.
+    layer_contact : its surface, if it falls on a layer.
     lines : (N, 3) points of surfaces that are curved in one direction alone [m].
-    laws, idle : of pieces of a bed and of stations on lines the laws by their numbers, and (V,)
-        what is no contact.
+    laws, idle : of pieces of its surface on a layer and of stations on lines the laws by their
+        numbers, and (V,) what is no contact.
     cylinders, stations : straight lines of the surface, and (STATIONS,) numbers of the points that
         stand for each where it may land along it.
     """
@@ -99,14 +99,14 @@ class FreeBody:
     structure: Structure | None = None
     basis: Array | None = None
     residual: Callable[[IntArray], tuple[Array, Array, Array]] | None = None
-    bed: Bed | None = None
+    layer_contact: LayerContact | None = None
     laws: dict[int, ContactLaw] = field(default_factory=dict)
     idle: BoolArray | None = None
     lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
     cylinders: tuple[Cylinder, ...] = ()
     stations: tuple[IntArray, ...] = ()
     #: shapes, residual compliances and radii of points, which all copies share; those of stations
-    #: of lines and of pieces of a bed
+    #: of lines and of pieces of its surface on a layer
     _known: dict[int, Known] = field(default_factory=dict)
     _placed: dict[int, Known] = field(default_factory=dict)
 

@@ -27,13 +27,13 @@ from antiosc.simulation.batch import check_executor
 from antiosc.simulation.bodies import GRAVITY
 from antiosc_studies.chance.monte_carlo import made, sample_of
 from antiosc_studies.chance.sample import Quantile, Sample, quantile
-from antiosc_studies.drops.bed import bedded
 from antiosc_studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
-from antiosc_studies.drops.course import MOST_IMPACTS, hung
 from antiosc_studies.drops.fall import Fall, fall_of
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
+from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.lines import with_lines
+from antiosc_studies.drops.trajectory import MOST_IMPACTS, hung
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -421,7 +421,11 @@ def drop(
     count = checks.whole("modes", modes, most=MOST_MODES)
     body = free_body(part, count, damping, corner_radius)
     body = with_lines(body, setting.floor)
-    body = replace(body, bed=None) if setting.floor.layer is None else bedded(body)
+    body = (
+        replace(body, layer_contact=None)
+        if setting.floor.layer is None
+        else with_layer_contact(body)
+    )
     if ensemble is not None:
         checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     _check_ground(body, setting.floor)

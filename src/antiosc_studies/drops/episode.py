@@ -36,10 +36,10 @@ from antiosc.simulation.scene import (
 )
 from antiosc.simulation.scene_parts import Contact
 from antiosc.simulation.states import forces, integrated_states, interpolated, locate
-from antiosc_studies.drops.bed import laid, stored
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Setting, law_at
+from antiosc_studies.drops.layer import layer_energy, with_layer_laws
 from antiosc_studies.drops.lines import STATIONS, landing
 
 BODY, FLOOR = "part", "floor"
@@ -60,7 +60,7 @@ COARSER, LEFT = 4.0, 2 / 3
 TINY = float(np.finfo(float).tiny)
 
 
-class Held(NamedTuple):
+class OngoingContact(NamedTuple):
     """A contact that goes on from an episode before.
 
     Its height [m] without force, the forces of its rows (normal, friction) [N], its tangential
@@ -93,7 +93,7 @@ def scene_of(
     start: State,
     setting: Setting,
     which: IntArray,
-    held: dict[int, Held],
+    held: dict[int, OngoingContact],
 ) -> Assembly:
     """The scene of body and floor from a state, ready to run."""
     floor, slow = setting.floor, float(np.sqrt(body.extent / setting.gravity))
@@ -118,7 +118,7 @@ def scene_of(
     assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), slow)
     system, p, heights = assembly.system, len(which), start.heights(body, floor.ground, which)
     gaps = [
-        max(h, 0.0) if one is None else h if body.bed and i in body.laws else one.height
+        max(h, 0.0) if one is None else h if body.layer_contact and i in body.laws else one.height
         for h, i, one in zip(heights, which.tolist(), on, strict=True)
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
@@ -133,11 +133,11 @@ def scene_of(
     drawn[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += drawn[:p]
     kept = [None if one is None else one.kept for one in on]
-    if body.bed is not None:
+    if body.layer_contact is not None:
         # the damping of a layer is that of the first touch, not that of each of its pieces
         closed = [one is not None and one.closed for one in kept]
         speeds = (one.speed for one in kept if one is not None and one.closed)
-        system.least_speed = v = max([body.bed.speed, *speeds])
+        system.least_speed = v = max([body.layer_contact.speed, *speeds])
         kept = [
             Kept(True, v, law.touch(v)) if pressing else None
             for law, pressing in zip(system.laws, closed, strict=True)
@@ -301,16 +301,16 @@ def on_path(
             offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
     bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
     off = offsets - (last := interpolated(path.times, ran.breaks, ran.offsets))
-    if body.bed is not None:
-        z, bed = _heights(body, start, path), body.bed
+    if body.layer_contact is not None:
+        z, surface = _heights(body, start, path), body.layer_contact
         # the depth is free - gap; what is not of the body is of the floor
         free = path.whole @ old.beta.T - acting @ old.R.T
         ground = (path.whole - path.whole[0]) @ old.beta[0] - moved @ old.beta[0, own]
         deeper = ground - acting @ old.R[0]
-        at = np.flatnonzero(which >= bed.first)
-        pieces = which[at] - bed.first
-        volume, low, place = bed.pressed(pieces, R[:, 2], path.q[:, 6:], z - deeper)
-        offsets[:, at] = free[:, at] - bed.depth(pieces, volume, low)
+        at = np.flatnonzero(which >= surface.first)
+        pieces = which[at] - surface.first
+        volume, low, place = surface.pressed(pieces, R[:, 2], path.q[:, 6:], z - deeper)
+        offsets[:, at] = free[:, at] - surface.depth(pieces, volume, low)
         moving = place[..., 3:].reshape(len(R), len(at), *shapes.shape[1:])
         bent = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
         arms[:, at] = bent @ np.swapaxes(R, 1, 2)
@@ -322,7 +322,7 @@ def on_path(
             off[:, first : first + count] += more
         # of a piece the force counts, over that of all pieces
         largest = float(np.abs(history.run.depth[:, : len(which)]).max())
-        off[:, at] = bed.volume(pieces, free[:, at] - last[:, at]) - volume
+        off[:, at] = surface.volume(pieces, free[:, at] - last[:, at]) - volume
         off[:, at] *= largest / max(float(volume.sum(axis=1).max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = interpolated(path.times, old.breaks, old.loads).copy()
@@ -354,14 +354,14 @@ def _displaced(R: Array, q: Array, places: Array, shapes: Array) -> Array:
 
 def _heights(body: FreeBody, start: State, path: Path) -> Array:
     """Heights (n,) [m] of the centre of mass on a path over the floor as it is at the start."""
-    assert body.bed is not None
+    assert body.layer_contact is not None
     moved = (path.q - path.q[0])[:, :6] @ body.rigid_modes(start.R)[0][:, 2]
-    return np.asarray(body.bed.height + moved)
+    return np.asarray(body.layer_contact.height + moved)
 
 
 def handed_over(
     body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray
-) -> tuple[State, dict[int, Held]]:
+) -> tuple[State, dict[int, OngoingContact]]:
     """The state at the end of a path, and the contacts of the points (n,) that go on.
 
     With them go those that have parted and left a dent.
@@ -389,7 +389,7 @@ def handed_over(
     for k, (i, one, law, (first, count)) in enumerate(each):
         if one is not None and (one.closed or law.has_memory):
             rows, slip = [k, *range(first, first + count)], float(a.system.slip[k, 1])
-            held[i] = Held(float(heights[k]), one.closed * force[rows], slip, one)
+            held[i] = OngoingContact(float(heights[k]), one.closed * force[rows], slip, one)
     return state, held if any(one.kept.closed for one in held.values()) else {}
 
 
@@ -438,7 +438,7 @@ class Episode:
     history: SceneHistory
     body: FreeBody
     which: IntArray
-    held: dict[int, Held]
+    held: dict[int, OngoingContact]
     layer: float = 0.0
 
     @property
@@ -449,7 +449,7 @@ class Episode:
     @property
     def stored(self) -> float:
         """Energy of the contacts at the end [J]: > 0 of those that go on."""
-        if self.body.bed is not None:
+        if self.body.layer_contact is not None:
             closed = (one for one in self.held.values() if one.kept.closed and one.stiffness > 0)
             return self.layer + sum(
                 float(one.force[1:] @ one.force[1:]) / (2 * one.stiffness) for one in closed
@@ -480,13 +480,15 @@ class Episode:
 
     @property
     def deepest(self) -> float:
-        """Largest depth [m] of the laws, or of the vertices of a rigid body on a bed."""
+        """Largest depth [m] of the laws, or of the vertices of a rigid body on a layer."""
         last, body = min(self.duration, float(self.history.time[-1])), self.body
         times = np.linspace(0.0, last, LOOKS + 1)
-        if body.bed is None:
+        if body.layer_contact is None:
             return float(self.sunk().max())
         path = path_of(body, self.start, self.history, times)
-        low = (path.R[:, 2] @ body.points.T - body.balls)[:, : len(body.bed.round)].min(axis=1)
+        low = (path.R[:, 2] @ body.points.T - body.balls)[:, : len(body.layer_contact.round)].min(
+            axis=1
+        )
         return -float((_heights(body, self.start, path) + low).min())
 
     def along_line(self) -> bool:
@@ -495,7 +497,7 @@ class Episode:
         Of a layer the pieces of the surface are such contacts, without an error.
         """
         body = self.body
-        if body.bed is not None or not len(body.lines) or self.lines:
+        if body.layer_contact is not None or not len(body.lines) or self.lines:
             return False
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), LOOKS + 1)
         up = path_of(body, self.start, self.history, times).R[:, 2]
@@ -555,14 +557,18 @@ class Episode:
 
 
 def episode(
-    body: FreeBody, start: State, setting: Setting, held: dict[int, Held], before: float = np.inf
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    held: dict[int, OngoingContact],
+    before: float = np.inf,
 ) -> Episode:
     """The contact that begins at `start`.
 
     held : number of a point -> its contact, of those that go on from an episode before; `before`:
         how long that lasted [s].
     """
-    body = landing(laid(body, start, setting), start)
+    body = landing(with_layer_laws(body, start, setting), start)
     tol, heights = setting.tol, start.heights(body, setting.floor.ground)
     if body.idle is not None:
         heights[body.idle] = np.inf
@@ -598,7 +604,7 @@ def episode(
         touched = np.append(which, missed)
     history, path, end, touching = found.history, found.path, found.end, found.touching
     state, below = handed_over(body, start, history, path, which)
-    rest = stored(body, state, setting) if touching else 0.0
+    rest = layer_energy(body, state, setting) if touching else 0.0
     return Episode(start, state, history, body, which, below if touching else {}, rest)
 
 
@@ -658,7 +664,9 @@ def _stalls(changes: list[float]) -> bool:
 def _times(body: FreeBody, base: Assembly, history: SceneHistory, end: float, tol: float) -> Array:
     """Times (n,) up to an end at which the path is looked at; it is straight between them."""
     count = 1 + int(min(np.ceil(FINE / np.sqrt(tol)), MOST_LOOKS))
-    if body.bed is not None:  # the pieces of a bed share the time of their contact
+    if (
+        body.layer_contact is not None
+    ):  # the pieces of its surface on a layer share the time of their contact
         t = [np.linspace(0.0, end, 2 * count)]
     else:
         spans = [span for c in history.contact_histories for span in c.contacts]
@@ -711,7 +719,7 @@ def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> t
 def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: IntArray) -> IntArray:
     """The point that sinks deepest into the floor on a path though it is no contact; or none.
 
-    On a bed all that do.
+    On a layer all that do.
 
     heights : (V,) of all points at the start [m].
     """
@@ -724,10 +732,10 @@ def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: Int
     pressed = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
-    if body.bed is not None:
+    if body.layer_contact is not None:
         way = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
         other = np.setdiff1d(list(body.laws), which)
-        volume, low, _ = body.bed.pressed(other - body.bed.first, *way)
+        volume, low, _ = body.layer_contact.pressed(other - body.layer_contact.first, *way)
         lowest[other] = np.where(volume > 0, low, 0.0).min(axis=0)
     sinking = np.flatnonzero(lowest < -SINKS * body.extent)
-    return sinking if body.bed is not None else sinking[np.argsort(lowest[sinking])[:1]]
+    return sinking if body.layer_contact is not None else sinking[np.argsort(lowest[sinking])[:1]]

@@ -20,11 +20,18 @@ from antiosc.base.texts import Result
 from antiosc.results.peaks import PeakField, peak_field
 from antiosc.results.spectra import ShockSpectrum, srs
 from antiosc_studies.drops.body import FreeBody
-from antiosc_studies.drops.course import Impacts, Peak, contact_yield, course, hung, impact_of
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
 from antiosc_studies.drops.flight import Flight, State, ringing, turned
 from antiosc_studies.drops.floor import Setting, SoftLayer
 from antiosc_studies.drops.lines import STATIONS
+from antiosc_studies.drops.trajectory import (
+    Impacts,
+    Peak,
+    contact_yield,
+    hung,
+    impact_of,
+    trajectory,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -504,4 +511,4 @@ class Fall(Result):
 
 def fall_of(body: FreeBody, start: State, setting: Setting) -> Fall:
     """The fall of a body from a state."""
-    return Fall(body, setting, start, *course(body, start, setting))
+    return Fall(body, setting, start, *trajectory(body, start, setting))

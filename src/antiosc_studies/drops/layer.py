@@ -1,4 +1,4 @@
-"""A soft layer as a bed of springs under the faces, edges and corners of a part.
+"""A soft layer as springs side by side under the faces, edges and corners of a part.
 
 A layer that is thin against the area of contact gives way at each place by itself (Winkler;
 Johnson, Contact Mechanics, 1985, 4.3 and 5.8): the pressure is E/t times the indentation there,
@@ -33,12 +33,12 @@ DEPTHS = np.geomspace(1e-7, 1.0, 29)
 #: Largest exponent, of a piece whose volume grows by steps; and least share of its area that a
 #: piece is taken to turn to the floor for its law.
 STEEPEST, LEAN = 6.0, 0.1
-#: Depth [m] by which a piece that displaces nothing is clear of the bed.
+#: Depth [m] by which a piece that displaces nothing is clear of the layer.
 CLEAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Bed:
+class LayerContact:
     """The surface of a body in pieces, as a soft layer presses it.
 
     Attributes
@@ -147,9 +147,9 @@ def _tip(p: Array) -> Array:
     return volume[:, None] * np.column_stack((1 - share.sum(axis=1) / 4, share / 4))
 
 
-def bedded(body: FreeBody) -> FreeBody:
-    """The body with its surface as a bed presses it; itself if it has no faces."""
-    if body.bed is not None or body.balls.all():
+def with_layer_contact(body: FreeBody) -> FreeBody:
+    """The body with its surface as a layer presses it; itself if it has no faces."""
+    if body.layer_contact is not None or body.balls.all():
         return body
     matrices: Any = None if body.structure is None else body.structure.matrices
     found = _of_hull(body) if matrices is None or matrices.located else _of_skin(body)
@@ -163,7 +163,9 @@ def bedded(body: FreeBody) -> FreeBody:
     piece = _pieces(x.mean(axis=1), areas, size)
     order = np.argsort(piece, kind="stable")
     bounds = np.append(0, np.cumsum(np.bincount(piece)))
-    return replace(body, bed=Bed(places, triangles[order], areas[order], bounds, rounded))
+    return replace(
+        body, layer_contact=LayerContact(places, triangles[order], areas[order], bounds, rounded)
+    )
 
 
 def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
@@ -245,19 +247,19 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
     return number
 
 
-def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
-    """The body whose points are its vertices and, from `bed.first` on, the pieces of its surface.
+def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
+    """The body with pieces of its surface as points, from `layer_contact.first` on, after vertices.
 
     The height of a piece is that at which its law has the force of the volume that it displaces.
     Vertices that are not round are `idle`, and pieces that will hardly touch. A body without a
-    bed is returned as it is.
+    layer is returned as it is.
     """
-    bed, layer = body.bed, setting.floor.layer
-    if bed is None or layer is None:
+    surface, layer = body.layer_contact, setting.floor.layer
+    if surface is None or layer is None:
         return body
     up, z = start.R[2], start.centre[2] + start.lowered(setting.floor.ground)
-    ways, each = np.append(0.0, DEPTHS * body.extent), bed.every
-    volumes, (low, *_), _ = bed.pressed(each, up, start.q, z - ways)
+    ways, each = np.append(0.0, DEPTHS * body.extent), surface.every
+    volumes, (low, *_), _ = surface.pressed(each, up, start.q, z - ways)
     modulus = layer.E / layer.thickness
     work = modulus * cumulative_trapezoid(volumes.sum(axis=1), ways, initial=0.0)
     arms = start.arms(body)
@@ -266,11 +268,11 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     deepest = max(float(np.interp(body.mass * speed**2 / 2, work, ways)), float(ways[1]))
     depth = np.maximum(deepest - low, SHALLOW * max(deepest - low.min(), float(ways[1])))
     at = z - low - np.outer([1.0, 0.5], depth)
-    (volume, half), _, (place, _) = bed.pressed(each, up, start.q, at, LEAN)
+    (volume, half), _, (place, _) = surface.pressed(each, up, start.q, at, LEAN)
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
-    own = replace(bed, share=modulus / stiffness, exponent=n, height=z, speed=speed)
-    points, shapes, first = place[:, :3], place[:, 3:].reshape(len(place), -1, 3), bed.first
+    own = replace(surface, share=modulus / stiffness, exponent=n, height=z, speed=speed)
+    points, shapes, first = place[:, :3], place[:, 3:].reshape(len(place), -1, 3), surface.first
     deep = own.depth(each, volumes[0], low)
     lifts = z + points @ up + np.einsum("vjd,d,j->v", shapes, up, start.q) + deep
     none, rigid = np.full((len(place), 2), np.inf), np.zeros((3, 3))
@@ -282,21 +284,21 @@ def laid(body: FreeBody, start: State, setting: Setting) -> FreeBody:
         radii=np.vstack((body.radii, none)),
         materials=np.vstack((body.materials, np.nan * none)),
         facing=None if body.facing is None else np.vstack((body.facing, 0 * points)),
-        bed=own,
+        layer_contact=own,
         laws={first + k: cushion(layer, float(stiffness[k]), float(n[k])) for k in each.tolist()},
-        idle=np.append(~bed.round, volumes[np.searchsorted(ways, deepest)] == 0),
+        idle=np.append(~surface.round, volumes[np.searchsorted(ways, deepest)] == 0),
         _placed=body._placed | {first + k: (shapes[k], rigid, none[k]) for k in each.tolist()},
     )
 
 
-def stored(body: FreeBody, state: State, setting: Setting) -> float:
-    """Energy [J] of a layer under a body on a bed: E/t times the volumes on the way up to it."""
-    bed, layer = body.bed, setting.floor.layer
-    if bed is None or layer is None:
+def layer_energy(body: FreeBody, state: State, setting: Setting) -> float:
+    """Energy [J] of a layer under a body: E/t times the volumes on the way up to it."""
+    surface, layer = body.layer_contact, setting.floor.layer
+    if surface is None or layer is None:
         return 0.0
     z = state.centre[2] + state.lowered(setting.floor.ground)
-    deep = max(-float(state.heights(body, setting.floor.ground)[: bed.first].min()), 0.0)
+    deep = max(-float(state.heights(body, setting.floor.ground)[: surface.first].min()), 0.0)
     s, weights = np.polynomial.legendre.leggauss(16)
     ways = deep * (1 + s) / 2
-    volumes = bed.pressed(bed.every, state.R[2], state.q, z + ways)[0]
+    volumes = surface.pressed(surface.every, state.R[2], state.q, z + ways)[0]
     return float(layer.E / layer.thickness * deep / 2 * weights @ volumes.sum(axis=1))

@@ -1,4 +1,4 @@
-"""The course of a fall: flight, contact, flight, until it rests or is ended."""
+"""The trajectory of a fall: flight, contact, flight, until it rests or is ended."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relativ
 from antiosc.results.margin import HertzContact
 from antiosc.simulation.bodies import GRAVITY
 from antiosc_studies.drops.body import FreeBody
-from antiosc_studies.drops.episode import AXES, Episode, Held, episode
+from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight, State
 from antiosc_studies.drops.floor import Floor, Setting, law_at
 from antiosc_studies.drops.lines import yielding
@@ -43,7 +43,7 @@ def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Arra
     return State(0.0, centre, velocity, R, momentum, none, none, np.zeros((2, size)))
 
 
-def course(
+def trajectory(
     body: FreeBody, start: State, setting: Setting
 ) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
     """A fall from a state until it rests, or ends.
@@ -53,7 +53,7 @@ def course(
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
-    state, held, status, pressed = start, dict[int, Held](), "", 0.0
+    state, held, status, pressed = start, dict[int, OngoingContact](), "", 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not status:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
@@ -107,7 +107,7 @@ def _check_sides(body: FreeBody, state: State) -> None:
 def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
     """AccuracyError where a point is deeper in the floor than contacts have pressed one [m]."""
     deep = -float(state.heights(body, setting.floor.ground).min())
-    if body.bed is None and deep > pressed + SUNK * body.extent:
+    if body.layer_contact is None and deep > pressed + SUNK * body.extent:
         raise AccuracyError(
             f"the part sank through the floor at {state.time:.4g} s: a point is {deep:.3g} m "
             f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
@@ -116,7 +116,11 @@ def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting)
 
 
 def _rests(
-    body: FreeBody, pressed: FreeBody, state: State, held: dict[int, Held], setting: Setting
+    body: FreeBody,
+    pressed: FreeBody,
+    state: State,
+    held: dict[int, OngoingContact],
+    setting: Setting,
 ) -> bool:
     """Whether the body stands on points around its centre of mass that hardly move, nor will.
 
@@ -145,7 +149,9 @@ def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> floa
     return float(taken @ taken / 2)
 
 
-def _pushed(body: FreeBody, state: State, held: dict[int, Held], setting: Setting) -> float:
+def _pushed(
+    body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
+) -> float:
     """Energy [J] of the contacts beyond what carries the weight.
 
     Of one contact with the force F and the way d it is (F - m g)^2 d/F: of a linear law twice the
@@ -168,7 +174,9 @@ def _pushed(body: FreeBody, state: State, held: dict[int, Held], setting: Settin
     return float(found @ found)
 
 
-def _shaken(body: FreeBody, state: State, held: dict[int, Held], setting: Setting) -> float:
+def _shaken(
+    body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
+) -> float:
     """Energy [J] of the body at the speed of the floor as it vibrates about its displacement."""
     ground = setting.floor.ground
     if ground is None:
