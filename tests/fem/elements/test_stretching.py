@@ -161,6 +161,19 @@ def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
     assert np.abs(hit.displacement).max() == pytest.approx(moved.max(), rel=0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_free_sheet_stretches_as_all_of_its_degrees_of_freedom():
+    """Where it bends in two directions at once; it has rigid-body motions."""
+    mesh, site = plate()[0].matrices.mesh, plate()[1]
+    part, law = ao.Structure(mesh, SHELL), ao.Power(1e6, 1.5)
+    _, force, _ = Full(part, site).impact(0.5, 1.0, 1e6, 6e-3, 240)
+    model, ball = ao.extract(part, site, n=24, stretch="auto"), ao.RigidMass(0.5, velocity=1.0)
+    assert ao.simulate(model, ball, law, 6e-3).peak_force == pytest.approx(force.max(), rel=3e-3)
+    linear = ao.simulate(replace(model, stretch=None), ball, law, 6e-3)
+    assert linear.peak_force < 0.9 * force.max()
+
+
 @pytest.mark.filterwarnings("error:.*deflects by")
 def test_strike_takes_second_order_forces_where_the_linear_deflection_asks_for_them():
     part, site = plate()
