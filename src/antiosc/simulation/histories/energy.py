@@ -199,8 +199,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
     doubted = run.gained > 0.1 * GAIN * run.highest
     if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
         return 0.0
-    stretches = system.cubic is not None
-    if system.damped or stretches or (a.scene.loads and a.r.any()):
+    if system.damped or (a.scene.loads and a.r.any()):
         energy = energy_balance(a, run)
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
@@ -210,6 +209,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
             q, v = starts(run, system, np.arange(first, last + 1))
             here = mechanical[first : last + 1]
             here[...] = march.energies(np.stack([q, v], axis=1), system.omega)
+            here += system.stretch_energy(q)
             if system.loads.any():
                 work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, here)
         held = mechanical.copy()
