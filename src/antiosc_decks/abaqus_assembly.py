@@ -122,6 +122,15 @@ class Whole:
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
 
+    def element_labels(self) -> IntArray:
+        """Numbers of the elements that are cells, of all instances, in the order of the deck's."""
+        labels = np.zeros(self.deck.n_elements, dtype=np.int64)
+        for one in self.instances.values():
+            known = one.mesh.elements
+            rows = one.placed("ELSET", known.order)
+            labels[rows[rows < OTHER]] = known.labels[rows < OTHER]
+        return labels
+
     def named(self, *keywords: str) -> list[Card]:
         """The cards of the model of these keywords."""
         return [card for card in self.cards if card.keyword in keywords]

@@ -9,7 +9,7 @@ of a mesh and refused in a model.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -80,7 +80,7 @@ def read(ask: Request) -> FileMesh:
     rows = iter((line, Place(ask.name, k + 1)) for k, line in enumerate(lines))
     for text, place in rows:
         _take(found, [word.strip() for word in text.split("!")[0].split(",")], place, rows)
-    deck, owners = _deck(found)
+    deck, owners = _deck(found, ask.elements)
     if ask.model is not None:
         deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
         deck.free = ask.model.get("free", False)
@@ -195,8 +195,12 @@ def _reals(found: Archive, sets: int, rows: Iterator[Line]) -> None:
             next(rows)
 
 
-def _deck(found: Archive) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
-    """(deck, material, real constants, section and place of each element)."""
+def _deck(
+    found: Archive, asked: Mapping[str, Sequence[int]]
+) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
+    """(deck, with the elements that are asked for; material, real constants, section, place of each
+    element).
+    """
     if not found.points:
         raise MeshError(f"{found.name} has no nodes (NBLOCK).")
     node_numbers = np.array(found.labels, dtype=np.int64)
@@ -234,6 +238,7 @@ def _deck(found: Archive) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
     if not belongs:
         raise MeshError(f"{found.name} has no elements that are cells of a mesh.")
     every = Numbering(np.array(numbers, dtype=np.int64))
+    deck.name_elements(asked, np.array(numbers))
     for name, (of_nodes, members) in found.components.items():
         rows_of = (nodes if of_nodes else every).rows(np.array(members, dtype=np.int64))
         if (rows_of >= 0).any():

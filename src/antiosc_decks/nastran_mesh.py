@@ -249,6 +249,10 @@ class NastranDeck:
             self.deck.told.append(f"{told}, which the first subcase does not select.")
         return used & present
 
+    def element_labels(self) -> IntArray:
+        """Numbers of the elements, in the order of the deck's."""
+        return np.array([entry.whole(0) for entry in self.elements], dtype=np.int64)
+
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
         row = int(self.nodes.rows(np.array([label + place.scope]))[0])

@@ -31,6 +31,7 @@ def _reader(
         options = ask.model or {}
         found = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
         deck = found.deck
+        deck.name_elements(ask.elements, found.element_labels())
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")
             deck.free = options.get("free", False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -128,6 +128,19 @@ class Deck:
     model: Model | None = None
     #: numbers of the first nodes in the file
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def name_elements(self, asked: Mapping[str, Sequence[int]], labels: IntArray) -> None:
+        """Make sets of elements by their numbers in the file; `labels`: of all, in their order.
+
+        MeshError for a number that no element has, and for a name that a set has.
+        """
+        for name, numbers in asked.items():
+            if name in self.element_sets:
+                raise MeshError(f"{self.name} has a set {name!r} already: name the elements apart.")
+            lost = np.setdiff1d(np.array(numbers), labels)
+            if len(lost):
+                raise MeshError(f"{self.name} has no element {lost[0]} that is a cell of a mesh.")
+            self.element_sets[name] = np.flatnonzero(np.isin(labels, np.array(numbers)))
 
     @property
     def n_elements(self) -> int:

@@ -67,6 +67,8 @@ def read(ask: Request) -> FileMesh:
         if table is not None:
             _add_block(deck, names[k - 1], kinds[k], _whole(table) - 1, number)
     count = deck.n_elements
+    own = _whole(variables.get("elem_num_map", np.arange(1, count + 1)))
+    deck.name_elements(ask.elements, own[:count])
     shapes = [(block, row) for block in deck.blocks for row in range(len(block))]
     for k, name in enumerate(_names(variables, "ns", "node set"), 1):
         rows = _whole(variables.get(f"node_ns{k}", np.zeros(0))) - 1

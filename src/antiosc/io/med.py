@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base._types import IntArray
+from antiosc.io.neutral import IntArray
 
 #: Group of the meshes, group of the results, names of a node's and of a mesh's dimension.
 MESHES, RESULTS, SPACE, DIMENSION = "ENS_MAA", "CHA", "ESP", "DIM"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -166,7 +166,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
     path, told = Path(ask.path), list[str]()
-    numbers: IntArray = np.zeros(0, dtype=int)
+    numbers: IntArray = np.zeros(0, dtype=np.int64)
     if path.suffix.lower() == ".med":
         path, told, numbers = med.of_one_mesh(path, name)
     mesh = content(path, name)
@@ -185,7 +185,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
-    result.told, result.labels = told, numbers.astype(np.int64)
+    result.told, result.labels = told, numbers
     return as_carried(result, name)
 
 
@@ -358,7 +358,7 @@ def read_universal(ask: Request) -> FileMesh:
     found = _Content(ask.name)
     for number, rows in _sets(content.decode("latin-1").splitlines(), ask.name):
         _take(found, number, rows)
-    deck = _deck(found)
+    deck = _deck(found, ask.elements)
     if found.per_metre not in (None, 1.0) and ask.unit[0] == 1:
         deck.points /= found.per_metre
         deck.told.append(
@@ -477,7 +477,7 @@ def _groups(found: _Content, rows: Lines, width: int) -> None:
                 elements.append(label)
 
 
-def _deck(found: _Content) -> Deck:
+def _deck(found: _Content, asked: Mapping[str, Sequence[int]]) -> Deck:
     if not found.points:
         raise MeshError(f"{found.name} has no nodes (data sets 2411, 781 or 15).")
     nodes = Numbering(np.array(found.labels, dtype=np.int64))
@@ -512,6 +512,7 @@ def _deck(found: _Content) -> Deck:
     if (np.diff(elements.labels) == 0).any():
         raise MeshError(f"{found.name} gives two elements one number.")
     deck.left = found.others
+    deck.name_elements(asked, every)
     for name, (of_nodes, of_elements) in found.groups.items():
         for some, numbering, sets in (
             (of_nodes, nodes, deck.node_sets),

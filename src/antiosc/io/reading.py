@@ -8,7 +8,7 @@ would be lost silently; they raise an error unless the caller selects the cells.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -380,6 +380,10 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     return raw
 
 
+#: Groups of elements by their numbers in the file.
+NumberedElements = Mapping[str, Sequence[int]]
+
+
 class Piece(NamedTuple):
     """A piece of a mesh: a group of cells that is one, or "", and the corners of its box [m]."""
 
@@ -440,10 +444,16 @@ def outline(path: Path, unit: UnitSystem | None = None, **options: Any) -> FileM
 
 
 def read_parts(
-    path: Path, *, timeout: float | None, unit: UnitSystem, merge: float | None, model: ModelOptions
+    path: Path,
+    *,
+    timeout: float | None,
+    unit: UnitSystem,
+    merge: float | None,
+    model: ModelOptions,
+    elements: NumberedElements,
 ) -> dict[str, RawMesh]:
     """Cells of a deck by their shape, with its model: one entry unless they are joined at nodes."""
-    content = _content(path, timeout, unit, merge, model=model)
+    content = _content(path, timeout, unit, merge, model=model, elements=elements)
     contents = [content]
     if content.model is not None and content.model["joined"]:
         labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
@@ -503,6 +513,12 @@ def _content(
     options["unit"] = [unit.length, unit.force]
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)
+    for group in options.get("elements") or {}:
+        if group not in content.groups:
+            raise MeshError(
+                f"the elements of {path.name} have no numbers here, so that elements= names none "
+                f"for {group!r}; decks, universal files and Exodus files have them."
+            )
     content.points = content.points * unit.length
     content.cad = content.cad and content.cad.scaled(unit.length)
     return content if merge is None else merged(content, merge)

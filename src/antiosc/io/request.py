@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
@@ -62,6 +62,8 @@ class Request:
     piece: int | None = None
     #: which of the ways to mesh a geometry (`cad.ATTEMPTS`)
     attempt: int = 0
+    #: groups of elements that are asked for: name -> their numbers in the file
+    elements: Mapping[str, Sequence[int]] = field(default_factory=dict)
     #: the box around a geometry and its groups alone, without a mesh
     outline: bool = False
     #: whether all commands of gmsh are permitted

@@ -31,14 +31,14 @@ from antiosc.fem.elements.solid import AnisotropicSolid, Solid
 from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh import distributed
-from antiosc.fem.mesh.reading import flattened
+from antiosc.fem.mesh.reading import flattened, numbered_elements
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import collective, on_root, warn
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import Model, RawMesh, UnitSystem
-from antiosc.io.reading import pieces_error, read_parts
+from antiosc.io.reading import NumberedElements, pieces_error, read_parts
 
 
 def point_name(number: int) -> str:
@@ -128,6 +128,7 @@ def read_model(
     parts: Sequence[str] | None = None,
     piece: int | None = None,
     free: bool = False,
+    elements: NumberedElements | None = None,
     root: str | Path | None = None,
     solver: Choice = "auto",
     timeout: float | None = None,
@@ -159,6 +160,8 @@ def read_model(
         them is held.
     free
         Leave the supports of the deck out, as for a fall or an impact in flight.
+    elements
+        Groups more: name -> numbers of elements in the deck, of all of its instances.
     root
         Folder of the files that the deck may include; by default that of the deck, or the one above
         it where both are the user's own.
@@ -195,7 +198,7 @@ def read_model(
     file = checked_path("path", path)
     read = _reader(
         file, unit, density=density, merge=merge, parts=parts, piece=piece, free=free,
-        root=root, timeout=timeout,
+        elements=elements, root=root, timeout=timeout,
     )  # fmt: skip
     more = list_of("supports", supports, Support, "Support objects")
     added = attachments_of(attached)
@@ -222,7 +225,7 @@ def outline_of_deck(
     Nothing is assembled. `options` are others of `read_model`; those that reading does not need
     are not looked at.
     """
-    needed = ("density", "merge", "parts", "piece", "free", "root", "timeout")
+    needed = ("density", "merge", "parts", "piece", "free", "elements", "root", "timeout")
     known = {name: options[name] for name in needed if name in options}
     raws = _reader(checked_path("path", path), unit, **known)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
@@ -241,6 +244,7 @@ def _reader(
     parts: Sequence[str] | None = None,
     piece: int | None = None,
     free: bool = False,
+    elements: NumberedElements | None = None,
     root: str | Path | None = None,
     timeout: float | None = None,
 ) -> Callable[[], dict[str, RawMesh]]:
@@ -256,7 +260,7 @@ def _reader(
         if not named or not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         parts = list(parts)
-    free = flag("free", free)
+    free, numbered = flag("free", free), numbered_elements(elements)
     if piece is not None:
         piece = whole("piece", piece, least=1)
     if root is not None:
@@ -268,7 +272,9 @@ def _reader(
     def work() -> dict[str, RawMesh]:
         options = {"density": density, "parts": parts, "piece": piece, "root": root, "free": free}
         found: dict[str, RawMesh] = {}
-        by_shape = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
+        by_shape = read_parts(
+            file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered
+        )
         for raw in by_shape.values():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import dolfinx
 import numpy as np
@@ -32,7 +32,7 @@ from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.cad import STATES_UNIT
 from antiosc.io.neutral import RawMesh, UnitSystem
-from antiosc.io.reading import Wanted, read
+from antiosc.io.reading import NumberedElements, Wanted, read
 from antiosc.io.request import Refinement
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def read_mesh(
     solid: bool = False,
     fragments: bool = False,
     piece: int | None = None,
+    elements: NumberedElements | None = None,
     trust: bool = False,
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -112,6 +113,8 @@ def read_mesh(
         touch.
     piece
         Of a mesh that falls into pieces without a common node: 1 for the largest, 2 for the next.
+    elements
+        Groups more: name -> numbers of elements in a deck, a universal file or one of Exodus.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
@@ -149,6 +152,7 @@ def read_mesh(
     if piece is not None:
         piece = whole("piece", piece, least=1)
     _check_refinements(refine)
+    numbered = numbered_elements(elements)
     if parts is not None:
         if cells is not None:
             raise InputError("give cells= or parts=, which both select cells; got both.")
@@ -194,6 +198,7 @@ def read_mesh(
             solid=solid,
             fragments=fragments,
             piece=piece,
+            elements=numbered,
             sound=checked,
         )
 
@@ -202,6 +207,20 @@ def read_mesh(
         warn(comm, sentence)
     stated = unit is not None or file.suffix.lower() in STATES_UNIT
     return replace(distributed(raw, file.name, comm), stated=stated)
+
+
+def numbered_elements(given: object) -> dict[str, list[int]]:
+    """Groups of elements by their numbers, {} without; InputError for anything else."""
+    if given is None:
+        return {}
+    instance("elements", given, Mapping, "a dict: name -> list of numbers of elements")
+    found = {}
+    for name, numbers in cast("Mapping[str, object]", given).items():
+        what = f"elements[{text('a name in elements', name)!r}]"
+        if not isinstance(numbers, list | tuple | range | np.ndarray) or len(numbers) == 0:
+            raise InputError(f"{what} must be a list of numbers of elements; got {shown(numbers)}.")
+        found[name] = [whole(f"a number in {what}", one) for one in numbers]
+    return found
 
 
 def _check_refinements(refine: Sequence[Refinement]) -> None:
