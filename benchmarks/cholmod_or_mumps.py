@@ -32,7 +32,7 @@ from antiosc.base.process import one_thread
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.compliance import compliances
-from antiosc.fem.linalg.petsc_algebra import csr, lower
+from antiosc.fem.linalg.petsc_algebra import csr, lower, with_entries
 from antiosc.fem.linalg.solver_choice import Distributed, Substructures, interface
 from antiosc.fem.site.map_sites import sites_of
 
@@ -132,7 +132,7 @@ def by_mumps(
     solve: Callable[[PETSc.Mat, scipy.sparse.csc_matrix], np.ndarray],
 ) -> Row:
     started = time.process_time()
-    solver = Distributed(part.K)  # MUMPS chooses its ordering
+    solver = Distributed(with_entries(part.K))  # MUMPS chooses its ordering
     made = time.process_time()
     found = solve(solver._ksp.getPC().getFactorMatrix(), loads)
     spent = time.process_time() - made
@@ -192,7 +192,7 @@ def transposed(matrix: scipy.sparse.csr_matrix) -> tuple[PETSc.Mat, PETSc.Mat]:
 def measured_ranks(size: float, rounds: int) -> list[Row]:
     """Seconds of a factor and of solves on the ranks of this run, for both ways."""
     part = bracket(size)
-    K, comm = part.K, part.comm
+    K, comm = with_entries(part.K), part.comm
     ways = {
         "condensation, CHOLMOD": lambda: Substructures(K, interface(K)),
         "MUMPS": lambda: Distributed(K),

@@ -18,7 +18,7 @@ import ufl
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.linalg.petsc_algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from antiosc.fem.platform import compat
 
 STEEL = ao.Solid(210e9, 0.3, 7800.0)
@@ -59,11 +59,12 @@ def main(along: int) -> None:
     x = np.random.default_rng(0).standard_normal(part.rows)
     x[part.fixed] = 0.0
     free = np.setdiff1d(np.arange(part.rows), part.fixed)
-    source, target = part.K.createVecs()
+    K = with_entries(part.K)
+    source, target = K.createVecs()
     source.setArray(x)
 
     def entries() -> np.ndarray:
-        part.K.mult(source, target)
+        K.mult(source, target)
         return target.array_r
 
     ways = {

@@ -21,7 +21,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import Result, engineering
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.extract import extract
-from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
 from antiosc.fem.site import Site
@@ -270,7 +270,6 @@ def _with_member(answer: Answer) -> tuple[Answer, Member]:
     matrices = cast("MeshedStructure", structure.matrices)
     mesh = matrices.mesh
     entries = getattr(structure.factorize(), "entries", 0.0)
-    stored = structure.comm.allreduce(len(algebra.entries(structure.K)[1]))
     one = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(one, mesh.dolfinx)
     return answer, Member(
@@ -281,7 +280,7 @@ def _with_member(answer: Answer) -> tuple[Answer, Member]:
         n=answer.n,
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(structure.seconds["assembly"] + answer.seconds)),
-        gigabytes=(MATRIX_BYTES * stored + FACTOR_BYTES * entries) / 1e9,
+        gigabytes=(MATRIX_BYTES * stored(structure.K) + FACTOR_BYTES * entries) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
     )

@@ -1,7 +1,10 @@
 """Conjugate gradients with two levels, against a factor of the same matrix."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,6 +96,35 @@ def test_held_dofs_stay(monkeypatch):
 
 def test_linear_elements_have_no_coarse_level():
     assert made("auto", order=1).matrices.coarser() is None
+
+
+def test_the_factor_is_forecast_from_the_linear_elements():
+    mesh = parts.box((12, 8, 8), cell="tetrahedron")
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
+    found = solver_choice.Linear(part.K, part.matrices.coarser()).entries
+    exact = part.factorize().entries
+    assert exact / 2 <= found <= 2 * exact
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {support!r})
+import antiosc as ao
+import parts
+from antiosc.fem.elements import tetrahedra
+
+tetrahedra.FEWEST_DOFS = 0
+mesh = parts.box((6, 3, 2), cell="tetrahedron")
+part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")], solver="iterative")
+print(type(part.factorize()).__name__, part.K.getType())
+"""
+
+
+def test_python_ends_while_a_solver_is_alive():
+    """PETSc destroys what is left after Python, whose functions it must not call then."""
+    script = SCRIPT.format(support=str(Path(parts.__file__).parent))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "TwoLevels python\n"), done.stderr
 
 
 def test_the_faster_solver_is_taken(monkeypatch):

@@ -1,13 +1,17 @@
-"""Products with K and M of straight quadratic tetrahedra from their cells, without the matrices.
+"""K and M of straight quadratic tetrahedra from their cells, without the matrices.
 
 A product with the assembled matrix reads its 80 entries a row from memory; one from the cells reads
 a tenth of that and computes the rest (benchmarks/products.py). The strains of a straight quadratic
-tetrahedron are linear, so that their values at its corners tell its energy (csrc/elastic.c).
+tetrahedron are linear, so that their values at its corners tell its energy (csrc/elastic.c). Two
+levels need the diagonal blocks of the nodes besides, and the matrix of the linear elements, which
+is assembled. What needs all entries, as a factor does, has them assembled (`with_entries`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from ctypes import byref
+from functools import cached_property
 
 import numpy as np
 from petsc4py import PETSc
@@ -16,9 +20,11 @@ from antiosc.base import march
 from antiosc.base._types import Array, IntArray
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Parts, WeakForm
-from antiosc.fem.linalg.petsc_algebra import CELLS, CellProduct
+from antiosc.fem.linalg.petsc_algebra import multiply, watch
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
+
+NO_DOFS = np.zeros(0, dtype=np.int32)
 
 #: `AOM_LANES` and `AOM_TETRA_DATA`
 LANES, DATA = 8, 12
@@ -26,16 +32,30 @@ LANES, DATA = 8, 12
 FEWEST_DOFS = 20_000
 
 
+#: Corners between which the nodes of a cell lie, in dolfinx's order.
+ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
+
+
 class Tetrahedra:
     """The cells of this rank of a part, for products with K and M.
 
     Parameters
     ----------
-    fixed : dofs of this rank, ghosts included, whose rows and columns are 1 in K, 0 in M
+    conditions : path of a component -> its dofs of this rank, ghosts included, whose rows and
+        columns are 1 in K, 0 in M
     """
 
-    def __init__(self, mesh: Mesh, form: WeakForm, parts: Parts, fixed: IntArray) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        form: WeakForm,
+        parts: Parts,
+        conditions: Mapping[tuple[int, ...], IntArray],
+    ) -> None:
+        self._mesh, self._form, self._parts, self._conditions = mesh, form, parts, conditions
         self._space = form.space
+        self.comm = mesh.comm
+        self._ghosts = form.space.dofmap.index_map.num_ghosts
         count = compat.cell_map(mesh.dolfinx).size_local
         cells = np.arange(count)
         nodes = compat.cell_dofs(form.space, (0,), cells) // 3
@@ -52,9 +72,19 @@ class Tetrahedra:
         self._data = _in_lanes(data)
         addresses = map(march.address, (self._nodes, self._data))
         self._cells = march.Tetra(len(self._nodes), *addresses)
-        self._fixed = fixed
-        self._rows = compat.local_size(form.space)
-        self._held = fixed[fixed < self._rows]
+        self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
+        self.rows = compat.local_size(form.space)
+        self._held = self._fixed[self._fixed < self.rows]
+        #: what is added to K and M at points, and whether anything is
+        self.added, self.carries = (self._empty(), self._empty()), False
+
+    def _empty(self) -> PETSc.Mat:
+        rows = (self.rows, None)
+        result = PETSc.Mat().createAIJ((rows, rows), nnz=0, comm=self.comm)
+        result.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        result.assemble()
+        watch(result)
+        return result
 
     def product(self, x: Array, stiffness: float, mass: float) -> Array:
         """(stiffness K + mass M) x for a vector or a block of vectors (rows of this rank, k)."""
@@ -71,22 +101,104 @@ class Tetrahedra:
         places = march.address(u), march.address(out)
         march.library.aom_tetra_product(byref(self._cells), stiffness, mass, *places)
         result = compat.ghosts_added(self._space, out[:, None])[:, 0]
+        for factor, matrix in zip((stiffness, mass), self.added, strict=True):
+            if factor and self.carries:
+                result = result + factor * multiply(matrix, x[:, 0])
         result[self._held] = stiffness * x[self._held, 0]
         return np.asarray(result)
 
+    def blocks(self, k: float, m: float) -> Array:
+        """The diagonal blocks of kK + mM, (rows of this rank, 3)."""
+        data = self._data.transpose(0, 2, 1).reshape(-1, DATA)
+        nodes = self._nodes.transpose(0, 2, 1).reshape(len(data), -1)
+        slopes = data[:, :9].reshape(-1, 3, 3)
+        slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
+        lame, shear, density = k * data[:, 9] * 20, k * data[:, 10] * 20, m * data[:, 11]
+        size = compat.local_size(self._space) + 3 * self._ghosts
+        found = np.zeros((size // 3, 3, 3))
+        for node, ends in enumerate(ENDS):
+            G = _squares(slopes, ends)
+            own = (lame + shear)[:, None, None] * G
+            inertia = (6 if len(ends) == 1 else 32) * density
+            spread = shear * np.trace(G, axis1=1, axis2=2) + inertia
+            for a in range(3):
+                own[:, a, a] += spread
+                for b in range(3):
+                    found[:, a, b] += np.bincount(nodes[:, node], own[:, a, b], len(found))
+        result = np.array(compat.ghosts_added(self._space, found.reshape(-1, 3)))
+        for factor, matrix in zip((k, m), self.added, strict=True):
+            _add_blocks(result, factor, matrix)
+        own = result.reshape(-1, 3, 3)
+        own[self._held // 3, self._held % 3, :] = 0.0
+        own[self._held // 3, :, self._held % 3] = 0.0
+        result[self._held, self._held % 3] = k
+        return result
 
-def take_products(
-    K: PETSc.Mat, M: PETSc.Mat, mesh: Mesh, form: WeakForm, parts: Parts, fixed: IntArray
-) -> None:
-    """Have `multiply` take the products with K and M from the cells, where that is worth it."""
-    if K.getSize()[0] >= FEWEST_DOFS and _fit(mesh, form, parts):
-        take = Tetrahedra(mesh, form, parts, fixed).product
-        K.setAttr(CELLS, CellProduct(take, 1.0, 0.0))
-        M.setAttr(CELLS, CellProduct(take, 0.0, 1.0))
+    def entries(self, k: float, m: float) -> PETSc.Mat:
+        """kK + mM, assembled."""
+        return self._assembled(self._form, self._conditions, k, m, self.added)
+
+    def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
+        """The matrix of linear elements, and what is added at points."""
+        added = [one.ptap(P) if self.carries else one for one in self.added]
+        return self._assembled(self.linear, {}, k, m, added)
+
+    @cached_property
+    def linear(self) -> WeakForm:
+        """The form of linear elements on these cells."""
+        material, _ = self._parts[0]
+        return material.weak_form(self._mesh, self._parts, 1)
+
+    def _assembled(
+        self,
+        form: WeakForm,
+        conditions: Mapping[tuple[int, ...], IntArray],
+        k: float,
+        m: float,
+        added: Sequence[PETSc.Mat],
+    ) -> PETSc.Mat:
+        total: PETSc.Mat | None = None
+        for factor, forms, one, diagonal in zip(
+            (k, m), (form.stiffness, form.mass), added, (1.0, 0.0), strict=True
+        ):
+            if not factor:
+                continue
+            matrix = compat.assemble(forms, form.space, conditions, diagonal)
+            if self.carries:
+                matrix.axpy(1.0, one, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            if factor != 1.0:
+                matrix.scale(factor)
+            if total is None:
+                total = matrix
+            else:
+                total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        return total
 
 
-def _fit(mesh: Mesh, form: WeakForm, parts: Parts) -> bool:
-    """Whether products can be taken so: straight quadratic tetrahedra of isotropic materials."""
+def _squares(slopes: Array, ends: Sequence[int]) -> Array:
+    """∫ grad N ⊗ grad N / V (n, 3, 3) of a corner, or of the node between two, from grad λ."""
+    g = slopes[:, ends[0]]
+    if len(ends) == 1:
+        return np.asarray(0.6 * g[:, :, None] * g[:, None])
+    h = slopes[:, ends[1]]
+    both = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
+    return np.asarray(0.8 * sum(one[:, :, None] * one[:, None] for one in (g, h, both)))
+
+
+def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
+    """Add the diagonal blocks of a matrix of few entries."""
+    pointers, columns, values = matrix.getValuesCSR()
+    rows = np.repeat(np.arange(len(blocks)), np.diff(pointers))
+    columns = columns - matrix.getOwnershipRange()[0]
+    near = rows // 3 == columns // 3
+    np.add.at(blocks, (rows[near], columns[near] % 3), factor * values[near])
+
+
+def serve(mesh: Mesh, form: WeakForm, parts: Parts) -> bool:
+    """Whether products are taken so: many straight quadratic tetrahedra of isotropic materials."""
+    imap = form.space.dofmap.index_map
+    if imap.size_global * form.space.dofmap.index_map_bs < FEWEST_DOFS:
+        return False
     straight = mesh.cell == "tetrahedron" and mesh.order == 1 and form.degree == 2
     return straight and form.strains is None and all(isinstance(one, Solid) for one, _ in parts)
 

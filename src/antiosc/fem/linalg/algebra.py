@@ -73,7 +73,7 @@ def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
     """The rows of this rank as CSR arrays: pointers, global columns, values."""
     if by_scipy(matrix):
         return matrix.indptr, matrix.indices, matrix.data
-    pointers, columns, values = matrix.getValuesCSR()
+    pointers, columns, values = _petsc().with_entries(matrix).getValuesCSR()
     return pointers, columns, values
 
 

@@ -31,7 +31,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
-from antiosc.fem.linalg.petsc_algebra import operator, watch
+from antiosc.fem.linalg.petsc_algebra import CELLS, becomes, by_cells, node_blocks, watch
 from antiosc.fem.linalg.solver import SINGULAR, Solver
 
 #: PETSC_ERR_MEM
@@ -110,7 +110,6 @@ class Multigrid(PetscSolver):
         super().__init__(A)
 
     def _choose(self) -> None:
-        self._ksp.setOperators(operator(self.A), self.A)
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setNormType(self.ends_by)
         self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
@@ -145,15 +144,12 @@ class TwoLevels(Multigrid):
 
     def _precondition(self, pc: PETSc.PC) -> None:
         P = self._P
-        self._coarse = self.A.ptap(P)
-        watch(self._coarse)
-        self._coarse.setBlockSize(P.getBlockSizes()[1])
-        held = np.flatnonzero(self._coarse.getDiagonal().array_r == 0.0)
-        first, _ = self._coarse.getOwnershipRange()
-        self._coarse.zeroRowsColumns((first + held).astype(PETSc.IntType), diag=1.0)
+        self._coarse = coarse_of(self.A, P)
+        if by_cells(self.A):
+            self._ksp.setOperators(self.A, node_blocks(self.A))
         pc.setType(PETSc.PC.Type.MG)
         pc.setMGLevels(2)
-        pc.setUseAmat(True)  # whose products may be taken from the cells
+        pc.setUseAmat(True)  # the other has diagonal blocks alone where products are by cells
         pc.setMGInterpolation(1, P)
         smoother = pc.getMGSmoother(1)
         smoother.setType(PETSc.KSP.Type.CHEBYSHEV)
@@ -163,8 +159,10 @@ class TwoLevels(Multigrid):
         coarse.setType(PETSc.KSP.Type.PREONLY)
         coarse.setOperators(self._coarse)
         if self._coarse.getSize()[0] <= FACTORED:
-            coarse.getPC().setType(PETSc.PC.Type.PYTHON)
-            coarse.getPC().setPythonContext(Inverse(self._factorize(self._coarse)))
+            self._inverse = coarse.getPC()
+            self._inverse.setType(PETSc.PC.Type.PYTHON)
+            self._inverse.setPythonContext(Inverse(self._factorize(self._coarse)))
+            becomes(self._inverse, PETSc.PC.Type.NONE)
         else:
             know(self._coarse, at_vertices(P, self._motions))
             coarse.getPC().setType(PETSc.PC.Type.GAMG)
@@ -222,11 +220,25 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P (changed in place) for fixed fine dofs (of this rank, a mask), and coarse ones there."""
+    """P (changed in place) of the coarse dofs that move no fixed one (of this rank, a mask)."""
     coarse, fine = P.createVecs()
-    fine.setArray(np.where(vertices(P) & fixed, 1.0, 0.0))
+    fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)
-    coarse.setArray(np.where(coarse.array_r > VERTEX, 0.0, 1.0))
-    fine.setArray(np.where(fixed, 0.0, 1.0))
-    P.diagonalScale(fine, coarse)
+    coarse.setArray(np.where(coarse.array_r > 0.0, 0.0, 1.0))
+    P.diagonalScale(None, coarse)
     return P
+
+
+def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """PᵀAP, with 1 on the diagonal where a column of P is empty."""
+    product = A.getAttr(CELLS)
+    coarse = product.cells.coarse(product.k, product.m, P) if by_cells(A) else A.ptap(P)
+    watch(coarse)
+    coarse.setBlockSize(P.getBlockSizes()[1])
+    sums, ones = P.createVecs()
+    ones.set(1.0)
+    P.multTranspose(ones, sums)
+    first, _ = coarse.getOwnershipRange()
+    held = first + np.flatnonzero(sums.array_r == 0.0)
+    coarse.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
+    return coarse

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse
@@ -23,24 +24,93 @@ PRODUCT = "antiosc_product"
 CELLS = "antiosc_cells"
 
 
+class Cells(Protocol):
+    """The cells of a mesh, of which matrices kK + mM consist."""
+
+    rows: int  # of this rank
+    comm: MPI.Comm
+
+    def product(self, x: Array, k: float, m: float) -> Array:
+        """(kK + mM) x for a vector or a block of vectors (rows of this rank, columns)."""
+
+    def blocks(self, k: float, m: float) -> Array:
+        """The diagonal blocks of the nodes, (rows of this rank, dofs of a node)."""
+
+    def entries(self, k: float, m: float) -> PETSc.Mat:
+        """The matrix, assembled."""
+
+    def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
+        """Pᵀ(kK + mM)P of the interpolation P from linear elements."""
+
+
 @dataclass(frozen=True)
 class CellProduct:
-    """The product with a matrix, kK + mM, taken from the cells of the mesh without its entries.
+    """A matrix kK + mM without entries: its products are taken from the cells of the mesh."""
 
-    take : gives (kK + mM) x for (x, k, m)
-    """
-
-    take: Callable[[Array, float, float], Array]
+    cells: Cells
     k: float
     m: float
 
     def __call__(self, x: Array) -> Array:
         """The product with a vector or a block of vectors (rows of this rank, k)."""
-        return self.take(x, self.k, self.m)
+        return self.cells.product(x, self.k, self.m)
+
+    @cached_property
+    def diagonal(self) -> Array:
+        """The diagonal on the rows of this rank."""
+        blocks = self.cells.blocks(self.k, self.m)
+        rows = np.arange(len(blocks))
+        return np.asarray(blocks[rows, rows % blocks.shape[1]])
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """The same as PETSc asks for it."""
+        """The product as PETSc asks for it."""
         y.setArray(self(x.array_r))
+
+    def getDiagonal(self, _: PETSc.Mat, d: PETSc.Vec) -> None:
+        """The diagonal as PETSc asks for it."""
+        d.setArray(self.diagonal)
+
+
+#: Dofs of a node of a solid.
+NODE = 3
+
+
+def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
+    """kK + mM as a PETSc matrix of type python."""
+    product = CellProduct(cells, k, m)
+    rows = (cells.rows, None)
+    result = PETSc.Mat().create(cells.comm)
+    result.setSizes((rows, rows), NODE)
+    result.setType(PETSc.Mat.Type.PYTHON)
+    result.setPythonContext(product)
+    result.setUp()
+    result.setAttr(CELLS, product)
+    watch(result)
+    becomes(result, PETSc.Mat.Type.AIJ)
+    return result
+
+
+def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The matrix, or where it is taken from its cells one that is assembled now."""
+    if not by_cells(matrix):
+        return matrix
+    product = matrix.getAttr(CELLS)
+    result = product.cells.entries(product.k, product.m)
+    watch(result)
+    return result
+
+
+def node_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The diagonal blocks of the nodes of a matrix from its cells, as a matrix."""
+    product = matrix.getAttr(CELLS)
+    blocks = product.cells.blocks(product.k, product.m)
+    nodes = np.arange(len(blocks) // NODE + 1, dtype=PETSc.IntType)
+    first = matrix.getOwnershipRange()[0] // NODE
+    rows = nodes, first + nodes[:-1], np.ascontiguousarray(blocks).ravel()
+    result = PETSc.Mat().createBAIJ(matrix.getSizes(), NODE, csr=rows, comm=matrix.getComm())
+    result.assemble()
+    watch(result)
+    return result
 
 
 def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
@@ -91,7 +161,6 @@ def hold(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
     `rows` are global numbers of rows of this rank; products are then those of the entries.
     """
     matrix.setAttr(PRODUCT, None)
-    matrix.setAttr(CELLS, None)
     matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=value)
     return matrix
 
@@ -144,7 +213,7 @@ def dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
 
 def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
     """The matrix of a one-rank communicator as a SciPy matrix."""
-    pointers, indices, values = matrix.getValuesCSR()
+    pointers, indices, values = with_entries(matrix).getValuesCSR()
     return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
 
 
@@ -160,7 +229,7 @@ def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
 def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole of a distributed matrix as a SciPy matrix on rank `root`; None elsewhere."""
     comm = matrix.getComm().tompi4py()
-    own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
+    own = [np.ascontiguousarray(part) for part in with_entries(matrix).getValuesCSR()]
     own[0] = np.diff(own[0])  # entries of each row
     parts = []
     for part in own:
@@ -180,25 +249,15 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     """K + shift·M; K itself where the shift is zero."""
     if shift == 0.0:
         return K
-    A = K.copy()
-    A.axpy(shift, M, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+    if by_cells(K) and by_cells(M):
+        return of_cells(K.getAttr(CELLS).cells, 1.0, shift)
+    A = with_entries(K).copy()
+    different = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
+    A.axpy(shift, with_entries(M), structure=different)
     accurate = K.getAttr(PRODUCT)
     if accurate is not None:
         A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
-    if by_cells(K) and by_cells(M):
-        A.setAttr(CELLS, replace(K.getAttr(CELLS), m=shift))
     return A
-
-
-def operator(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The matrix for PETSc's products: from its cells where they can be taken so."""
-    if not by_cells(matrix):
-        return matrix
-    product = matrix.getAttr(CELLS)
-    result = PETSc.Mat().createPython(matrix.getSizes(), product, comm=matrix.getComm())
-    result.setUp()
-    watch(result)
-    return result
 
 
 def free_when_dropped(*matrices: PETSc.Mat) -> None:
@@ -239,6 +298,17 @@ def free(comm: MPI.Comm) -> None:
         if all(everywhere):
             _shared.remove(entry)
             _free(entry[1])
+
+
+def becomes(made: PETSc.Mat | PETSc.PC, plain: str) -> None:
+    """Give an object of type python a `plain` type when Python ends: PETSc destroys it later."""
+    weakref.finalize(made, _become, weakref.ref(made), plain)
+
+
+def _become(made: weakref.ref[PETSc.Mat | PETSc.PC], plain: str) -> None:
+    alive = made()
+    if alive is not None:
+        alive.setType(plain)
 
 
 def _free(holder: PETSc.IS) -> None:

@@ -242,9 +242,9 @@ def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpa
     return _space(mesh, "Lagrange", degree, size)
 
 
-def from_linear(space: fem.FunctionSpace) -> PETSc.Mat:
+def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None) -> PETSc.Mat:
     """The interpolation of a blocked Lagrange space from the linear one of its mesh."""
-    linear = lagrange(space.mesh, 1, space.dofmap.index_map_bs)
+    linear = linear or lagrange(space.mesh, 1, space.dofmap.index_map_bs)
     if DOLFINX < (0, 8):
         make = dolfinx.cpp.fem.petsc.interpolation_matrix
         matrix = make(linear._cpp_object, space._cpp_object)

@@ -28,6 +28,7 @@ from antiosc.fem.elements.beam import Beam, Truss
 from antiosc.fem.elements.second_order import stretch_of
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import with_entries
 from antiosc.fem.mesh.surface import largest
 from antiosc.fem.platform import compat
 from antiosc.fem.prestress import Prestress, Spin
@@ -231,7 +232,7 @@ class _SpinningMasses:
     """
 
     def __init__(self, part: MeshedStructure, spin: Spin) -> None:
-        self._M = part.M.copy()
+        self._M = with_entries(part.M).copy()
         own = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
         self._M.axpy(-1.0, own, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         start, across = accelerations(part.places, spin)

@@ -20,6 +20,7 @@ from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.beam import Beam
+from antiosc.fem.elements.tetrahedra import Tetrahedra
 from antiosc.fem.elements.weak_form import (
     Family,
     Kind,
@@ -31,6 +32,7 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.multigrid import without
+from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.mesh import Mesh
@@ -252,7 +254,8 @@ class MeshedStructure(StructureMatrices):
             return None
         rows = compat.local_size(self.form.space)
         fixed = np.isin(np.arange(rows), self.fixed)
-        return without(compat.from_linear(self.form.space), fixed)
+        linear = self.K.getAttr(CELLS).cells.linear.space if by_cells(self.K) else None
+        return without(compat.from_linear(self.form.space, linear), fixed)
 
     @property
     def mass(self) -> float:
@@ -497,19 +500,24 @@ def assembled(
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, held)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
-        M = compat.assemble(form.mass, form.space, conditions, 0.0)
+        taken = None
+        if tetrahedra.serve(mesh, form, parts):
+            taken = Tetrahedra(mesh, form, parts, conditions)
+            K, M = of_cells(taken, 1.0, 0.0), of_cells(taken, 0.0, 1.0)
+        else:
+            K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
+            M = compat.assemble(form.mass, form.space, conditions, 0.0)
     fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
     free = compat.local_size(form.space) - int((fixed < compat.local_size(form.space)).sum())
     if mesh.comm.allreduce(free) == 0:
         raise InputError("the supports fix every dof of the structure: nothing can move.")
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
-    # What is added to K, apart where K is taken by its strains.
-    rest = K
+    # What is added to K, apart where K is taken by its strains or its cells.
+    rest, heavier = (K, M) if taken is None else taken.added
     if form.strains is not None:
         rest = K.duplicate()
         rest.zeroEntries()
-    to = Matrices(mesh, form, rest, M, fixed)
+    to = Matrices(mesh, form, rest, heavier, fixed)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
     added = [one for one, _ in on_edges.values()]
     added += [add_at_points(to, one) for one in carried]
@@ -517,8 +525,8 @@ def assembled(
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, rest, fixed)
-    if not added:
-        tetrahedra.take_products(K, M, mesh, form, parts, fixed)
+    if taken is not None:
+        taken.carries = bool(added)
     mass += sum(one.mass for one in added)
     attached_inertia = sum(
         (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
