@@ -430,14 +430,20 @@ def _warn_of_worst(
 
 
 def _deflection(model: LinearBody, impulse: float) -> float:
-    """Bound of a sheet's modal deflection by an impulse [N s], over its thickness; 0 if not held.
+    """Bound of a sheet's deflection by an impulse [N s], over its thickness; 0 if not held."""
+    held = info_of(model).thickness is not None and model.modal().omega.all()
+    return _bend(model, impulse) if held else 0.0
+
+
+def _bend(model: LinearBody, impulse: float) -> float:
+    """Bound of the elastic deflection of a sheet by an impulse [N s], over its thickness.
 
     A push by F ≥ 0 deflects a mode of frequency ω, at rest before, by b² ∫F dt / ω at most.
     """
-    thickness = info_of(model).thickness
-    if thickness is None or not (modal := model.modal()).omega.all():
-        return 0.0
-    return impulse * float(np.sum(modal.b**2 / modal.omega)) / thickness
+    modal, thickness = model.modal(), info_of(model).thickness
+    assert thickness is not None
+    elastic = modal.omega > 0
+    return impulse * float(np.sum(modal.b[elastic] ** 2 / modal.omega[elastic])) / thickness
 
 
 # -- one scene in, one row out
@@ -511,7 +517,7 @@ def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
 
 def _slight(model: LinearBody, row: _Row) -> bool:
     """Whether a linear run deflects a sheet too little to stretch it."""
-    info, ratio = info_of(model), _deflection(model, row.impulse)
+    info, ratio = info_of(model), _bend(model, row.impulse)
     changes = [abs(one) for one in (info.second_order or {}).values()]
     curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
     return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE

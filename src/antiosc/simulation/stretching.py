@@ -110,7 +110,7 @@ def motion_of(history: History, name: str) -> Motion | None:
     _, _, turn = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
     follows = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
-    largest = float(np.abs(q @ sites).max(initial=0.0))
+    largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
     change = float(np.abs(follows).max(initial=0.0)) / max(largest, 1e-300)
     return Motion(forces, turn.T, change)
 

@@ -172,6 +172,10 @@ def test_a_free_sheet_stretches_as_all_of_its_degrees_of_freedom():
     assert ao.simulate(model, ball, law, 6e-3).peak_force == pytest.approx(force.max(), rel=3e-3)
     linear = ao.simulate(replace(model, stretch=None), ball, law, 6e-3)
     assert linear.peak_force < 0.9 * force.max()
+    many = ao.simulate_many(model, ball, law, 6e-3)
+    assert many.peak_force[0] == ao.simulate(model, ball, law, 6e-3).peak_force
+    struck = ao.strike(part, site, ball, law, 6e-3, tol=0.1)
+    assert struck.peak_force == pytest.approx(force.max(), rel=3e-3)
 
 
 @pytest.mark.filterwarnings("error:.*deflects by")

@@ -264,7 +264,9 @@ def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
 def large_deflection_message(history: History) -> str:
     """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
     worst, message = 0.0, ""
-    for name, body, h in _held_sheets(history):
+    for name, body, h in _sheets(history):
+        if not body.omega.all():  # it is free
+            continue
         stretches = stretch_of(body.body) is not None
         sentence = "" if stretches else _beyond_linear_of_curved(name, body, h, history)
         if sentence:
@@ -290,27 +292,30 @@ def may_stretch(history: History) -> bool:
     return any(
         deflection(history, name) > SLIGHT_DEFLECTION * h
         or abs(_worst_change(name, body, history)[0]) > SLIGHT_CHANGE
-        for name, body, h in _held_sheets(history)
+        for name, body, h in _sheets(history)
     )
 
 
-def _held_sheets(history: History) -> Iterator[tuple[str, SceneBody, float]]:
-    """Name, body and thickness [m] of each part of sheets that is held."""
+def _sheets(history: History) -> Iterator[tuple[str, SceneBody, float]]:
+    """Name, body and thickness [m] of each part of sheets that is no cantilever."""
     if not history.assembly.thin:
         return
     for name, body in history.assembly.bodies.items():
         h = info_of(body.body).thickness
-        if h is not None and body.omega.all():
+        if h is not None:
             yield name, body, h
 
 
 def deflection(history: History, name: str, closely: bool = True) -> float:
-    """Largest displacement [m] of a body's sites, along the contacts; else at the steps' ends."""
+    """Largest displacement [m] of a body's sites by elastic modes, along the contacts.
+
+    closely : at many times, or at the ends of steps alone.
+    """
     a, omega = history.assembly, history.assembly.bodies[name].omega
     own, columns = a.spans[name], a.columns[name]
     sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
     q = sampled_motion(history, omega) if closely else free_steps(history.run, a.system)
-    return float(np.abs(q[:, own] @ sites).max(initial=0.0))
+    return float(np.abs(q[:, own] @ (sites * (omega > 0)[:, None])).max(initial=0.0))
 
 
 #: Change of the force by second-order strain from which a curved sheet is told: of a peak force,
@@ -348,7 +353,8 @@ def _worst_change(name: str, body: SceneBody, history: History) -> tuple[float, 
 def sampled_motion(history: History, omega: Array) -> Array:
     """Modal displacements (n, J) at the ends of steps and at evenly spaced times."""
     end = float(history.run.time[-1])
-    periods = end * float(omega.min()) / (2 * np.pi) if omega.size else 0.0
+    periods = end * float(omega[omega > 0].min(initial=np.inf)) / (2 * np.pi)
+    periods = periods if np.isfinite(periods) else 0.0
     t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
     return np.vstack([free_steps(history.run, history.assembly.system), history.states(t)[0]])
 
