@@ -263,6 +263,8 @@ def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[
     impactor, law, duration = found.impactor, found.contact, found.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
         return None
+    if found.stretched is not None and found.stretched.any():
+        return None
     if found.laws is not None and any(type(one) is not type(law) for one in found.laws):
         return None
     striker = checked_body("impactor", impactor)

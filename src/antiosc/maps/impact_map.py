@@ -662,18 +662,22 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     shared = forces_of(seen.b[own]) if flat else None
     found = {name: getattr(struck, name).copy() for name in STRETCHED}
     of_sites = seen.omega, seen.b[own], seen.compliance[own], seen.inertia[own]
+    stretched = np.zeros(len(struck), dtype=bool)
     bodies, told = free_modes.bodies(*of_sites, structure.shift), list[str]()
     with counting("second-order impacts", len(own)) as ready, warnings_to(told.append):
         for done, (i, body) in enumerate(zip(own, bodies, strict=True)):
             forces = forces_of(seen.b[i : i + 1]) if shared is None else shared
             hit = _hit(struck, i, body, forces)
+            stretched[i] = bool(hit.assembly.stretched)
             for name, value in zip(STRETCHED, _numbers(hit), strict=True):
                 found[name][i] = value
             ready(done + 1)
     if told:
         warn(f"{len(told)} of {len(struck)} sites: {told[0]}", AccuracyWarning)
     seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - started}
-    return replace(struck, **found, info=MapInfo(**{**struck.info, "seconds": seconds}))
+    return replace(
+        struck, **found, stretched=stretched, info=MapInfo(**{**struck.info, "seconds": seconds})
+    )
 
 
 #: What second-order forces change in a map.

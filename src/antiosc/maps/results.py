@@ -61,6 +61,7 @@ class ImpactMap(Completed):
         each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
         no material has a yield_strength.
     stress_points : (P, 3) where that is [m].
+    stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : of the impacts, or None; the law on a flat face.
     laws : (P,) of the sites, where they differ from that; else None.
@@ -91,6 +92,7 @@ class ImpactMap(Completed):
     contact: ContactLaw | None = None
     laws: Sequence[ContactLaw] | None = None
     duration: float | None = None
+    stretched: BoolArray | None = None
 
     def __post_init__(self) -> None:
         if not self.doubtful.size:

@@ -16,6 +16,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.recovery import Place
 from antiosc.fem.site import Reach
+from antiosc_app.live_meshes import sites_of_map
 from assemblies import line
 from full_second_order import Full
 from sheets import sheet
@@ -221,6 +222,8 @@ def test_sites_of_a_map_are_those_of_all_degrees_of_freedom(case):
         _, force, moved = Full(part, one).impact(mass, speed, k, 4e-3, 160)
         assert found.peak_force[i] == pytest.approx(force.max(), rel=0.01)
         assert found.peak_deflection[i] == pytest.approx(moved.max(), rel=0.03)
+    assert found.stretched.all()
+    assert sites_of_map(found, part) is None  # the models of its sites are linear
     slow = ao.RigidMass(mass, velocity=1e-3), *blow[1:]
     if case == "shell":
         small = ao.impact_map(part, places, *slow, stretch="auto", modes=60, **options)
