@@ -380,6 +380,8 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     return raw
 
 
+#: Largest coordinate of a part: squares and volumes of it are numbers still.
+FARTHEST = 1e30
 #: Groups of elements by their numbers in the file.
 NumberedElements = Mapping[str, Sequence[int]]
 
@@ -519,6 +521,12 @@ def _content(
                 f"the elements of {path.name} have no numbers here, so that elements= names none "
                 f"for {group!r}; decks, universal files and Exodus files have them."
             )
+    farthest = float(np.abs(content.points).max(initial=0.0))
+    if not farthest < FARTHEST:
+        raise MeshError(
+            f"{path.name} has coordinates up to {farthest:.3g}, more than {FARTHEST:g}: it is "
+            "damaged; write it anew in the program that made it."
+        )
     content.points = content.points * unit.length
     content.cad = content.cad and content.cad.scaled(unit.length)
     return content if merge is None else merged(content, merge)

@@ -445,3 +445,15 @@ def test_decks_know_the_neutral_model_alone_and_the_core_no_decks():
             assert not {m for m in own if m not in ground and m.rpartition(".")[0] not in ground}
         else:
             assert "antiosc_decks" not in {name for name, _ in used}
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("value", [1e300, np.nan, np.inf])
+def test_coordinates_that_no_part_has(tmp_path, value):
+    import meshio
+
+    points = np.vstack([np.zeros(3), np.eye(3)])
+    points[1, 0] = value
+    meshio.Mesh(points, [("tetra", [[0, 1, 2, 3]])]).write(tmp_path / "a.vtu")
+    with pytest.raises(ao.MeshError, match="coordinates up to"):
+        ao.read_mesh(tmp_path / "a.vtu")
