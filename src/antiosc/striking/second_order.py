@@ -47,12 +47,11 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
 
 
 def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:
-    """The impact with second-order forces; None of parts that have none."""
+    """The impact with second-order forces; None of parts and runs that have none."""
     try:
-        model = with_stretch(structure, model, "auto")
+        return run(with_stretch(structure, model, "auto"))
     except InputError:  # the linear run tells of its deflection
         return None
-    return run(model)
 
 
 @contextmanager

@@ -221,7 +221,9 @@ def _batch(
 
 def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | None:
     """A model for many impacts, with second-order forces unless [extract] says otherwise."""
-    if None in (part, made) or "stretch" in build.part("extract"):
+    asked = {**build.part("simulate"), **build.part("simulate", dict, build.part("sweep"))}
+    linear = {"step", "n"} & set(asked) or asked.get("method", "exact") != "exact"
+    if None in (part, made) or linear or "stretch" in build.part("extract"):
         return made
 
     def stretching(structure: Any, model: Any) -> object:
