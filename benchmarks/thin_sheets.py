@@ -19,6 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 
 import antiosc as ao
+from antiosc.fem.extraction.stretching import with_stretch
 from full_second_order import Full
 from sheets import sheet
 
@@ -136,59 +137,6 @@ def main(names: list[str], steps: int = 300, counts: tuple = ("auto",)) -> None:
             )
 
 
-#: Time steps of the reference leave about so much.
-REFERENCE = 2e-3
-
-
-def random_sheet(rng):
-    """A clamped sheet of random size, place and striker, w/h from 0.2 to 3 or so."""
-    a, ratio = rng.uniform(0.1, 0.4), rng.uniform(0.5, 1.0)
-    b, h = ratio * a, rng.uniform(0.5e-3, 2e-3)
-    rise = rng.choice([0.0, 0.0, rng.uniform(-1.5, 1.5)]) * h
-    x, y = rng.uniform(0.25, 0.75, 2)
-
-    def surface(s, t):
-        return a * s, b * t, 16 * rise * s * (1 - s) * t * (1 - t)
-
-    def rim(p):
-        return np.isclose(p[0] * (a - p[0]), 0) | np.isclose(p[1] * (b - p[1]), 0)
-
-    mesh = sheet((6, 5), surface)
-    part = ao.Structure(mesh, ao.Shell(thickness=h, **STEEL), [ao.Support(rim)])
-    at = np.array([round(6 * x) / 6 * a, round(5 * y) / 5 * b])
-    z = surface(at[0] / a, at[1] / b)[2]
-    site = ao.Site((*at, z), (0, 0, -1), snap=True)
-    k0 = ao.extract(part, site, n=2).k0
-    mass = rng.uniform(0.3, 4.0) * a * b * h * STEEL["rho"]
-    speed = rng.uniform(0.2, 2.5) * h * np.sqrt(k0 / mass)
-    k = rng.uniform(3.0, 30.0) * k0 / np.sqrt(h)
-    return part, site, mass, speed, k, 3.0 * np.sqrt(mass / k0), h
-
-
-def random_sheets(count: int) -> None:
-    """How many bars hold: of peak force, stretch and time alone."""
-    rng, held = np.random.default_rng(7), 0
-    for number in range(count):
-        part, site, mass, speed, k, duration, h = random_sheet(rng)
-        _, force, moved = Full(part, site).impact(mass, speed, k, duration, 1000)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            model = ao.extract(part, site, n=40, stretch="auto")
-            ball = ao.RigidMass(mass, velocity=speed)
-            hit = ao.simulate(model, ball, ao.Power(k, 1.5), duration)
-            linear = ao.simulate(replace(model, stretch=None), ball, ao.Power(k, 1.5), duration)
-        bar = 2 * hit.error.get("stretch peak_force", 0.003)
-        off = hit.peak_force / force.max() - 1
-        inside = abs(off) <= bar + REFERENCE
-        held += inside
-        before = linear.peak_force / force.max() - 1
-        print(
-            f"{number:2d} w/h {moved.max() / h:.2f} linear {before:+.1%} auto {off:+.2%}"
-            f" bar {bar:.2%} {'' if inside else 'OUTSIDE'} held {held}/{number + 1}",
-            flush=True,
-        )
-
-
 def bend(part, motion) -> float:
     """Largest distance [m] of a flat free sheet's nodes from their plane, of motion (n, dofs)."""
     w = motion.reshape(len(motion), -1, 6)[:, :, 2]
@@ -244,19 +192,34 @@ def times() -> None:
         )
 
 
+def tensors() -> None:
+    """Times of the second-order forces of four motions and of those of "auto", on one core."""
+    warnings.simplefilter("ignore")
+    for cells in ((15, 14), (66, 66)):
+        part, site = rectangle(cells)
+        model = ao.extract(part, site, n=40, shapes=True)
+        for count in (4, "auto"):
+            spent = []
+            for _ in range(3):
+                started = time.perf_counter()
+                found = with_stretch(part, model, count).stretch
+                spent.append(time.perf_counter() - started)
+            print(f"{part.dofs} dofs, {found.size} motions: {min(spent):.2f} s", flush=True)
+
+
 if __name__ == "__main__":
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("cases", nargs="*")
     reader.add_argument("--steps", type=int, default=300)
     reader.add_argument("--counts", nargs="*", default=["auto"])
-    reader.add_argument("--random", type=int, default=0, help="so many random sheets")
     reader.add_argument("--times", action="store_true", help="times of impacts on the disc")
     reader.add_argument("--free", action="store_true", help="sheets that nothing holds")
+    reader.add_argument("--tensors", action="store_true", help="times of second-order forces")
     asked = reader.parse_args()
     if asked.free:
         sys.exit(free_sheets())
     if asked.times:
         sys.exit(times())
-    if asked.random:
-        sys.exit(random_sheets(asked.random))
+    if asked.tensors:
+        sys.exit(tensors())
     main(asked.cases, asked.steps, tuple(c if c == "auto" else int(c) for c in asked.counts))

@@ -31,6 +31,7 @@ PICTURES = {
         "machine_guard": ["machine_guard_part.png", "machine_guard.png"],
         "guard_thickness": ["guard_thickness.png"],
         "oblique_blow": ["oblique_blow_part.png", "oblique_blow.png"],
+        "roof_hail": ["roof_hail.png"],
     },
     "benchmarks": {
         "assembly_accuracy": ["assembly_accuracy.png"],

@@ -109,6 +109,18 @@ def test_guard_thickness(pictured):
     assert numbers["mass"] == pytest.approx(1.0, rel=1e-6)
 
 
+def test_roof_hail(pictured):
+    """Sheets that stretch deflect less, the thin one by more, and more of its force is left."""
+    numbers = demo("roof_hail").main(thicknesses=(0.8e-3, 1.25e-3), size=0.02, n=30, out=pictured)
+    thin, thick = numbers.values()
+    for row in (thin, thick):
+        assert row["deflection"] < row["linear"]
+        assert row["dent"] > 0
+    assert thin["linear"] / thin["deflection"] > thick["linear"] / thick["deflection"]
+    assert thin["left"] > thick["left"]
+    assert thick["told"] == 0
+
+
 def test_measured_part(pictured):
     found = demo("measured_part").main(top=6e3, lines=500, out=pictured)
     assert abs(found["peak error"]) < 0.02

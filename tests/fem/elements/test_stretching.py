@@ -97,6 +97,7 @@ CASES = {
     "plane stress": lambda: bar((24, 2), ao.Solid(**STEEL, plane="stress", thickness=0.01), 2),
     "plane strain": lambda: bar((24, 2), ao.Solid(**STEEL, plane="strain"), 2),
 }
+IMPACTS = {**CASES, "beam": beam_between_walls}
 
 
 @pytest.mark.filterwarnings("ignore")  # of point loads on solids
@@ -144,13 +145,14 @@ def test_a_beam_between_walls_has_the_force_of_woinowsky_krieger():
     [
         ("shell", (0.2, 1.5, 1e6, 4e-3)),
         ("cap", (0.5, 0.5, 1e7, 4e-3)),
+        ("beam", (0.2, 4.0, 1e6, 4e-3)),
         pytest.param("laminate", (0.1, 1.0, 1e6, 4e-3), marks=pytest.mark.slow),
         pytest.param("folded", (0.2, 1.5, 1e6, 4e-3), marks=pytest.mark.slow),
         pytest.param("solid", (0.2, 2.5, 1e6, 4e-3), marks=pytest.mark.slow),
     ],
 )
 def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
-    part, site = CASES[case]()
+    part, site = IMPACTS[case]()
     mass, speed, k, duration = blow
     _, force, moved = Full(part, site).impact(mass, speed, k, duration, 160)
     model = ao.extract(part, site, n=24, stretch="auto")
