@@ -164,6 +164,21 @@ def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
     assert np.abs(hit.displacement).max() == pytest.approx(moved.max(), rel=0.01)
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_the_share_of_the_law_is_that_of_the_linear_motion():
+    """Second-order forces are not taken for an error of the law."""
+    strong = {"yield_strength": 900e6}
+    surely = strong | {"yield_range": (850e6, 950e6)}
+    part, site = plate(ao.Shell(thickness=1e-3, **STEEL, **surely))
+    model = ao.extract(part, site, n=24, stretch=4, error="estimate")
+    ball = ao.Sphere(0.01, **STEEL, **strong, velocity=3.0)
+    one, other = (
+        ao.simulate(each, ball, duration=1e-3).error_budget["peak_force"].law
+        for each in (model, replace(model, stretch=None))
+    )
+    assert one == pytest.approx(other, rel=0.05)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_free_sheet_stretches_as_all_of_its_degrees_of_freedom():
