@@ -49,7 +49,9 @@ class Sources:
         self._on_size(self.size)
         content = path.read_bytes()
         if b"\0" in content:
-            raise MeshError(f"{name} contains zero bytes: it is not a text file, or it is damaged.")
+            wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+            told = "it is UTF-16; save it as UTF-8" if wide else "it is no text, or is damaged"
+            raise MeshError(f"{name} contains zero bytes: {told}.")
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
