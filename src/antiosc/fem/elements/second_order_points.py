@@ -80,24 +80,32 @@ class Points:
     def second(self, a: Array, b: Array) -> Array:
         """η (n, s) of two motions by their derivatives."""
         u, v = a[:, :, : self.moved], b[:, :, : self.moved]
-        product = np.einsum("ndi,nei->nde", u, v)
-        return np.einsum("sde,nde->ns", (self.square + self.square.transpose(0, 2, 1)) / 2, product)
+        product = u @ v.transpose(0, 2, 1)
+        return np.asarray(product.reshape(len(a), -1) @ self._both().T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
         """Forces (dofs,) on a motion w of Σ strained·ε(w) + pushed·∇w; stress (n, s), (n, d, b).
 
         Those on dofs that are held included.
         """
-        on = np.einsum("nsdb,ns->ndb", self._every(), strained, optimize=True) + pushed
+        if len(self.strain) == 1:
+            on = (strained @ self.strain[0].reshape(strained.shape[1], -1)).reshape(pushed.shape)
+        else:
+            on = np.einsum("nsdb,ns->ndb", self.strain, strained, optimize=True)
+        on += pushed
         return np.asarray((self._turned @ on.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:
         """(n, d, b) with which stress·η(a, w) = result·∇w."""
-        both = (self.square + self.square.transpose(0, 2, 1)) / 2
-        result = np.zeros_like(slopes)
-        tension = np.einsum("ns,sde->nde", stress, both)
-        result[:, :, : self.moved] = np.einsum("nde,nei->ndi", tension, slopes[:, :, : self.moved])
+        result, ways = np.zeros_like(slopes), slopes.shape[1]
+        tension = (stress @ self._both()).reshape(-1, ways, ways)
+        result[:, :, : self.moved] = tension @ slopes[:, :, : self.moved]
         return result
+
+    def _both(self) -> Array:
+        """V (s, d d), symmetric."""
+        both = (self.square + self.square.transpose(0, 2, 1)) / 2
+        return np.asarray(both.reshape(len(both), -1))
 
     def _every(self) -> Array:
         return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))

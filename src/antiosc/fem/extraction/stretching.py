@@ -199,9 +199,9 @@ def _quartic(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) 
     for begin in range(0, points.weight.size, AT_ONCE):
         own = slice(begin, begin + AT_ONCE)
         part = [each[own] for each in slopes]
-        eta = np.array([points.second(part[i], part[j]) for i, j in pairs])
-        stress = np.einsum("nst,pnt,n->pns", points.stiffness[own], eta, points.weight[own])
-        total += np.tensordot(stress, eta, axes=([1, 2], [1, 2]))
+        eta = np.stack([points.second(part[i], part[j]) for i, j in pairs], axis=1)
+        stress = eta @ (points.stiffness[own] * points.weight[own, None, None])
+        total += np.tensordot(stress, eta, axes=([0, 2], [0, 2]))
     return total / 8
 
 
