@@ -38,6 +38,28 @@ def made(solver: str, **given) -> ao.Structure:
     return ao.Structure(mesh, material, held, solver=solver, **given)
 
 
+def test_a_mass_at_a_corner_of_a_plate():
+    """The interpolation stores zeros for nodes of other cells than those at the corner."""
+    size = (0.2, 0.16, 0.02)
+    mass = ao.PointMass(size, mass=1.0)
+    found = []
+    for solver in ("direct", "iterative"):
+        mesh = parts.box((10, 8, 1), size, cell="tetrahedron")
+        held = [ao.Support("left")]
+        part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, attached=[mass], solver=solver)
+        model = ao.extract(part, ao.Site((0.14, 0.08, 0.02), (0, 0, -1), radius=0.03), n=6)
+        found.append(model.dynamic_stiffness(0.7 * model.omega[1]))
+    assert abs(found[1] / found[0] - 1) <= 1e-6
+
+
+def test_thin_incompressible_parts_are_told():
+    mesh = parts.box((10, 8, 1), (0.2, 0.16, 0.002), cell="tetrahedron")
+    steel = ao.Solid(**{**parts.STEEL, "nu": 0.499})
+    part = ao.Structure(mesh, steel, [ao.Support("left")], solver="iterative")
+    with pytest.raises(ao.NotConvergedError, match="take solver='direct'"):
+        part.factorize().solve(np.random.default_rng(0).standard_normal(part.rows))
+
+
 @pytest.mark.sample
 @pytest.mark.parametrize(
     "given",

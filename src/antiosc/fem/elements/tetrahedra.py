@@ -165,13 +165,14 @@ class Tetrahedra:
                 continue
             matrix = compat.assemble(forms, form.space, conditions, diagonal)
             if self.carries:
-                matrix.axpy(1.0, one, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+                # an interpolation stores zeros, by which points meet cells beside their own
+                matrix.axpy(1.0, one, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
             if factor != 1.0:
                 matrix.scale(factor)
             if total is None:
                 total = matrix
             else:
-                total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+                total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
         return total
 
 

@@ -127,7 +127,8 @@ def models_of(
     else:
         found = [_by_modes(structure, s, n, options) for s, n in zip(statics, counts, strict=True)]
     models: list[AntiOscillators] = []
-    for each, static, n, (modes, remainder) in zip(groups, statics, counts, found, strict=True):
+    for each, static, n in zip(groups, statics, counts, strict=True):
+        modes, remainder = found.pop(0)
         known = lumped(structure, static, modes)
         kept = every_mode(known, n) if terms else oscillators(known, n, options.tol)
         one = at_one_site(static, kept, options.n) if UNNAMED in each else None
@@ -147,17 +148,19 @@ def models_of(
                 "modes": (time.perf_counter() - started) / (len(models) + 1),
             },
         )
-        del known  # its products are as large as the modes
+        elastic, complete = len(kept.omega), modes.complete
+        del known, modes  # as large as the shapes
         if one is None:
             model = _at_named_sites(structure, each, static, kept, info)
         else:
             (target,) = each[UNNAMED]
-            model = _at_one_site(structure, target, one, len(kept.omega), info)
+            del kept
+            model = _at_one_site(structure, target, one, elastic, info)
             if errors is not None:
                 model = errors.added_to(model, target)
         if terms or structure.matrices.lossy:
             model = with_damping(structure, model, static, terms)
-        on_root(structure.comm, partial(warn_of_shortfall, model, options, modes.complete))
+        on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
@@ -217,8 +220,11 @@ def _at_one_site(
         info = replace(info, cells={"": target.cell})
     info = replace(info, surfaces=surfaces(structure, {UNNAMED: target}))
     weight = uniform_inertia(structure, target)
-    parts = np.column_stack([one.residual, one.psi])
-    shapes = np.column_stack([parts.sum(axis=1), one.psi])
+    shapes = np.column_stack([one.residual + one.psi.sum(axis=1), one.psi])
+    participation: Array | None = None
+    if weight is not None:
+        own = (dot(structure.comm, part, weight) for part in (one.residual, one.psi))
+        participation = np.hstack(list(own))
     info = with_second_order(structure, info, [""], shapes[:, :1], np.array([[one.k0]]))
     return AntiOscillators(
         m0=one.m0,
@@ -227,7 +233,7 @@ def _at_one_site(
         omega=one.omega,
         local_compliance=target.local_compliance,
         radius=target.radius,
-        participation=None if weight is None else np.asarray(dot(structure.comm, parts, weight)),
+        participation=participation,
         shapes=shapes,
         direction=target.direction,
         inertia=inertia_of(structure, shapes, one.hidden),

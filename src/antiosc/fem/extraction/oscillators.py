@@ -56,7 +56,7 @@ class Found:
     P : φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p).
     m0 : residual mass (p, p).
     residual : (rows, p) the shapes that move with m0, on the rows of this rank.
-    k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
+    off : residual forces of the modes over their elastic ones, (n,).
     stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
     coupling : φ_iᵀKΦ as it is, (n, p).
     """
@@ -66,8 +66,7 @@ class Found:
     P: Array
     m0: Array
     residual: Array
-    k_phi: Array
-    m_phi: Array
+    off: Array
     stiffnesses: Array
     masses: Array
     coupling: Array
@@ -102,12 +101,27 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
         P=P,
         m0=m0,
         residual=residual,
-        k_phi=k_phi,
-        m_phi=m_phi,
         stiffnesses=dot(comm, phi, k_phi),
         masses=dot(comm, phi, m_phi),
         coupling=dot(comm, k_phi, static.phi),
+        off=_forces_left(structure, static, modes.omega, k_phi, m_phi),  # overwrites both
     )
+
+
+def _forces_left(
+    structure: Structure, static: SiteShapes, omega: Array, k_phi: Array, m_phi: Array
+) -> Array:
+    """Residual forces of the modes over their elastic ones (n,); KΦ and MΦ are overwritten.
+
+    The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
+    """
+    sizes = structure.factorize().force_sizes
+    size = sizes(k_phi)
+    m_phi *= omega**2
+    k_phi -= m_phi
+    for column, reaction in zip(k_phi.T, dot(structure.comm, k_phi, static.phi), strict=True):
+        column -= static.load @ reaction
+    return sizes(k_phi) / np.maximum(size, np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -363,12 +377,7 @@ def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict
             "rigid body: some part is attached by a hinge, a single common point or line; join it "
             "along a face."
         )
-    # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
-    residual = known.k_phi - known.m_phi * modes.omega**2
-    residual -= static.load @ dot(comm, static.phi, residual)
-    left, size = map(structure.factorize().force_sizes, (residual, known.k_phi))
-    del residual
-    off = left / np.maximum(size, np.finfo(float).tiny)
+    off = known.off
     scale = np.sqrt(modes.omega**2 + structure.shift)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
     strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0

@@ -38,6 +38,11 @@ from antiosc.fem.linalg.solver import SINGULAR, Solver
 PETSC_NO_MEMORY = 55
 #: Relative error of an iterative solve, and the most iterations for it.
 ITERATION_RESIDUAL, ITERATIONS = 1e-8, 2000
+#: Message for more.
+TOO_MANY = (
+    f"{ITERATIONS} conjugate gradients did not reach a relative error of {ITERATION_RESIDUAL:.0e}: "
+    "thin and nearly incompressible parts need too many; take solver='direct'."
+)
 #: Largest backward error of a checked solve over that.
 SLACK = 100.0
 #: Rows of the coarse level up to which it is factored.
@@ -81,6 +86,8 @@ class PetscSolver(Solver):
     def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
         self._ksp.solve(r, x)
         reason = self._ksp.getConvergedReason()
+        if reason == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT:
+            raise NotConvergedError(TOO_MANY)
         if reason < 0:
             raise NotConvergedError(SINGULAR.format(f"PETSc reason {reason}"))
 
@@ -196,6 +203,8 @@ def know(A: PETSc.Mat, motions: Array) -> None:
 
 #: Entry of a row of P from which on its node is one of the coarse nodes.
 VERTEX = 0.99
+#: Sum of entries of P from which on a coarse dof moves fixed ones: more than rounding.
+TOUCHED = 0.01
 
 
 def vertices(P: PETSc.Mat) -> BoolArray:
@@ -224,8 +233,9 @@ def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)
-    coarse.setArray(np.where(coarse.array_r > 0.0, 0.0, 1.0))
-    P.diagonalScale(None, coarse)
+    coarse.setArray(np.where(coarse.array_r > TOUCHED, 0.0, 1.0))
+    fine.setArray(np.where(fixed, 0.0, 1.0))
+    P.diagonalScale(fine, coarse)
     return P
 
 
