@@ -38,6 +38,8 @@ static struct {
     double force_error, peak_error, lasting;
     double n_nodes, time, force, depth; /* arrays of the best run */
     double reach; /* force up to which the law holds without the patch's compliance [N] */
+    double deepest, dent, work; /* of a law with memory: largest and permanent indentation [m], work
+                                   of loading up to there [J], all with the patch's */
 } found;
 
 static aom_system posed;
@@ -117,6 +119,17 @@ static int read_contacts(const aom_record *run) {
     return AOM_DONE;
 }
 
+/* What a contact leaves whose law remembers its deepest indentation. */
+static void read_dent(const aom_record *run) {
+    int m = posed.n_rows;
+    double depth = 0.0;
+    for (int64_t i = 0; i < run->n_nodes; i++)
+        depth = larger(depth, run->depth[i * m]);
+    found.deepest = whole_depth(&contact.law, depth);
+    found.work = whole_work(&contact.law, found.deepest);
+    found.dent = depth > 0.0 ? law_permanent(&contact.law, depth) : 0.0;
+}
+
 /* The hash of the sources, so that a file tells what it was built from. */
 EXPORT(page_sources) const char *page_sources(void) {
     return aom_source_hash();
@@ -163,6 +176,8 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
         return &found.answer;
     found.force_error = solution.force;
     found.peak_error = solution.peak;
+    if (remembers(contact.law.kind))
+        read_dent(best);
     int read = read_contacts(best);
     if (read != AOM_DONE)
         found.answer = read;

@@ -10,7 +10,7 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -22,6 +22,8 @@ from antiosc.base._types import Array
 from antiosc.base.texts import engineering, percent, point_text
 from antiosc.contact import ContactLaw
 from antiosc.contact.base import Compiled, is_compiled
+from antiosc.contact.dent import RIM
+from antiosc.contact.laws import ElasticPlastic, Hysteretic
 from antiosc.maps.results import ImpactMap, hardest, trusted
 from antiosc.models.body import LinearBody, info_of, site_points
 from antiosc.models.modal import Damping, ModalBody
@@ -39,7 +41,7 @@ Data: TypeAlias = dict[str, Any]
 
 FOLDER = Path(__file__).with_name("page")
 #: In the order in which they need each other.
-SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "page", "fall")
+SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "verdict", "page", "fall")
 #: What begins: the page of a report, whose data lie in it, or that of `antiosc open`.
 REPORT, OPEN = "start", "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
@@ -161,6 +163,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
             "unit": "N/m"
             if exponent == 1
             else f"N/m{format(exponent, 'g').translate(SUPERSCRIPTS)}",
+            "yields": _yielding(law),
         },
         "striker": striker,
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
@@ -168,6 +171,18 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
         "speed": speed or None,
         "stiffness": None if law.kind == march.TABLE else values[0],
     }
+
+
+def _yielding(law: ContactLaw) -> Data | None:
+    """What the page says of a contact that yields; None of a law without a dent.
+
+    strength : of the side that yields [Pa]; radius : of the sphere [m]; rim : of `Dent`.
+    """
+    if not isinstance(law, Hysteretic):
+        return None
+    if not isinstance(law, ElasticPlastic):
+        return {}
+    return {"strength": law.yield_strength, "radius": law.radius, "rim": RIM}
 
 
 def finite_parameters(law: ContactLaw) -> list[float]:
@@ -245,6 +260,7 @@ def _computed(hit: History) -> Data:
         force = hit.force_at(time)
     numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
     counts = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
+    counts["dent"] = 0.0 if hit.dent is None else hit.dent.depth
     return {"time": time, "force": force, **numbers, **counts}
 
 
@@ -266,11 +282,15 @@ STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
 
 class Headline(NamedTuple):
-    """What struck what, its numbers (name, value with bar), and sentences of the verdict."""
+    """What struck what, its numbers (name, value with bar), and sentences of the verdict.
+
+    `kinds` of the sentences tell the page what to say in their place when a slider is moved.
+    """
 
     about: str
     numbers: list[tuple[str, str]]
     sentences: list[str]
+    kinds: Sequence[str] = ()
 
 
 def headline_of_history(
@@ -293,8 +313,14 @@ def headline_of_history(
     ]
     e = hit.restitution
     numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
-    sentences = [hit.verdict, *_stresses(fields, worst), _absorbed(hit), _accuracy(budget)]
-    return Headline(_struck(hit, structure), numbers, [s for s in sentences if s])
+    told = [
+        ("contact", hit.verdict),
+        *(("stress", sentence) for sentence in _stresses(fields, worst)),
+        ("energy", _absorbed(hit)),
+        ("accuracy", _accuracy(budget)),
+    ]
+    kinds, sentences = zip(*(pair for pair in told if pair[1]), strict=True)
+    return Headline(_struck(hit, structure), numbers, list(sentences), kinds)
 
 
 def headline_of_map(found: ImpactMap) -> Headline:

@@ -44,6 +44,7 @@ from antiosc_studies.drops.fall import Fall
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
+    from antiosc.results.peaks import PeakField
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -265,7 +266,18 @@ def _live(found: Results) -> tuple[Data | None, live.Headline | None]:
     data = live_data.data_of_history(hit, found.structure, budget)
     worst = ((data or {}).get("part") or {}).get("worst")
     stresses = found.stresses or {}
+    if data is not None:
+        data |= _largest_stress(stresses, worst)
     return data, live.headline_of_history(hit, found.structure, budget, stresses, worst)
+
+
+def _largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
+    """The von Mises stress [Pa] nearest to yield, and its strength; else that of the picture."""
+    margins = [one.margin() for one in fields.values() if one.exposure is not None]
+    for one in margins:
+        if one.criterion == "yield":
+            return {"stress": one.value, "strength": one.strength}
+    return {} if worst is None else {"stress": worst["value"]}
 
 
 def rendered(template: Path, **content: object) -> str:

@@ -28,7 +28,8 @@ Engine.load(fs.readFileSync(given.engine)).then((engine) => {
   const found = given.sets.map((set) => {
     const posed = pose(given.blow.body, given.blow, set);
     const hit = engine.strike(posed, given.blow.duration, given.tol);
-    return { ...hit, posed: 0, time: 0, force: 0,
+    const said = contact_sentence(hit, given.blow.law.yields);
+    return { ...hit, posed: 0, said, time: 0, force: 0,
       q: Array.from(engine.state(hit, given.at).q), at: engine.state(hit, given.at).force };
   });
   process.stdout.write(JSON.stringify(found));
@@ -43,7 +44,8 @@ def on_the_page(hit, sets, tol=1e-6, at=0.0):
     own["damping"] = case["ratio"] or 0.0
     data = {"blow": case, "tol": tol, "at": at, "engine": str(assets.FOLDER / "engine.wasm")}
     data["sets"] = [own | each for each in sets]
-    scripts = "".join((assets.FOLDER / f"{n}.js").read_text() for n in ("engine", "data"))
+    names = ("units", "engine", "data", "verdict")
+    scripts = "".join((assets.FOLDER / f"{name}.js").read_text() for name in names)
     done = subprocess.run(
         ["node", "-e", scripts + PROGRAM], input=assets.embedded(data), capture_output=True,
         text=True, check=True, timeout=60,
@@ -102,6 +104,22 @@ def test_a_slider_through_yield_is_another_modulus():
         assert (found["peak_force"] > law.yield_force) == (
             "speed" not in given or striker.velocity > 1
         )
+
+
+@node
+@pytest.mark.parametrize("model", [MODEL, replace(MODEL, local_compliance=1e-8)])
+def test_sliders_through_yield_say_what_simulate_says(model):
+    onset = YIELDS.yield_speed(0.2)
+    sets = [{"speed": v} for v in (0.3 * onset, 0.9 * onset, 3 * onset, 0.3, 1.5, 6.0)]
+    hit = ao.simulate(model, STRIKER, YIELDS, 3e-3, tol=1e-6)
+    found = on_the_page(hit, sets)
+    for one, given in zip(found, sets, strict=True):
+        other = ao.simulate(model, ao.RigidMass(0.2, given["speed"]), YIELDS, 3e-3, tol=1e-6)
+        assert one["said"] == other.verdict
+        dent = 0.0 if other.dent is None else other.dent.depth
+        assert one["dent"] == pytest.approx(dent, rel=1e-6, abs=1e-12)
+    assert found[0]["said"].startswith("The contact stays elastic")
+    assert found[-1]["said"].startswith("The contact yields: a dent of")
 
 
 @node

@@ -113,6 +113,42 @@ def plate(tmp_path_factory):
     return part, ao.extract(part, site, n=12, error="estimate")
 
 
+#: The sentences of the headline by what they are about.
+SAID = """
+return Object.fromEntries([...document.querySelectorAll("[data-of]")].map((p) =>
+  [p.dataset.of, p.hidden ? "" : p.textContent]));
+"""
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_slider_through_yield_moves_sentences_dent_and_stress(browser, plate, tmp_path):
+    part, model = plate
+    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
+    hit = ao.simulate(model, ball, duration=DURATION)
+    page = ao.write_report(hit, tmp_path / "report.html", part)
+    before, said = opened(browser, page), browser.run(SAID)
+    assert said["contact"] == hit.verdict
+    assert before["cells"]["dent"] == pytest.approx(hit.dent.depth, rel=1e-4)
+    peak = max(one.margin().value for one in [ao.peak_field(part, hit)])
+    assert before["cells"]["largest_stress"] == pytest.approx(peak, rel=1e-6)
+    browser.run(MOVE, {"speed": 0})
+    time.sleep(0.6)
+    slow, told = browser.run(READ), browser.run(SAID)
+    assert slow["sliders"]["speed"] < hit.law.yield_speed(ball.mass)
+    assert slow["cells"]["dent"] == 0
+    other = ao.simulate(model, replace(ball, velocity=slow["sliders"]["speed"]), duration=DURATION)
+    assert told["contact"] == other.verdict
+    assert told["contact"].startswith("The contact stays elastic")
+    peak = ao.peak_field(part, other).margin().value
+    assert slow["cells"]["largest_stress"] == pytest.approx(peak, rel=0.25)  # "about"
+    assert told["stress"].startswith("The largest von Mises stress is about")
+    assert told["energy"] == told["accuracy"] == ""
+    browser.run("document.getElementById('back').click()")
+    assert browser.run(SAID) == said
+    assert browser.said() == []
+
+
 @pytest.mark.fem
 @pytest.mark.slow
 def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):

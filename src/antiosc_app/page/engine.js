@@ -4,7 +4,7 @@
 const LINEAR = 0, HERTZ = 2, ELASTIC_PLASTIC = 8, TAKEN = 0.7;
 const NUMBERS = ["answer", "peak_force", "impulse", "contact_time", "restitution", "contacts",
   "touching", "first", "last", "force_error", "peak_error", "lasting", "n_nodes", "time", "force",
-  "depth", "reach"]; // `found` of csrc/page/engine.c
+  "depth", "reach", "deepest", "dent", "work"]; // `found` of csrc/page/engine.c
 const MOST_STEPS = 200000;
 
 class Engine {

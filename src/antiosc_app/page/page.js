@@ -2,6 +2,7 @@
 
 const QUANTITIES = [["peak_force", "peak force", "N"], ["contact_time", "contact time", "s"],
   ["impulse", "impulse", "N s"], ["restitution", "restitution", ""], ["contacts", "contacts", ""]];
+const DENT = ["dent", "dent", "m"], STRESS = ["stress", "largest stress", "Pa"];
 const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed", "m/s"],
   ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
 const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
@@ -37,6 +38,11 @@ class Page {
     this.start = Object.fromEntries(SLIDERS.map(([name]) => [name, this.blow[name] ?? null]));
     this.start.damping = this.blow.ratio ?? 0;
     this.set = { ...this.start };
+    const yields = this.blow.law.yields, slow = yields && yields.rim ? yield_speed(pose(this.body(), this.blow, this.start)) / 2 : Infinity;
+    if (this.blow.computed) this.blow.computed.stress ??= data.stress ?? null;
+    this.least = { speed: Math.min(this.start.speed / RANGE, slow) };
+    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...(this.part && data.part.stress ? [STRESS] : [])];
+    this.said = [...document.querySelectorAll("[data-of]")].map((p) => ({ p, of: p.dataset.of, computed: p.textContent }));
     this.make_sliders();
     this.make_numbers();
     this.make_views();
@@ -68,18 +74,20 @@ class Page {
     const share = place / STEPS, start = this.start[name];
     if (name === "gap") return share * Math.max(4 * start, 0.3 * (this.start.speed || 0) * this.blow.duration);
     if (name === "damping") return share * MOST_DAMPING;
-    return start * RANGE ** (2 * share - 1);
+    const low = this.least[name] ?? start / RANGE;
+    return low * (RANGE * start / low) ** share;
   }
 
   place(name, value) {
     if (name === "gap" || name === "damping") return value / (this.value(name, STEPS) || 1) * STEPS;
-    return (Math.log10(value / this.start[name]) / Math.log10(RANGE) + 1) / 2 * STEPS;
+    const low = this.least[name] ?? this.start[name] / RANGE;
+    return Math.log(value / low) / Math.log(RANGE * this.start[name] / low) * STEPS;
   }
 
   make_numbers() {
     this.cells = {};
     find("numbers").replaceChildren();
-    for (const [name, label] of QUANTITIES) {
+    for (const [name, label] of this.rows) {
       const row = made("tr", find("numbers"));
       made("th", row, label);
       this.cells[name] = [made("td", row), made("td", row, "", { className: "computed" })];
@@ -132,9 +140,10 @@ class Page {
     }
     this.rough = !resting && !this.at_start() && hit.n_nodes * hit.modes > MANY;
     if (!this.rough) hit = strike(blow.tol);
-    const bars = this.bars(hit, duration);
+    const bars = this.known_bars = this.bars(hit, duration);
     this.hit = hit;
     this.until = Math.min(duration, Math.max(1.25 * hit.last, 0.02 * duration)) || duration;
+    hit.stress = NaN; // until the picture follows
     this.write(hit, bars);
     this.bar = bars.peak_force ?? 0;
     this.draw_chart();
@@ -178,7 +187,7 @@ class Page {
       input.setAttribute("aria-valuetext", output.value);
     }
     const computed = this.sites ? this.computed_here() : this.compared();
-    for (const [name, , unit] of QUANTITIES) {
+    for (const [name, , unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
       const plain = name === "contacts" ? String(value) : engineering(value, unit);
       now.textContent = name in bars && Number.isFinite(bars[name]) ? this.with_bar(plain, bars[name]) : plain;
@@ -186,6 +195,7 @@ class Page {
       const known = computed[name] ?? null;
       before.textContent = known === null ? "" : name === "contacts" ? String(known) : engineering(known, unit);
     }
+    this.say(hit);
     const notes = [];
     if (hit.answer) notes.push("The run stopped before its end: the numbers are not reliable.");
     if (hit.contacts === 0) notes.push("The bodies do not touch.");
@@ -200,6 +210,15 @@ class Page {
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
       + (bars.peak_force ? "; the band: the error bar" : "") + ".";
+  }
+
+  // The sentences of the headline: those of the computed case, or what is known of the present one.
+  say(hit) {
+    const live = { contact: () => contact_sentence(hit, this.blow.law.yields), stress: () => stress_sentence(hit.stress, this.data.strength) };
+    for (const { p, of, computed } of this.said) {
+      p.textContent = this.at_start() ? computed : of in live ? live[of]() : "";
+      p.hidden = !p.textContent;
+    }
   }
 
   // The impact beside the present one: the computed one, or that before a change of the set-up.
@@ -228,8 +247,18 @@ class Page {
     if (this.part) {
       this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);
       this.part.follow(this.engine, this.hit, this.until);
+      this.follow_stress();
     }
     this.picture();
+  }
+
+  // The largest stress: that of the computed case, as the picture's largest grows.
+  follow_stress() {
+    if (!this.data.part.stress) return;
+    const drawn = this.part.most("stress");
+    this.drawn ??= drawn; // the first impact is the computed one
+    this.hit.stress = (this.data.stress ?? this.drawn) * drawn / (this.drawn || 1);
+    this.write(this.hit, this.known_bars);
   }
 
   picture() {

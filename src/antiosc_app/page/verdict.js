@@ -1,0 +1,48 @@
+// What is said of the present impact, as antiosc.simulation.histories.verdict says it of a computed one.
+
+const FAST = 300; // m/s: faster blows are not those of this program
+
+// Relative speed from which a contact that yields does so, of a law and both bodies' mobility [1/kg].
+function yield_speed({ params, mobility }) {
+  const [k, y] = params;
+  return Math.sqrt(0.8 * k * y ** 2.5 * mobility);
+}
+
+// The radius of the rim of a dent; null where the law does not say it.
+function rim_radius(yields, indentation, deepest) {
+  if (!yields.rim) return null;
+  const [at, squared] = yields.rim, x = Math.log(deepest / indentation);
+  let i = 1;
+  while (i < at.length - 1 && x > Math.log(at[i])) i++;
+  const [low, high] = [Math.log(at[i - 1]), Math.log(at[i])];
+  const share = Math.min(Math.max((x - low) / (high - low), 0), 1);
+  return Math.sqrt((squared[i - 1] + share * (squared[i] - squared[i - 1])) * yields.radius * deepest);
+}
+
+// Whether the contact yields, and what remains; "" of a law that does not say it.
+function contact_sentence(hit, yields) {
+  if (!yields || !yields.rim || !hit.contacts) return "";
+  const [k, y] = hit.posed.params, { radius, strength } = yields;
+  const modulus = 0.75 * k / Math.sqrt(radius), elastic = (2.5 * hit.work / k) ** 0.4;
+  const pressure = 2 * modulus / Math.PI * Math.sqrt(elastic / radius), fastest = yield_speed(hit.posed);
+  const share = `${engineering(pressure, "Pa")}, ${general(pressure / strength)} times the yield`;
+  const from = engineering(fastest, "m/s"), of = engineering(strength, "Pa");
+  if (!(hit.dent > 0)) {
+    const onset = fastest < FAST ? `; it yields from ${from} on` : "";
+    return `The contact stays elastic: its pressure is ${share} strength ${of}${onset}.`;
+  }
+  const across = engineering(2 * rim_radius(yields, y, hit.deepest), "m", 2);
+  const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}` : "";
+  return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${rebound}.`
+    + ` It yields from ${from} on; Hertz's pressure would be ${share} strength ${of}.`;
+}
+
+// The largest stress of the part; "" until the picture has followed the sliders.
+function stress_sentence(value, strength) {
+  if (!Number.isFinite(value)) return "";
+  const about = `The largest von Mises stress is about ${engineering(value, "Pa")}`;
+  return strength ? `${about}, ${general(value / strength)} of the yield strength ${engineering(strength, "Pa")}.` : `${about}.`;
+}
+
+// A number with three digits, as Python's ".3g".
+function general(value) { return String(Number(value.toPrecision(3))); }
