@@ -677,6 +677,9 @@ def test_ensembles_have_bars_and_do_not_depend_on_who_computes_them() -> None:
     given = {"height": 0.1, "floor": ao.Floor(law=ao.Hertz(1e9)), "until": 1, "tol": 1e-2}
     spread = ao.Tilts(sigma=3.0, height=0.02)
     many = ao.drop(block(), **given, ensemble=spread, n=24)
+    numbers = many.numbers()
+    assert numbers["peak_force"]["50 %"] == many.quantile("peak_force", 0.5).value
+    assert (numbers["falls"], numbers["status"]) == (24, 0)
     with ThreadPoolExecutor(2) as pool:
         again = ao.drop(block(), **given, ensemble=spread, n=24, executor=pool)
     np.testing.assert_array_equal(many.values["peak_force"], again.values["peak_force"])

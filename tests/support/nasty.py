@@ -255,6 +255,14 @@ def loaded_part() -> Any:
     return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), held, prestress=loads)
 
 
+@functools.cache
+def least() -> Any:
+    def build(x: Any) -> Any:
+        return model(), ao.RigidMass(float(x[0]), 1.0), ao.Hertz(1e9), 1e-3
+
+    return ao.minimize(build, "peak_force", [0.1], bounds=[(0.05, 0.2)])
+
+
 def frf_values() -> Any:
     iw = 2j * np.pi * np.arange(1.0, 41.0)
     return 1 / (1e4 + 4.0 * iw + iw**2)
@@ -614,6 +622,9 @@ OWN: dict[str, dict[str, Any]] = {
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
     "FoundImpact": found_blow,
+    "Batch": lambda: ao.simulate_many(model(), sphere(), ao.Hertz(1e9), [1e-3, 2e-3]),
+    "Gradient": lambda: ao.gradient(history(), "peak_force"),
+    "Optimum": least, "DesignMap": lambda: design(),
     "SavedHistory": lambda: ao.History.load(saved_history()),
     "NamedImpactor": lambda: ao.IMPACTORS["tennis ball"],
     "SavedFields": lambda: ao.SavedFields.load(saved_fields()),

@@ -206,8 +206,8 @@ class Drops(Result):
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The distribution of the largest force of the falls; with `path` it is written."""
-        largest = {"largest force of a fall (N)": self.largest()}
-        return Sample({}, largest, {}).plot(path)
+        falls = {"fall": np.arange(float(len(self)))}
+        return Sample(falls, {"largest force of a fall (N)": self.largest()}, {}).plot(path)
 
     def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
         """(n,) largest value of each fall, or its value in one impact (from 0)."""
