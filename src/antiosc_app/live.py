@@ -315,7 +315,7 @@ def headline_of_history(
     numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
     told = [
         ("contact", hit.verdict),
-        *(("stress", sentence) for sentence in _stresses(fields, worst)),
+        *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),
         ("energy", _absorbed(hit)),
         ("accuracy", _accuracy(budget)),
     ]
