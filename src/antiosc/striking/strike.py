@@ -446,7 +446,8 @@ def _next(
 ) -> tuple[Array, str]:
     """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
     room = _room(answer.budget, tol)
-    if min(room.values()) < LEAST_ROOM * tol:
+    resolved = all(bar.stretch and bar.mesh <= room[name] for name, bar in answer.budget.items())
+    if resolved or min(room.values()) < LEAST_ROOM * tol:
         return np.ones(0), (
             "A finer mesh does not help: the shares of time steps, patch and second-order forces "
             "take the tolerance alone; change the radius of the site."
@@ -501,12 +502,15 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     """What the mesh may take of the tolerance, for each quantity.
 
-    On the next mesh more anti-oscillators are taken if the truncation asks for them.
+    On the next mesh more anti-oscillators are taken if the truncation asks for them. Second-order
+    forces whose share takes the tolerance alone are no reason for a coarser mesh than without them.
     """
     room = {}
     for name, bar in budget.items():
         truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
-        room[name] = AIM * (tol - bar.time - bar.patch - bar.stretch) - truncation
+        whole = AIM * (tol - bar.time - bar.patch) - truncation
+        left = whole - AIM * bar.stretch
+        room[name] = whole if bar.stretch and left < LEAST_ROOM * tol else left
     return room
 
 
