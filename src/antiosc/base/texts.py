@@ -77,9 +77,9 @@ class Result(ReprMixin):
         """Its single results in SI units, status and message: name -> JSON value."""
         names = [f.name for f in dataclasses.fields(self)]  # type: ignore[arg-type]
         values = {name: getattr(self, name) for name in names}
-        known = {name: _json(v) for name, v in values.items() if np.ndim(v) == 0}
-        kept = {name: v for name, v in known.items() if isinstance(v, bool | int | float | str)}
-        return {**kept, "status": _json(self.status), "message": self.message}
+        single = bool, int, float, str, np.generic
+        known = {name: _json(value) for name, value in values.items() if isinstance(value, single)}
+        return {**known, "status": _json(self.status), "message": self.message}
 
 
 class Completed(Result):
