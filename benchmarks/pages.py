@@ -90,8 +90,11 @@ def headlines_of(name: str, result: Any) -> Iterator[Headline]:
     if peak is None:
         return
     if np.ndim(peak):
-        finite = np.asarray(peak, dtype=float)
-        yield Headline(f"{name} largest peak_force", float(np.nanmax(finite)), None)
+        doubtful = getattr(result, "doubtful", None)
+        known = np.asarray(peak, dtype=float)
+        if doubtful is not None:
+            known = known[~doubtful]
+        yield Headline(f"{name} largest peak_force", float(np.nanmax(known)), None)
         return
     for quantity in QUANTITIES:
         value = getattr(result, quantity, None)
@@ -289,7 +292,7 @@ def differences(
     for before, after in zip(printed, finer, strict=True):
         known = before.bar is not None and math.isfinite(before.bar)
         allowed = before.bar if known and before.bar else UNSAID
-        if abs(after.value - before.value) > allowed * abs(before.value):
+        if not abs(after.value - before.value) <= allowed * abs(before.value):  # NaN too
             moved.append(Moved(name, variant, before.name, before.value, after.value, allowed))
     return moved
 
