@@ -80,6 +80,15 @@ def test_the_best_and_the_front():
             found.best(**given)
 
 
+def test_the_picture_marks_the_fastest_that_is_enough():
+    found = replace(some((1.0, 0.1), (2.0, 0.01), (3.0, 0.04), (4.0, 0.009)), tol=0.02)
+    for ax, x in zip(found.plot().axes, (2.0, 0.1), strict=True):
+        (star,) = (line for line in ax.lines if line.get_label() == "best(tol)")
+        assert star.get_xydata().tolist() == [[x, 1.0]]
+    none = replace(found, tol=1e-3)
+    assert all(line.get_label() != "best(tol)" for ax in none.plot().axes for line in ax.lines)
+
+
 def test_picture_and_table(tried, tmp_path):
     assert tried.plot(tmp_path / "chart.png").stat().st_size > 1000
     assert len(tried.summary().splitlines()) == len(tried.table) + 1

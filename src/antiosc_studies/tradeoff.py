@@ -177,7 +177,10 @@ class Tradeoff(Result):
         )
 
     def plot(self, path: str | Path | None = None) -> Figure | Path:
-        """Bars and differences over seconds and over memory: the figure, or the file written."""
+        """Bars and differences over seconds and over memory: the figure, or the file written.
+
+        A star is the member of `best(tol=self.tol)`, if there is one.
+        """
         figure = new_figure((9.0, 4.0), path is None)
         axes = figure.subplots(1, 2, sharey=True)
         for ax, name, unit in zip(axes, ("seconds", "gigabytes"), ("s", "GB"), strict=True):
@@ -187,6 +190,9 @@ class Tradeoff(Result):
             own = [getattr(one, name) for one in apart]
             ax.loglog(own, [100 * one.difference for one in apart], ".", label="to the finest")
             ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
+            if self.status == 0:
+                best = self.best(tol=self.tol)
+                ax.plot(getattr(best, name), 100 * best.bar, "*", ms=12, label="best(tol)")
             ax.set_xlabel(f"{name} [{unit}]" if name == "seconds" else "memory [GB]")
         front = self.front
         steps = [one.seconds for one in front], [100 * one.bar for one in front]
