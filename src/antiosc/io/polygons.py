@@ -1,7 +1,7 @@
-"""Text files of polygons: OBJ, OFF and ASCII STL, by their points and faces alone.
+"""Files of polygons by their points and faces alone: OBJ, OFF, ASCII STL and binary PLY.
 
-meshio refuses OBJ files whose textures have other corners than their faces, as most have, and OFF
-files of polygons.
+meshio refuses OBJ files whose textures have other corners than their faces, as most have, OFF files
+of polygons, and binary PLY files whose faces have colours.
 """
 
 from __future__ import annotations
@@ -21,6 +21,20 @@ from antiosc.io.neutral import IntArray
 VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 #: Bytes in which an ASCII STL file names a facet.
 BEGINNING = 4096
+#: Scalar types of PLY files (G. Turk, "The PLY Polygon File Format", 1994) as NumPy's.
+PLY_TYPES = {
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
+}
+#: Byte orders of binary PLY files; fields of the corners of a face.
+PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+SIZE, CORNERS = "number of corners", "corners"
 
 
 def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
@@ -37,6 +51,8 @@ def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
         return _of_off(content.decode("latin-1").splitlines(), name)
     if name.lower().endswith(".stl") and b"\0" not in content[:BEGINNING]:
         return _of_stl(content, name)
+    if name.lower().endswith(".ply"):
+        return _of_ply(content, name)
     return None
 
 
@@ -58,7 +74,7 @@ def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
 
 
 def _checked(
-    points: list[list[float]], faces: list[tuple[int, int, int]], name: str
+    points: list[list[float]] | Array, faces: list[tuple[int, int, int]] | IntArray, name: str
 ) -> tuple[Array, IntArray]:
     """As arrays; MeshError for corners that are not there."""
     table = np.array(faces, dtype=np.int64).reshape(-1, 3)
@@ -95,3 +111,43 @@ def _of_stl(content: bytes, name: str) -> tuple[Array, IntArray]:
     if len(points) % 3:
         raise MeshError(f"{name} has {len(points)} corners, not three a triangle: it is cut off.")
     return points, np.arange(len(points)).reshape(-1, 3)
+
+
+def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
+    """Triangles in binary; None for what meshio reads or refuses: text, other faces, no PLY."""
+    content = content.replace(b"end_header\r\n", b"end_header\n", 1)
+    head, _, data = content.partition(b"end_header\n")
+    header = [line.split() for line in head.decode("latin-1").splitlines()]
+    try:
+        records = _ply_records(header)
+        (first, (count, vertex)), (second, (number, face)) = list(records.items())[:2]
+        points = np.frombuffer(data, vertex, count)
+        faces = np.frombuffer(data, face, number, count * vertex.itemsize)
+        x = np.stack([points[axis] for axis in "xyz"], axis=1).astype(float)
+        sizes, corners = faces[SIZE], faces[CORNERS]
+    except (IndexError, KeyError, ValueError):
+        return None
+    if (first, second) != ("vertex", "face") or (sizes != 3).any():
+        return None
+    return _checked(x, corners.astype(np.int64), name)
+
+
+def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dtype[np.void]]]:
+    """Element -> (how many, its record) of a binary file; a list has three entries.
+
+    Raises IndexError, KeyError or ValueError for other headers.
+    """
+    (order,) = (PLY_ORDERS[words[1]] for words in header if words[:1] == ["format"])
+    counts: dict[str, int] = {}
+    fields: dict[str, list[tuple[str, str] | tuple[str, str, int]]] = {}
+    own: list[tuple[str, str] | tuple[str, str, int]] = []
+    for words in header:
+        if words[:1] == ["element"]:
+            own = fields[words[1]] = []
+            counts[words[1]] = int(words[2])
+        elif words[:2] == ["property", "list"]:
+            own.append((SIZE, order + PLY_TYPES[words[2]]))
+            own.append((CORNERS, order + PLY_TYPES[words[3]], 3))
+        elif words[:1] == ["property"]:
+            own.append((words[2], order + PLY_TYPES[words[1]]))
+    return {name: (counts[name], np.dtype(own)) for name, own in fields.items()}

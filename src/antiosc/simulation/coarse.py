@@ -10,6 +10,7 @@ times that, changed the peak force by 0.5 to 2, 1 to 4, 6 to 47 and 6 to 100 %.
 from __future__ import annotations
 
 from math import inf, pi, sqrt
+from typing import NamedTuple
 
 from antiosc.base.texts import engineering
 from antiosc.models.body import info_of
@@ -18,20 +19,38 @@ from antiosc.models.body import info_of
 LARGE_CELL = 0.5
 
 
-def coarse_cell(model: object, site: str, contact_time: float) -> str:
-    """The warning of a cell at a site that a contact's waves do not fit in; "" of others."""
+class Coarse(NamedTuple):
+    """A cell at a site and the length of the wave that it should hold; `allowed` of its edges [m]."""
+
+    size: float
+    wave: float
+
+    @property
+    def allowed(self) -> float:
+        return LARGE_CELL * self.wave / 2
+
+
+def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
+    """The cell at a site if a contact's waves do not fit in it; None of others."""
     known = (info_of(model).cells or {}).get(site)
     if known is None or getattr(model, "strain_error", None) is not None:  # its budget tells it
-        return ""
+        return None
     size, bending, speed = known
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
-    if not size > LARGE_CELL * wave:
+    return Coarse(size, wave) if size > LARGE_CELL * wave else None
+
+
+def coarse_cell(model: object, site: str, contact_time: float) -> str:
+    """The warning of a cell that is too large; "" of others."""
+    cell = coarse_at(model, site, contact_time)
+    if cell is None:
         return ""
     at = f" {site!r}" if site else ""
     return (
-        f"The cell at the site{at} measures {engineering(size, 'm')}, and the wave that a contact"
-        f" of {engineering(contact_time, 's')} sends out {engineering(wave, 'm')}: forces come out"
-        f" too large; take cells of at most {engineering(LARGE_CELL * wave / 2, 'm')} there"
-        ' (refine=), or extract(…, error="estimate"), which tells the error.'
+        f"The cell at the site{at} measures {engineering(cell.size, 'm')}, and the wave that a"
+        f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
+        " forces come out too large; take cells of at most"
+        f" {engineering(cell.allowed, 'm')} there (refine=), or extract(…, error="
+        '"estimate"), which tells the error.'
     )

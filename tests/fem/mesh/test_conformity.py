@@ -274,6 +274,25 @@ def test_solid_geometry_is_meshed_with_curved_cells(tmp_path, suffix):
     assert moments(straight)[0] < 0.998 * np.pi / 4
 
 
+RIM = """SetFactory("OpenCASCADE");
+Disk(1) = {0, 0, 0, 1}; Disk(2) = {0, 0, 0, 0.97};
+BooleanDifference(3) = {Surface{1}; Delete;}{Surface{2}; Delete;};
+Rotate {{1, 0, 0}, {0, 0, 0}, Pi / 3} {Surface{3};}
+"""
+
+
+def test_no_cell_of_a_narrow_sheet_in_space_folds(tmp_path):
+    """Arcs of the inner rim reach beyond the outer sides of coarse triangles."""
+    path = tmp_path / "rim.geo"
+    path.write_text(RIM)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mesh = ao.read_mesh(path, size=1.0)
+    assert (mesh.cell, mesh.order, mesh.gdim) == ("triangle", 2, 3)
+    x, cells = mesh.dolfinx.geometry.x, compat.geometry_nodes(mesh.dolfinx)
+    assert not len(folded(x, cells, "triangle", 2, soundness.SOUND))
+
+
 def test_folded_cells_of_a_file_are_told(tmp_path):
     path = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2)
     cube = meshio.read(path)

@@ -14,6 +14,7 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 from antiosc.fem.fields import mesh_fields
+from antiosc.fem.platform import compat
 from antiosc.io.facets import SIDES, areas, cleaned, oriented, volumes
 from antiosc.io.polygons import triangles_of
 from antiosc_app.live_meshes import surface
@@ -185,6 +186,32 @@ def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
     assert areas(points, triangles).sum() == pytest.approx(6.0)
     path.write_text(text.replace("4 0 3 2 1", "4 0 3 2 8").replace("1/1 4/2", "1/1 9/2"))
     with pytest.raises(ao.MeshError, match="does not hold"):
+        ao.read_mesh(path)
+
+
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_coloured_triangles_of_a_binary_ply_are_read(tmp_path, order):
+    """meshio reads the first face alone where faces have more than corners."""
+    points, triangles = triangles_of(OBJ.encode(), "cube.obj")
+    sign = {"little": "<", "big": ">"}[order]
+    vertices = np.zeros(8, [("x", sign + "f4", 3), ("colour", "u1", 4)])
+    faces = np.zeros(12, [("size", "u1"), ("corners", sign + "i4", 3), ("colour", "u1", 4)])
+    vertices["x"], faces["size"], faces["corners"], faces["colour"] = points, 3, triangles, 200
+    colour = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "alpha"))
+    axes = "".join(f"property float {name}\n" for name in "xyz")
+    header = (
+        f"ply\nformat binary_{order}_endian 1.0\ncomment by hand\nelement vertex 8\n{axes}{colour}"
+        f"element face 12\nproperty list uchar int vertex_indices\n{colour}end_header\n"
+    )
+    path = tmp_path / "cube.ply"
+    path.write_bytes(header.encode() + vertices.tobytes() + faces.tobytes())
+    mesh = ao.read_mesh(path)
+    assert mesh.n_cells == 12
+    corners = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.linalg.norm(sides, axis=1).sum() / 2 == pytest.approx(6.0)
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(ao.MeshError, match="cannot be read as PLY"):
         ao.read_mesh(path)
 
 

@@ -318,7 +318,7 @@ def sound(
         )
     if not pieces:
         _refuse_pieces(raw, name, by)
-    if fills and made_here and kind.order == 2 and kind.shape in MID_SIDE_EDGES:
+    if made_here and kind.order == 2 and kind.shape in MID_SIDE_EDGES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
     if kind.dim > 1:
         bad = folded(raw.points, cells, kind.shape, kind.order)
