@@ -20,7 +20,7 @@ LARGE_CELL = 0.5
 
 
 class Coarse(NamedTuple):
-    """A cell at a site and the length of the wave that it should hold; `allowed` of its edges [m]."""
+    """A cell at a site [m], the wave length that it should hold, and the edge that is allowed."""
 
     size: float
     wave: float
