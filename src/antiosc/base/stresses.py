@@ -139,6 +139,42 @@ def equivalent(components: Array) -> Array:
     return np.asarray(np.sqrt(1.5 * squares))
 
 
+def length(vectors: Array) -> Array:
+    """Lengths (...,) of vectors (..., c)."""
+    return np.asarray(np.sqrt(np.einsum("...c,...c->...", vectors, vectors)))
+
+
+#: Five parts of a stress (components 11, 22, 33, 23, 13, 12), the sum of whose squares is that of
+#: von Mises's stress.
+DEVIATOR = np.zeros((5, 6))
+DEVIATOR[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
+DEVIATOR[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
+DEVIATOR[2:, 3:] = np.sqrt(3.0) * np.eye(3)
+#: Singular value over the largest below which it is rounding; stresses whose rank is looked at; at
+#: once.
+RANK, LOOKED_AT, AT_ONCE = 1e-12, 20, 2000
+
+
+def equivalent_parts(columns: Array) -> Array:
+    """Columns (S, r, B) of the fewest parts whose length is von Mises's stress, of (S, 6, B).
+
+    r is 5 in solids; a sheet's plane stress has 3.
+    """
+    parts = DEVIATOR @ columns
+    some = np.linalg.svd(parts[:: 1 + len(parts) // LOOKED_AT], compute_uv=False)
+    if not len(parts) or (some[:, -1] > RANK * some[:, 0]).any():
+        return np.asarray(parts)
+    reduced = np.zeros_like(parts[:, : columns.shape[2]])
+    rank = 0
+    for first in range(0, len(parts), AT_ONCE):
+        block = slice(first, first + AT_ONCE)
+        _, sizes, rows = np.linalg.svd(parts[block], full_matrices=False)
+        reduced[block] = sizes[:, :, None] * rows
+        above = (sizes > RANK * sizes[:, :1]).sum(axis=1)
+        rank = max(rank, int(above.max()))
+    return reduced[:, :rank]
+
+
 def extreme_principal(components: Array) -> Array:
     """Size (...,) of the principal value of largest size, of components (..., 6).
 

@@ -16,7 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from antiosc.base._types import Array, IntArray
-from antiosc.base.stresses import Strengths, equivalent, exposure, extreme_principal
+from antiosc.base.stresses import (
+    Strengths,
+    equivalent_parts,
+    exposure,
+    extreme_principal,
+    length,
+)
 from antiosc.base.texts import ReprMixin, engineering, point_text
 from antiosc.contact.geometry import hertz_pressure
 from antiosc.fem.fields import source
@@ -211,11 +217,12 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
         own, then, error = _of_plies(quantity, found, search)
         strengths = np.ones(len(own))
     else:
-        scalar = extreme_principal if quantity in ("stress", "strain") else equivalent
-        own, then, error = search(found.columns, scalar)
+        principal = quantity in ("stress", "strain")
+        columns = found.columns if principal else equivalent_parts(found.columns)
+        own, then, error = search(columns, extreme_principal if principal else length)
         yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
         strengths, criterion = np.array(yields)[found.origin], "yield"
-        if scalar is extreme_principal:
+        if principal:
             strengths[:] = np.nan
     exposures, margin = None, None
     if np.isfinite(strengths).any():

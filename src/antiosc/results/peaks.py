@@ -30,6 +30,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.charts import figure_or_path
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
+from antiosc.base.stresses import length
 from antiosc.base.texts import Completed, engineering, point_text as placed
 from antiosc.fem.fields import source
 from antiosc.fem.fields.series import Frames
@@ -89,25 +90,26 @@ def refined_maxima(
 ) -> tuple[Array, Array, float]:
     """Largest value (S,) of a scalar of components (S, c, B), its time, and the error bound.
 
-    `scalar`: (..., c) -> (...,), a norm.
+    `scalar`: (..., c) -> (...,), a norm. Single precision finds where the values are largest.
     """
     step, missed = _step(motion, columns, scalar)
     times = _sample_times(motion.nodes, step)
     sampled, near = np.full((2, len(columns)), -np.inf), np.zeros((2, len(columns)), dtype=int)
+    single = columns.astype(np.float32)
     for first in range(0, max(len(times) - 2, 1), WINDOW - 2):
         t = times[first : first + WINDOW]
-        factors = motion.factors(t)
+        factors = motion.factors(t).astype(np.float32)
         for block in _blocks(columns, len(t)):
-            y = _values(columns[block], factors, scalar)
+            y = _values(single[block], factors, scalar)
             for best, k, found in zip(sampled, near, (y, _parabola_maxima(t, y)), strict=True):
                 at = found.argmax(axis=1)
                 top = found[np.arange(len(at)), at]
                 higher = np.flatnonzero(top > best[block])
                 best[block][higher], k[block][higher] = top[higher], first + at[higher]
-    values, when = sampled[0], times[near[0]]
-    finer, then = _refined_near(motion, columns, scalar, times, near[1])
-    higher = finer > values
-    return np.where(higher, finer, values), np.where(higher, then, when), missed
+    values, when = _refined_near(motion, columns, scalar, times, near[0])
+    other, then = _refined_near(motion, columns, scalar, times, near[1])
+    higher = other > values
+    return np.where(higher, other, values), np.where(higher, then, when), missed
 
 
 def sampled_maxima(
@@ -166,13 +168,14 @@ def _parabola_maxima(t: Array, y: Array) -> Array:
     tops = y.copy()
     if len(t) < 3:
         return tops
-    before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    rise, fall = np.diff(y)[:, :-1] / before, np.diff(y)[:, 1:] / after
+    node, k = np.nonzero((y[:, 1:-1] >= y[:, :-2]) & (y[:, 1:-1] >= y[:, 2:]))
+    before, after = np.diff(t)[k], np.diff(t)[k + 1]
+    middle = y[node, k + 1].astype(float)
+    rise, fall = (middle - y[node, k]) / before, (y[node, k + 2] - middle) / after
     bend = (fall - rise) / (before + after)
     slope = (fall * before + rise * after) / (before + after)
-    inside = (rise >= 0) & (fall <= 0) & (bend < 0)
-    gain = np.divide(slope**2, -4 * bend, out=np.zeros_like(bend), where=inside)
-    tops[:, 1:-1] += gain
+    gain = np.divide(slope**2, -4 * bend, out=np.zeros_like(bend), where=bend < 0)
+    tops[node, k + 1] += gain
     return tops
 
 
@@ -208,7 +211,8 @@ def _refined_near(
 
 def _values(columns: Array, factors: Array, scalar: Callable[[Array], Array]) -> Array:
     """Scalar (S, n) of components (S, c, B) with factors (n, B)."""
-    return scalar(np.moveaxis(columns @ factors.T, 1, -1))
+    rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
+    return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], -1), 1, -1))
 
 
 def _blocks(columns: Array, times: int) -> Iterator[slice]:
@@ -469,7 +473,7 @@ def peak_field(
         search = functools.partial(_at_times, own, at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-        best = Maxima(*search(moved, _length))
+        best = Maxima(*search(moved, length))
     else:
         parts: list[Maxima] = []
         for ply in margin.plies(structure, quantity, part):
@@ -595,7 +599,3 @@ def _places(
     """Where in the thickness or section the quantity is recovered; both sides by default."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(each, layer, fibre, "global") for each in surfaces]
-
-
-def _length(vectors: Array) -> Array:
-    return np.asarray(np.sqrt(np.sum(vectors**2, axis=-1)))
