@@ -20,10 +20,10 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from antiosc.base.surfaces import Deformed
 
 
+#: In double or single precision.
+Reals = NDArray[np.floating[Any]]
 #: Share of a node's value that the times before refinement may miss; values below this share of
 #: the largest one count as that.
 TIME_ERROR, FLOOR = 0.01, 0.1
@@ -108,8 +110,8 @@ def refined_maxima(
                 best[block][higher], k[block][higher] = top[higher], first + at[higher]
     values, when = _refined_near(motion, columns, scalar, times, near[0])
     other, then = _refined_near(motion, columns, scalar, times, near[1])
-    higher = other > values
-    return np.where(higher, other, values), np.where(higher, then, when), missed
+    above = other > values
+    return np.where(above, other, values), np.where(above, then, when), missed
 
 
 def sampled_maxima(
@@ -209,7 +211,7 @@ def _refined_near(
     return values, when
 
 
-def _values(columns: Array, factors: Array, scalar: Callable[[Array], Array]) -> Array:
+def _values(columns: Reals, factors: Reals, scalar: Callable[[Array], Array]) -> Array:
     """Scalar (S, n) of components (S, c, B) with factors (n, B)."""
     rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
     return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], -1), 1, -1))
