@@ -19,3 +19,4 @@
 #include "stepper.c"
 #include "steps.c"
 #include "stretch.c"
+#include "supernodes.c"

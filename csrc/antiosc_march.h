@@ -550,6 +550,19 @@ typedef struct aom_cells {
 AOM_API void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory,
                            double *out);
 
+/* A Cholesky factor as CHOLMOD holds it, its values in single precision. */
+typedef struct aom_supernodes {
+    int64_t n_supernodes;
+    const int64_t *start; /* [n_supernodes + 1] first column of each */
+    const int64_t *row;   /* [n_supernodes + 1] its first row among `rows` */
+    const int64_t *rows;  /* those of its columns come first */
+    const int64_t *value; /* [n_supernodes] its first value */
+    const float *values;  /* of each supernode, column by column */
+} aom_supernodes;
+
+/* x = (LLᵀ)⁻¹x in the order of L; `own` holds as many numbers as a supernode has rows. */
+AOM_API void aom_supernodes_solve(const aom_supernodes *L, float *x, float *own);
+
 #define AOM_LANES 8       /* cells that are taken at a time */
 #define AOM_TETRA_DATA 12 /* numbers of a cell below */
 
@@ -559,11 +572,13 @@ AOM_API void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, doub
 typedef struct aom_tetra {
     int64_t n_groups;
     const int32_t *nodes; /* [groups][10][AOM_LANES] in dolfinx's order */
-    const double *data;   /* [groups][AOM_TETRA_DATA][AOM_LANES] */
+    const void *data;     /* [groups][AOM_TETRA_DATA][AOM_LANES] in the precision of the product */
 } aom_tetra;
 
 /* out += (k K + m M) u, both [nodes][3] */
-AOM_API void aom_tetra_product(const aom_tetra *of, double k, double m, const double *u, double *out);
+AOM_API void aom_tetra_product_double(const aom_tetra *of, double k, double m, const double *u,
+                                      double *out);
+AOM_API void aom_tetra_product_float(const aom_tetra *of, float k, float m, const float *u, float *out);
 #endif
 
 #ifdef __cplusplus

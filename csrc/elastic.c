@@ -8,114 +8,28 @@
 
 #define CORNERS 4
 #define NODES 10
-typedef double wide __attribute__((vector_size(8 * AOM_LANES), may_alias, aligned(8)));
-
-/* One function for each kind of processor, where the linker can choose among them. */
-#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
-#define FOR_PROCESSORS __attribute__((target_clones("avx512f", "avx2,fma", "default")))
-#else
-#define FOR_PROCESSORS
-#endif
-#define INLINE static inline __attribute__((always_inline))
 
 /* nodes between the corners, in dolfinx's order */
 static const int BETWEEN[CORNERS][CORNERS] = {{-1, 9, 8, 7}, {9, -1, 6, 5}, {8, 6, -1, 4}, {7, 5, 4, -1}};
 
-/* slopes [3][3] of u along x, y, z at a corner, from grad λ_1, λ_2, λ_3 */
-INLINE void slopes(wide u[NODES][3], int v, const wide *grad, wide H[3][3]) {
-    for (int a = 0; a < 3; a++) {
-        wide c[CORNERS];
-        for (int i = 0; i < CORNERS; i++)
-            c[i] = i == v ? 3.0 * u[v][a] : 4.0 * u[BETWEEN[v][i]][a] - u[i][a];
-        for (int b = 0; b < 3; b++)
-            H[a][b] = (c[1] - c[0]) * grad[b] + (c[2] - c[0]) * grad[3 + b] + (c[3] - c[0]) * grad[6 + b];
-    }
-}
+/* names of functions and types in each precision */
+#define JOINED(name, real) name##_##real
+#define NAMED(name, real) JOINED(name, real)
+#define wide NAMED(wide, REAL)
+#define slopes NAMED(slopes, REAL)
+#define forces NAMED(forces, REAL)
+#define stiffness NAMED(stiffness, REAL)
+#define inertia NAMED(inertia, REAL)
 
-/* forces of stresses [3][3] at a corner: the transpose of `slopes` */
-INLINE void forces(wide T[3][3], int v, const wide *grad, wide f[NODES][3]) {
-    for (int a = 0; a < 3; a++) {
-        wide c[CORNERS];
-        for (int i = 1; i < CORNERS; i++)
-            c[i] = T[a][0] * grad[3 * i - 3] + T[a][1] * grad[3 * i - 2] + T[a][2] * grad[3 * i - 1];
-        c[0] = -(c[1] + c[2] + c[3]);
-        for (int i = 0; i < CORNERS; i++) {
-            if (i == v) {
-                f[v][a] += 3.0 * c[v];
-            } else {
-                f[BETWEEN[v][i]][a] += 4.0 * c[i];
-                f[i][a] -= c[i];
-            }
-        }
-    }
-}
+#define REAL double
+#include "elastic_cells.h"
+#undef REAL
+#define REAL float
+#include "elastic_cells.h"
+#undef REAL
 
-/* f += k K u */
-INLINE void stiffness(double k, wide u[NODES][3], const wide *data, wide f[NODES][3]) {
-    wide T[CORNERS][3][3], sum[3][3], lame = k * data[9], shear = k * data[10];
-    memset(sum, 0, sizeof sum);
-    for (int v = 0; v < CORNERS; v++) {
-        wide H[3][3];
-        slopes(u, v, data, H);
-        wide mean = lame * (H[0][0] + H[1][1] + H[2][2]);
-        for (int a = 0; a < 3; a++) {
-            for (int b = 0; b < 3; b++) {
-                T[v][a][b] = shear * (H[a][b] + H[b][a]);
-                if (a == b)
-                    T[v][a][b] += mean;
-                sum[a][b] += T[v][a][b];
-            }
-        }
-    }
-    for (int v = 0; v < CORNERS; v++) {
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++)
-                T[v][a][b] += sum[a][b];
-        forces(T[v], v, data, f);
-    }
-}
-
-/* f += m M u. Corners meet corners by 6 or 1, edges that end there by -4,
- * others by -6; edges meet themselves by 32, the opposite one by 8, others by 16. */
-INLINE void inertia(double m, wide u[NODES][3], const wide *data, wide f[NODES][3]) {
-    wide share = m * data[11];
-    for (int a = 0; a < 3; a++) {
-        wide corners = u[0][a] + u[1][a] + u[2][a] + u[3][a];
-        wide edges = u[4][a] + u[5][a] + u[6][a] + u[7][a] + u[8][a] + u[9][a];
-        wide own[NODES];
-        for (int v = 0; v < CORNERS; v++)
-            own[v] = 5.0 * u[v][a] + corners - 6.0 * edges;
-        for (int e = CORNERS; e < NODES; e++) /* the opposite edge of the k-th is the (5 - k)-th */
-            own[e] = 16.0 * (u[e][a] + edges) - 8.0 * u[13 - e][a] - 6.0 * corners;
-        for (int v = 0; v < CORNERS; v++)
-            for (int w = 0; w < CORNERS; w++)
-                if (v != w) {
-                    own[v] += 2.0 * u[BETWEEN[v][w]][a];
-                    own[BETWEEN[v][w]] += 2.0 * u[v][a];
-                }
-        for (int n = 0; n < NODES; n++)
-            f[n][a] += share * own[n];
-    }
-}
-
-FOR_PROCESSORS
-void aom_tetra_product(const aom_tetra *of, double k, double m, const double *u, double *out) {
-    for (int64_t g = 0; g < of->n_groups; g++) {
-        const int32_t *nodes = of->nodes + g * NODES * AOM_LANES;
-        const wide *data = (const wide *)(of->data + g * AOM_TETRA_DATA * AOM_LANES);
-        wide own[NODES][3], f[NODES][3];
-        for (int n = 0; n < NODES; n++)
-            for (int l = 0; l < AOM_LANES; l++)
-                for (int a = 0; a < 3; a++)
-                    own[n][a][l] = u[3 * (int64_t)nodes[n * AOM_LANES + l] + a];
-        memset(f, 0, sizeof f);
-        if (k != 0.0)
-            stiffness(k, own, data, f);
-        if (m != 0.0)
-            inertia(m, own, data, f);
-        for (int n = 0; n < NODES; n++)
-            for (int l = 0; l < AOM_LANES; l++)
-                for (int a = 0; a < 3; a++)
-                    out[3 * (int64_t)nodes[n * AOM_LANES + l] + a] += f[n][a][l];
-    }
-}
+#undef wide
+#undef slopes
+#undef forces
+#undef stiffness
+#undef inertia

@@ -15,6 +15,7 @@ from ctypes import (
     Structure,
     c_char_p,
     c_double,
+    c_float,
     c_int,
     c_int64,
     c_size_t,
@@ -234,6 +235,12 @@ class Tetra(Structure):
     _fields_ = _fields("int64 n_groups; pointer nodes, data")
 
 
+class Supernodes(Structure):
+    """`aom_supernodes`"""
+
+    _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values")
+
+
 _PACKAGE = Path(__file__).parents[1]
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
@@ -287,13 +294,15 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
         c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
     ),
     "aom_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
-    "aom_tetra_product": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
+    "aom_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
+    "aom_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
+    "aom_supernodes_solve": (None, c_void_p, c_void_p, c_void_p),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
 _LONG = (
     "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
-    "aom_tetra_product",
+    "aom_tetra_product_double", "aom_tetra_product_float", "aom_supernodes_solve",
 )  # fmt: skip
 
 

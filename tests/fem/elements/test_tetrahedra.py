@@ -10,7 +10,7 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg.multigrid import coarse_of, without
+from antiosc.fem.linalg.two_levels import coarse_of, without
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     csr,
@@ -125,7 +125,7 @@ def test_other_parts_have_the_products_of_their_entries(given):
 
 OVER_RANKS = """
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg.multigrid import coarse_of, without
+from antiosc.fem.linalg.two_levels import coarse_of, without
 from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from mpi4py.MPI import MAX
 

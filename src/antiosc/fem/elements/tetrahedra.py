@@ -9,7 +9,7 @@ is assembled. What needs all entries, as a factor does, has them assembled (`wit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import byref
 from functools import cached_property
 
@@ -70,8 +70,6 @@ class Tetrahedra:
         data[:, 9:] *= volume[:, None]
         self._nodes = _in_lanes(nodes.astype(np.int32))
         self._data = _in_lanes(data)
-        addresses = map(march.address, (self._nodes, self._data))
-        self._cells = march.Tetra(len(self._nodes), *addresses)
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self.rows = compat.local_size(form.space)
         self._held = self._fixed[self._fixed < self.rows]
@@ -87,25 +85,40 @@ class Tetrahedra:
         return result
 
     def product(self, x: Array, stiffness: float, mass: float) -> Array:
-        """(stiffness K + mass M) x for a vector or a block of vectors (rows of this rank, k)."""
+        """(stiffness K + mass M) x for a vector or a block of vectors (rows of this rank, k).
+
+        In the precision of x, single or double.
+        """
         columns = x[:, None] if x.ndim == 1 else x
-        result = np.empty(columns.shape, order="F")
+        result = np.empty(columns.shape, x.dtype, order="F")
         for k, column in enumerate(columns.T):
             result[:, k] = self._of_vector(column[:, None], stiffness, mass)
         return result[:, 0] if x.ndim == 1 else result
 
     def _of_vector(self, x: Array, stiffness: float, mass: float) -> Array:
-        u = np.array(compat.with_ghosts(self._space, x)[:, 0], dtype=float)
+        u = np.array(compat.with_ghosts(self._space, x)[:, 0], dtype=x.dtype)
         u[self._fixed] = 0.0
-        out = np.zeros(len(u))
+        out = np.zeros_like(u)
         places = march.address(u), march.address(out)
-        march.library.aom_tetra_product(byref(self._cells), stiffness, mass, *places)
+        cells, product = self._in_double if x.dtype == np.float64 else self._in_single
+        product(byref(cells), stiffness, mass, *places)
         result = compat.ghosts_added(self._space, out[:, None])[:, 0]
         for factor, matrix in zip((stiffness, mass), self.added, strict=True):
             if factor and self.carries:
                 result = result + factor * multiply(matrix, x[:, 0])
         result[self._held] = stiffness * x[self._held, 0]
-        return np.asarray(result)
+        return np.asarray(result, dtype=x.dtype)
+
+    @cached_property
+    def _in_double(self) -> tuple[march.Tetra, Callable[..., None]]:
+        cells = march.Tetra(len(self._nodes), *map(march.address, (self._nodes, self._data)))
+        return cells, march.library.aom_tetra_product_double
+
+    @cached_property
+    def _in_single(self) -> tuple[march.Tetra, Callable[..., None]]:
+        self._single = self._data.astype(np.float32)
+        cells = march.Tetra(len(self._nodes), *map(march.address, (self._nodes, self._single)))
+        return cells, march.library.aom_tetra_product_float
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal blocks of kK + mM, (rows of this rank, 3)."""

@@ -227,7 +227,8 @@ class Lanczos:
     ) -> None:
         self._structure, self._static, self._terms = structure, static, terms
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
-        self._A = structure.factorize().A
+        self._solver = structure.factorize()
+        self._A = self._solver.A
         rows, self._locked = static.nodal.shape
         self._most = structure.dofs - static.load.shape[1] - self._locked
         self.steps, self.H, self.applied = 0, np.zeros((0, 0)), -1
@@ -240,7 +241,7 @@ class Lanczos:
             self._V[:, : self._locked] = static.nodal / scale
             self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
-        #: lengths of what was dropped of TΦ and of TV
+        #: lengths of what was dropped of TΦ and of TV, and of what the solver left out
         self._dropped = np.zeros(2)
         self.load = static.m_phi
         #: how many of the loads are inertia, the others those of damping
@@ -341,7 +342,8 @@ class Lanczos:
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
             size = float(dot(self._comm, w, load)) if i >= self._inertial else 0.0
-            self._dropped[int(self.applied >= 0)] += self._add(w, load, size)
+            lost = self._solver.error * float(np.sqrt(max(dot(self._comm, w, load), 0.0)))
+            self._dropped[int(self.applied >= 0)] += lost + self._add(w, load, size)
         self.applied = first
         self.load = self._project()
         new = self.vectors[:, first:]

@@ -30,6 +30,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from antiosc.base import march
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
 from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads, one_thread
@@ -480,6 +481,31 @@ class Cholesky:
                 if j >= 0:
                     block[i[i >= j], j] = column[i >= j]
         return permutation[columns], block
+
+
+class SinglePrecision:
+    """Solves with a copy of a factor in single precision: a fourth of the time, half the memory.
+
+    The error of a solution may be as large as 1e-7 times the condition number of A.
+    """
+
+    def __init__(self, factor: Cholesky) -> None:
+        L = factor.supernodes
+        self._order = factor.permutation.copy()
+        lists = L.start, L.row, L.rows, L.value
+        self._kept = *(np.array(one, dtype=np.int64) for one in lists), L.values.astype(np.float32)
+        places = map(march.address, self._kept)
+        self._supernodes = march.Supernodes(len(L.start) - 1, *places)
+        self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
+
+    def solve(self, b: Array) -> Array:
+        """A⁻¹b of a vector (n,)."""
+        x = b[self._order].astype(np.float32)
+        places = march.address(x), march.address(self._own)
+        march.library.aom_supernodes_solve(ctypes.byref(self._supernodes), *places)
+        result = np.empty(len(b))
+        result[self._order] = x
+        return result
 
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[NDArray[np.generic], ...]]:

@@ -1,22 +1,16 @@
-"""Conjugate gradients of PETSc, preconditioned by two levels or by algebraic multigrid.
+"""Conjugate gradients of PETSc, and their preconditioning by algebraic multigrid.
 
-**Two levels.** On quadratic solids the coarse level is the linear elements of the same mesh. With P
-the interpolation from them, its matrix is PᵀAP: springs, masses, supports and any material are in
-it. On the fine level two steps of Chebyshev's iteration act, with the diagonal blocks of the nodes.
-The coarse level is factored, or, where it is large, one cycle of smoothed aggregation takes its
-place. Linear elements lock where a part is one element thick or nearly incompressible: more
-iterations (benchmarks/large_parts.py), and a factor, whose fill is small in a thin part, is better.
+Smoothed aggregation (PETSc's GAMG) knows the rigid motions. Its graph is squared once, which PETSc
+does only if options are read: without it the levels have four times as many entries. Quadratic
+solids have two levels (`two_levels`) instead.
 
-**Elsewhere** smoothed aggregation (PETSc's GAMG) that knows the rigid motions. Its graph is squared
-once, which PETSc does only if options are read: without it the levels have four times as many
-entries.
-
-A solve with two levels ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of
-the solution, as the preconditioner measures it, one with multigrid where the residual is that share
-of the load. The compliance bᵀA⁻¹b then has about the square of it as its relative error, for the
-error of conjugate gradients is orthogonal to the solution in energy; the Krylov recurrence of
-anti-oscillators takes products with A anew, and is a Galerkin model for any vectors. What is left
-of Z stands in benchmarks/speed/multigrid.md and large_parts.md.
+A solve ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of the solution, as
+the preconditioner B measures it; the largest and least eigenvalues of BA, which conjugate gradients
+find beside the solution, tell how far that is from the truth, and a model's bound has it. The
+compliance bᵀA⁻¹b has about the square of it as its relative error, for the error of conjugate
+gradients is orthogonal to the solution in energy; the Krylov recurrence of anti-oscillators takes
+products with A anew, and is a Galerkin model for any vectors. What is left of Z stands in
+benchmarks/speed/multigrid.md and large_parts.md.
 """
 
 from __future__ import annotations
@@ -28,25 +22,24 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, BoolArray
+from antiosc.base._types import Array
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
-from antiosc.fem.linalg.petsc_algebra import CELLS, becomes, by_cells, node_blocks, watch
+from antiosc.fem.linalg.petsc_algebra import watch
 from antiosc.fem.linalg.solver import SINGULAR, Solver
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
-#: Relative error of an iterative solve, and the most iterations for it.
-ITERATION_RESIDUAL, ITERATIONS = 1e-8, 2000
+#: Relative error of an iterative solve, and the most iterations for it. Z up to the fifth
+#: antiresonance: 1e-6 leaves 2e-6, 1e-7 1e-7 (29 000 dofs, N = 20); a solve takes 9 or 11 iterations.
+ITERATION_RESIDUAL, ITERATIONS = 1e-7, 2000
 #: Message for more.
 TOO_MANY = (
     f"{ITERATIONS} conjugate gradients did not reach a relative error of {ITERATION_RESIDUAL:.0e}: "
     "thin and nearly incompressible parts need too many; take solver='direct'."
 )
-#: Largest backward error of a checked solve over that.
-SLACK = 100.0
-#: Rows of the coarse level up to which it is factored.
-FACTORED = 150_000
+#: Largest backward error of a checked solve.
+BACKWARD_ERROR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -104,21 +97,23 @@ class PetscSolver(Solver):
 class Multigrid(PetscSolver):
     """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
 
-    backward_error = SLACK * ITERATION_RESIDUAL
-    method, ends_by = "conjugate gradients with multigrid", PETSc.KSP.NormType.UNPRECONDITIONED
+    backward_error = BACKWARD_ERROR
+    method = "conjugate gradients with multigrid"
 
     @property
     def told(self) -> str:
         """What it is, with the error at which its solves end."""
         return f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
 
-    def __init__(self, A: PETSc.Mat, motions: Array) -> None:
-        know(A, motions)
+    def __init__(self, A: PETSc.Mat, motions: Array | None = None) -> None:
+        if motions is not None:
+            know(A, motions)
         super().__init__(A)
 
     def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.CG)
-        self._ksp.setNormType(self.ends_by)
+        self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        self._ksp.setComputeEigenvalues(True)
         self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
         self._precondition(self._ksp.getPC())
         self._ksp.setFromOptions()
@@ -126,64 +121,12 @@ class Multigrid(PetscSolver):
     def _precondition(self, pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.GAMG)
 
-
-class TwoLevels(Multigrid):
-    """Conjugate gradients, preconditioned by two levels.
-
-    Parameters
-    ----------
-    motions : rigid-body motions (rows of this rank, r)
-    coarser : P of `Levels`
-    factorize : gives a direct solver of the coarse matrix
-    """
-
-    method, ends_by = "conjugate gradients with two levels", PETSc.KSP.NormType.NATURAL
-
-    def __init__(
-        self,
-        A: PETSc.Mat,
-        motions: Array,
-        coarser: PETSc.Mat,
-        factorize: Callable[[PETSc.Mat], Solver],
-    ) -> None:
-        self._P, self._motions, self._factorize = coarser, motions, factorize
-        super().__init__(A, motions)
-
-    def _precondition(self, pc: PETSc.PC) -> None:
-        P = self._P
-        self._coarse = coarse_of(self.A, P)
-        if by_cells(self.A):
-            self._ksp.setOperators(self.A, node_blocks(self.A))
-        pc.setType(PETSc.PC.Type.MG)
-        pc.setMGLevels(2)
-        pc.setUseAmat(True)  # the other has diagonal blocks alone where products are by cells
-        pc.setMGInterpolation(1, P)
-        smoother = pc.getMGSmoother(1)
-        smoother.setType(PETSc.KSP.Type.CHEBYSHEV)
-        smoother.setTolerances(max_it=2)
-        smoother.getPC().setType(PETSc.PC.Type.PBJACOBI)
-        coarse = pc.getMGCoarseSolve()
-        coarse.setType(PETSc.KSP.Type.PREONLY)
-        coarse.setOperators(self._coarse)
-        if self._coarse.getSize()[0] <= FACTORED:
-            self._inverse = coarse.getPC()
-            self._inverse.setType(PETSc.PC.Type.PYTHON)
-            self._inverse.setPythonContext(Inverse(self._factorize(self._coarse)))
-            becomes(self._inverse, PETSc.PC.Type.NONE)
-        else:
-            know(self._coarse, at_vertices(P, self._motions))
-            coarse.getPC().setType(PETSc.PC.Type.GAMG)
-
-
-class Inverse:
-    """A solver as a preconditioner of PETSc's."""
-
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
-
-    def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y = A⁻¹x."""
-        y.setArray(self._solver.solve(x.array_r))
+    def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        super()._solve_vector(r, x)
+        found = self._ksp.computeEigenvalues().real
+        if found.min(initial=np.inf) > 0.0:
+            spread = found.max() / found.min()
+            self.error = max(self.error, ITERATION_RESIDUAL * float(np.sqrt(spread)))
 
 
 def know(A: PETSc.Mat, motions: Array) -> None:
@@ -199,56 +142,3 @@ def know(A: PETSc.Mat, motions: Array) -> None:
             basis.append(x)
     if basis:
         A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
-
-
-#: Entry of a row of P from which on its node is one of the coarse nodes.
-VERTEX = 0.99
-#: Sum of entries of P from which on a coarse dof moves fixed ones: more than rounding.
-TOUCHED = 0.01
-
-
-def vertices(P: PETSc.Mat) -> BoolArray:
-    """Whether each row of P (of this rank) is that of a coarse node."""
-    pointers, _, values = P.getValuesCSR()
-    rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
-    result = np.zeros(len(pointers) - 1, dtype=bool)
-    result[rows[values > VERTEX]] = True
-    return result
-
-
-def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """Motions of the fine dofs (rows of this rank, r) at the coarse ones."""
-    coarse, fine = P.createVecs()
-    result = np.empty((coarse.getLocalSize(), motions.shape[1]))
-    at = vertices(P)
-    for k, column in enumerate(motions.T):
-        fine.setArray(np.where(at, column, 0.0))
-        P.multTranspose(fine, coarse)
-        result[:, k] = coarse.array_r
-    return result
-
-
-def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P (changed in place) of the coarse dofs that move no fixed one (of this rank, a mask)."""
-    coarse, fine = P.createVecs()
-    fine.setArray(np.where(fixed, 1.0, 0.0))
-    P.multTranspose(fine, coarse)
-    coarse.setArray(np.where(coarse.array_r > TOUCHED, 0.0, 1.0))
-    fine.setArray(np.where(fixed, 0.0, 1.0))
-    P.diagonalScale(fine, coarse)
-    return P
-
-
-def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """PᵀAP, with 1 on the diagonal where a column of P is empty."""
-    product = A.getAttr(CELLS)
-    coarse = product.cells.coarse(product.k, product.m, P) if by_cells(A) else A.ptap(P)
-    watch(coarse)
-    coarse.setBlockSize(P.getBlockSizes()[1])
-    sums, ones = P.createVecs()
-    ones.set(1.0)
-    P.multTranspose(ones, sums)
-    first, _ = coarse.getOwnershipRange()
-    held = first + np.flatnonzero(sums.array_r == 0.0)
-    coarse.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
-    return coarse

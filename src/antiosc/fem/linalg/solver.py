@@ -44,6 +44,8 @@ class Solver(ABC):
     growth: float = SOLUTION_GROWTH
     #: largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a solve may leave; sound factors leave about 1e-16
     backward_error: float = 1e-10
+    #: relative error in energy that the solves so far may have; factors leave rounding
+    error: float = 0.0
 
     def __init__(self, A: Matrix) -> None:
         started = time.perf_counter()

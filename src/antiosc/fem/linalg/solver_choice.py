@@ -49,8 +49,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
-from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver, TwoLevels, coarse_of
+from antiosc.fem.linalg.cholmod import (
+    Analysis,
+    Cholesky,
+    NotPositiveDefiniteError,
+    SinglePrecision,
+)
+from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver
 from antiosc.fem.linalg.petsc_algebra import (
     PRODUCT,
     by_cells,
@@ -61,6 +66,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     with_entries,
 )
 from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
+from antiosc.fem.linalg.two_levels import TwoLevels, coarse_of
 from antiosc.fem.platform import agree, on_root, warn
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
@@ -411,6 +417,9 @@ class ByPetsc(PetscSolver, Factorization):
         return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
+#: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered by
+#: the softest motions, which single precision knows worst.
+PRECONDITIONER_ERROR = 0.03
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
 #: Bytes of the iterative solvers for each entry of A: their levels, and the products while they are
@@ -495,7 +504,20 @@ def _iterative(A: PETSc.Mat, levels: Levels) -> Solver:
     coarser = levels.coarser()
     if coarser is None:
         return Multigrid(with_entries(A), levels.motions())
-    return TwoLevels(A, levels.motions(), coarser, factorize)
+    return TwoLevels(A, levels.motions, coarser, preconditioner)
+
+
+def preconditioner(A: PETSc.Mat) -> Callable[[Array], Array]:
+    """A⁻¹ of the coarse of two levels; by a factor in single precision where it is near enough."""
+    factor = factorize(A)
+    if not isinstance(factor, OnOneRank):
+        return factor.solve
+    single = SinglePrecision(factor.cholesky)
+    b = np.random.default_rng(0).standard_normal(A.getSize()[0])
+    exact = factor.solve(b)
+    error = single.solve(b) - exact
+    near = error @ multiply(A, error) <= PRECONDITIONER_ERROR**2 * (b @ exact)
+    return single.solve if near else factor.solve
 
 
 def _slow(A: PETSc.Mat, entries: float, levels: Levels) -> bool:

@@ -31,7 +31,7 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.multigrid import without
+from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach

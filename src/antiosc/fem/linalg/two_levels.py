@@ -1,0 +1,215 @@
+"""Conjugate gradients, preconditioned by two levels: quadratic solids.
+
+The coarse level is the linear elements of the same mesh. With P the interpolation from them, its
+matrix is PᵀAP: springs, masses, supports and any material are in it. On the fine level Chebyshev's
+iteration acts, with the diagonal blocks of the nodes. The coarse level is factored, or, where it is
+large, one cycle of smoothed aggregation takes its place. Linear elements lock where a part is one
+element thick or nearly incompressible: more iterations (benchmarks/large_parts.py), and a factor,
+whose fill is small in a thin part, is better.
+
+What the cycle reads takes its time: where products are taken from the cells the fine level is in
+single precision, and so is the factor of the coarse level where that is enough. The residual of what
+the coarse level gives is in double precision: it is far smaller than its terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from antiosc.base._types import Array, BoolArray
+from antiosc.fem.linalg.multigrid import Multigrid, know
+from antiosc.fem.linalg.petsc_algebra import (
+    CELLS,
+    becomes,
+    by_cells,
+    multiply,
+    node_blocks,
+    watch,
+)
+
+#: In single or double precision.
+Reals: TypeAlias = NDArray[np.float32] | Array
+#: Rows of the coarse level up to which it is factored.
+FACTORED = 150_000
+#: Steps of Chebyshev's iteration before the coarse level and after it, and the share of the largest
+#: eigenvalue down to which it acts.
+STEPS, LOWEST = 2, 0.1
+#: Steps of the power method for that eigenvalue, and the factor on what they give.
+POWERS, BEYOND = 15, 1.1
+
+
+class TwoLevels(Multigrid):
+    """Conjugate gradients, preconditioned by two levels.
+
+    Parameters
+    ----------
+    motions : gives the rigid-body motions (rows of this rank, r)
+    coarser : P of `Levels`
+    inverse : gives A⁻¹ of a matrix as a function of vectors
+    """
+
+    method = "conjugate gradients with two levels"
+
+    def __init__(
+        self,
+        A: PETSc.Mat,
+        motions: Callable[[], Array],
+        coarser: PETSc.Mat,
+        inverse: Callable[[PETSc.Mat], Callable[[Array], Array]],
+    ) -> None:
+        self._P, self._motions, self._inverse = coarser, motions, inverse
+        super().__init__(A)
+
+    def _precondition(self, pc: PETSc.PC) -> None:
+        coarse = coarse_of(self.A, self._P)
+        if coarse.getSize()[0] <= FACTORED:
+            solve = self._inverse(coarse)
+        else:
+            know(coarse, at_vertices(self._P, self._motions()))
+            solve = Aggregation(coarse)
+        self._cycle = pc  # what becomes another type stays as long as the solver
+        self._cycle.setType(PETSc.PC.Type.PYTHON)
+        self._cycle.setPythonContext(Cycle(self.A, self._P, solve))
+        becomes(self._cycle, PETSc.PC.Type.NONE)
+
+
+class Cycle:
+    """One cycle of two levels as a preconditioner of PETSc's.
+
+    Parameters
+    ----------
+    P : the fine dofs of the coarse ones
+    coarse : A⁻¹ of the coarse level, or nearly so
+    """
+
+    def __init__(self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array]) -> None:
+        self._A, self._P, self._coarse = A, P, coarse
+        self._load, self._fine = P.createVecs()
+        self._real = np.float32 if by_cells(A) else np.float64
+        self._inverse = inverse_blocks(A).astype(self._real)
+        largest = BEYOND * self._largest()
+        self._middle, self._half = (1 + LOWEST) / 2 * largest, (1 - LOWEST) / 2 * largest
+
+    def _largest(self) -> float:
+        """The largest eigenvalue of D⁻¹A, D the diagonal blocks, nearly."""
+        x = np.random.default_rng(0).standard_normal(self._inverse.shape[0])
+        comm, size = self._A.getComm().tompi4py(), 1.0
+        x = x.astype(self._real)
+        for _ in range(POWERS):
+            x = self._inverse @ multiply(self._A, x / self._real(size))
+            size = float(np.sqrt(comm.allreduce(float(x @ x))))
+        return size
+
+    def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """y, nearly A⁻¹x."""
+        load = np.array(x.array_r)
+        before = self._smoothed(load)
+        self._fine.setArray(load - multiply(self._A, before))
+        self._P.multTranspose(self._fine, self._load)
+        self._load.setArray(self._coarse(self._load.array_r))
+        self._P.mult(self._load, self._fine)
+        found = before + self._fine.array_r
+        y.setArray(found + self._smoothed(load - multiply(self._A, found)))
+
+    def _smoothed(self, load: Array) -> Reals:
+        """What Chebyshev's iteration makes of a load."""
+        rest = load.astype(self._real)
+        sigma = self._middle / self._half
+        rho = 1 / sigma
+        step = self._inverse @ rest / self._middle
+        total = step.copy()
+        for _ in range(STEPS - 1):
+            rest -= multiply(self._A, step)
+            following = 1 / (2 * sigma - rho)
+            step = following * rho * step + 2 * following / self._half * (self._inverse @ rest)
+            total += step
+            rho = following
+        return np.asarray(total)
+
+
+class Aggregation:
+    """A⁻¹, nearly: a cycle of smoothed aggregation."""
+
+    def __init__(self, A: PETSc.Mat) -> None:
+        self._pc = PETSc.PC().create(A.getComm())
+        watch(self._pc)
+        self._pc.setOptionsPrefix(f"antiosc_{id(self)}_")
+        self._pc.setOperators(A)
+        self._pc.setType(PETSc.PC.Type.GAMG)
+        self._pc.setFromOptions()
+        self._pc.setUp()
+        self._b, self._x = A.createVecs()
+
+    def __call__(self, b: Array) -> Array:
+        """The cycle on a load."""
+        self._b.setArray(b)
+        self._pc.apply(self._b, self._x)
+        return np.array(self._x.array_r)
+
+
+def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
+    """D⁻¹ on the rows of this rank, D the diagonal blocks of the nodes of A."""
+    blocks = (node_blocks(A) if by_cells(A) else A).invertBlockDiagonal()
+    size = A.getBlockSize()
+    blocks = np.ascontiguousarray(blocks).reshape(-1, size, size)
+    pointers = np.arange(len(blocks) + 1)
+    return scipy.sparse.bsr_matrix((blocks, pointers[:-1], pointers))
+
+
+#: Entry of a row of P from which on its node is one of the coarse nodes.
+VERTEX = 0.99
+#: Sum of entries of P from which on a coarse dof moves fixed ones: more than rounding.
+TOUCHED = 0.01
+
+
+def vertices(P: PETSc.Mat) -> BoolArray:
+    """Whether each row of P (of this rank) is that of a coarse node."""
+    pointers, _, values = P.getValuesCSR()
+    rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
+    result = np.zeros(len(pointers) - 1, dtype=bool)
+    result[rows[values > VERTEX]] = True
+    return result
+
+
+def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
+    """Motions of the fine dofs (rows of this rank, r) at the coarse ones."""
+    coarse, fine = P.createVecs()
+    result = np.empty((coarse.getLocalSize(), motions.shape[1]))
+    at = vertices(P)
+    for k, column in enumerate(motions.T):
+        fine.setArray(np.where(at, column, 0.0))
+        P.multTranspose(fine, coarse)
+        result[:, k] = coarse.array_r
+    return result
+
+
+def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
+    """P (changed in place) of the coarse dofs that move no fixed one (of this rank, a mask)."""
+    coarse, fine = P.createVecs()
+    fine.setArray(np.where(fixed, 1.0, 0.0))
+    P.multTranspose(fine, coarse)
+    coarse.setArray(np.where(coarse.array_r > TOUCHED, 0.0, 1.0))
+    fine.setArray(np.where(fixed, 0.0, 1.0))
+    P.diagonalScale(fine, coarse)
+    return P
+
+
+def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
+    """PᵀAP, with 1 on the diagonal where a column of P is empty."""
+    product = A.getAttr(CELLS)
+    coarse = product.cells.coarse(product.k, product.m, P) if by_cells(A) else A.ptap(P)
+    watch(coarse)
+    coarse.setBlockSize(P.getBlockSizes()[1])
+    sums, ones = P.createVecs()
+    ones.set(1.0)
+    P.multTranspose(ones, sums)
+    first, _ = coarse.getOwnershipRange()
+    held = first + np.flatnonzero(sums.array_r == 0.0)
+    coarse.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
+    return coarse
