@@ -10,7 +10,6 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg.two_levels import coarse_of, without
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     csr,
@@ -19,6 +18,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     sum_of,
     with_entries,
 )
+from antiosc.fem.linalg.two_levels import coarse_of, without
 from antiosc.fem.platform import compat
 from mpi import START, run_ranks
 

@@ -117,7 +117,8 @@ class Tetrahedra:
     @cached_property
     def _in_single(self) -> tuple[march.Tetra, Callable[..., None]]:
         self._single = self._data.astype(np.float32)
-        cells = march.Tetra(len(self._nodes), *map(march.address, (self._nodes, self._single)))
+        places = march.address(self._nodes), march.address(self._single)
+        cells = march.Tetra(len(self._nodes), *places)
         return cells, march.library.aom_tetra_product_float
 
     def blocks(self, k: float, m: float) -> Array:

@@ -341,8 +341,9 @@ class Lanczos:
         """Make the next basis vectors and the next `load` from A⁻¹ load."""
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
-            size = float(dot(self._comm, w, load)) if i >= self._inertial else 0.0
-            lost = self._solver.error * float(np.sqrt(max(dot(self._comm, w, load), 0.0)))
+            energy = float(dot(self._comm, w, load))
+            lost = self._solver.error * np.sqrt(max(energy, 0.0))
+            size = energy if i >= self._inertial else 0.0
             self._dropped[int(self.applied >= 0)] += lost + self._add(w, load, size)
         self.applied = first
         self.load = self._project()

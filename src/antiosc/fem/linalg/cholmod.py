@@ -492,9 +492,9 @@ class SinglePrecision:
     def __init__(self, factor: Cholesky) -> None:
         L = factor.supernodes
         self._order = factor.permutation.copy()
-        lists = L.start, L.row, L.rows, L.value
-        self._kept = *(np.array(one, dtype=np.int64) for one in lists), L.values.astype(np.float32)
-        places = map(march.address, self._kept)
+        self._lists = [np.array(one, np.int64) for one in (L.start, L.row, L.rows, L.value)]
+        self._values = L.values.astype(np.float32)
+        places = [*(march.address(one) for one in self._lists), march.address(self._values)]
         self._supernodes = march.Supernodes(len(L.start) - 1, *places)
         self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
 

@@ -417,8 +417,8 @@ class ByPetsc(PetscSolver, Factorization):
         return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
-#: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered by
-#: the softest motions, which single precision knows worst.
+#: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered
+#: by the softest motions, which single precision knows worst.
 PRECONDITIONER_ERROR = 0.03
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3

@@ -8,18 +8,17 @@ element thick or nearly incompressible: more iterations (benchmarks/large_parts.
 whose fill is small in a thin part, is better.
 
 What the cycle reads takes its time: where products are taken from the cells the fine level is in
-single precision, and so is the factor of the coarse level where that is enough. The residual of what
-the coarse level gives is in double precision: it is far smaller than its terms.
+single precision, and so is the factor of the coarse level where that is enough. The residual of
+what the coarse level gives is in double precision: it is far smaller than its terms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray
@@ -33,8 +32,6 @@ from antiosc.fem.linalg.petsc_algebra import (
     watch,
 )
 
-#: In single or double precision.
-Reals: TypeAlias = NDArray[np.float32] | Array
 #: Rows of the coarse level up to which it is factored.
 FACTORED = 150_000
 #: Steps of Chebyshev's iteration before the coarse level and after it, and the share of the largest
@@ -91,7 +88,7 @@ class Cycle:
     def __init__(self, A: PETSc.Mat, P: PETSc.Mat, coarse: Callable[[Array], Array]) -> None:
         self._A, self._P, self._coarse = A, P, coarse
         self._load, self._fine = P.createVecs()
-        self._real = np.float32 if by_cells(A) else np.float64
+        self._real: Any = np.float32 if by_cells(A) else np.float64
         self._inverse = inverse_blocks(A).astype(self._real)
         largest = BEYOND * self._largest()
         self._middle, self._half = (1 + LOWEST) / 2 * largest, (1 - LOWEST) / 2 * largest
@@ -117,9 +114,9 @@ class Cycle:
         found = before + self._fine.array_r
         y.setArray(found + self._smoothed(load - multiply(self._A, found)))
 
-    def _smoothed(self, load: Array) -> Reals:
-        """What Chebyshev's iteration makes of a load."""
-        rest = load.astype(self._real)
+    def _smoothed(self, load: Array) -> Array:
+        """What Chebyshev's iteration makes of a load, in the precision of the fine level."""
+        rest: Array = np.array(load, dtype=self._real)
         sigma = self._middle / self._half
         rho = 1 / sigma
         step = self._inverse @ rest / self._middle

@@ -31,10 +31,10 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
+from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import (
     DEGREE,
