@@ -1,6 +1,7 @@
 """Every program of README, docs, demos and scene files, once as it stands and once much finer.
 
-A program runs as printed, with meshes of half the size, and with twice the anti-oscillators. A
+A program runs as printed, with meshes of half the size, with twice the anti-oscillators, and with
+the materials of the table at the lowest and at the highest yield strength of their sources. A
 headline (peak force, impulse or contact time of a run) that moves by more than its error bar, or
 by more than `UNSAID` where the program prints no bar, is printed. Nothing printed: every page shows
 numbers that its own mesh and model support.
@@ -28,6 +29,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,8 +39,23 @@ ROOT = Path(__file__).resolve().parents[1]
 UNSAID = 0.05
 #: Seconds after which a program is stopped.
 LONGEST = 1800
-#: Variant -> (factor on element sizes, factor on numbers of anti-oscillators).
-VARIANTS = {"as printed": (1.0, 1), "half the size": (0.5, 1), "twice the modes": (1.0, 2)}
+
+
+class Variant(NamedTuple):
+    """Factors on element sizes and on numbers of anti-oscillators; which end of yield strengths."""
+
+    size: float = 1.0
+    modes: int = 1
+    strength: str = "usual"
+
+
+VARIANTS = {
+    "as printed": Variant(),
+    "half the size": Variant(size=0.5),
+    "twice the modes": Variant(modes=2),
+    "the least yield strength": Variant(strength="least"),
+    "the largest yield strength": Variant(strength="largest"),
+}
 #: The program of this page reads what the second one makes.
 BACKWARDS = {"howto/measured"}
 #: Pages whose program reads files of another one; `tests/matrix_files` writes them and runs it.
@@ -103,11 +120,12 @@ def headlines_of(name: str, result: Any) -> Iterator[Headline]:
 
 
 def bar_of(result: Any, quantity: str) -> float | None:
-    """The relative error bar of a run, None where it has none."""
+    """The relative error bar of a run, None where it has none or leaves mesh or truncation out."""
     from antiosc.base.errors import AntioscError
 
     with contextlib.suppress(AntioscError, AttributeError, KeyError, TypeError):
-        return float(result.error_budget[quantity].total)
+        budget = result.error_budget
+        return None if budget.unknown else float(budget[quantity].total)
     return None
 
 
@@ -136,6 +154,21 @@ def more_modes(factor: int, call: Callable[..., Any]) -> Callable[..., Any]:
         return call(*args, **kwargs)
 
     return wrapper
+
+
+def at_end(strength: str) -> None:
+    """Give the materials of the table the yield strength at one end of their range."""
+    from antiosc.base import materials
+
+    read = materials._read
+
+    def other(*row: Any) -> materials.Record:
+        found = read(*row)
+        low, high = found.yield_range or (found.yield_strength,) * 2
+        return replace(found, yield_strength=low if strength == "least" else high)
+
+    if strength != "usual":
+        materials._read = other
 
 
 def patched(size: float, modes: int) -> list[Headline]:
@@ -183,9 +216,10 @@ def run_scene(path: Path, size: float, modes: int) -> list[Headline]:
     return headlines
 
 
-def child(program: str, size: float, modes: int) -> None:
+def child(program: str, size: float, modes: int, strength: str) -> None:
     """Run one program here, in a folder of its own, and print its headlines as the last line."""
     warnings.simplefilter("ignore")
+    at_end(strength)
     out = sys.stdout
     sys.argv = [program]
     sys.path.insert(0, str(Path(program).resolve().parent))
@@ -249,12 +283,13 @@ def copy_demos(path: str, folder: Path) -> str:
     return path
 
 
-def run(write: Callable[[Path], str], size: float, modes: int) -> list[Headline]:
+def run(write: Callable[[Path], str], variant: Variant) -> list[Headline]:
     """The headlines of one variant of a program, or RuntimeError with the end of what it said."""
     with tempfile.TemporaryDirectory() as folder:
         program = write(Path(folder))
         command = [sys.executable, str(Path(__file__).resolve()), "--child", program]
-        command += ["--size", str(size), "--modes", str(modes)]
+        for name, value in variant._asdict().items():
+            command += [f"--{name}", str(value)]
         environment = os.environ | {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
         done = subprocess.run(
             command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST
@@ -269,9 +304,9 @@ def compared(name: str, write: Callable[[Path], str]) -> tuple[list[Moved], list
     moved: list[Moved] = []
     troubles: list[str] = []
     printed: list[Headline] = []
-    for variant, (size, modes) in VARIANTS.items():
+    for variant, factors in VARIANTS.items():
         try:
-            headlines = run(write, size, modes)
+            headlines = run(write, factors)
         except (RuntimeError, subprocess.TimeoutExpired) as error:
             troubles.append(f"{name}, {variant}: {error}")
             continue
@@ -323,8 +358,9 @@ if __name__ == "__main__":
     parser.add_argument("--child", help=argparse.SUPPRESS)
     parser.add_argument("--size", type=float, default=1.0, help=argparse.SUPPRESS)
     parser.add_argument("--modes", type=int, default=1, help=argparse.SUPPRESS)
+    parser.add_argument("--strength", default="usual", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:
-        child(options.child, options.size, options.modes)
+        child(options.child, options.size, options.modes, options.strength)
     else:
         sys.exit(bool(main(options.names, options.workers)))

@@ -20,8 +20,8 @@ from antiosc_studies.drops.fall import cfc_filter
 
 ROOT = Path(__file__).resolve().parent.parent
 ABS = ao.material("ABS", thickness=3e-3)
-LAMINATE = {"E": 22e9, "nu": 0.15, "rho": 1900.0, "thickness": 1.6e-3}
-NYLON = {"E": 3e9, "nu": 0.35, "rho": 1150.0}
+LAMINATE = ao.Shell(E=22e9, nu=0.15, rho=1900.0, thickness=1.6e-3)  # glass in epoxy
+NYLON = ao.material("PA66 dry")
 BOARD = (0.14, 0.08)  # its size, m
 SCREWS = {"sw": (0.015, 0.015), "se": (0.145, 0.015), "nw": (0.015, 0.085), "ne": (0.145, 0.085)}
 WIDE, HIGH = 8e-3, 12e-3  # a spacer, m; below, its stiffness as a beam with shear, N/m and N m
@@ -69,7 +69,7 @@ def solids() -> tuple[dict[str, ao.Structure], list[ao.Weld], dict[str, tuple[fl
         at_z = partial(lambda z, x: np.isclose(x[2], z), z)
         faces = np.sort(dolfinx.mesh.locate_entities_boundary(block, 2, at_z))
         groups[name] = dolfinx.mesh.meshtags(block, 2, faces, np.ones_like(faces)), 1
-    spacer = ao.Structure(ao.read_mesh(block, groups=groups), ao.Solid(**NYLON))
+    spacer = ao.Structure(ao.read_mesh(block, groups=groups), NYLON)
     joints = [ao.Weld(("box", (x, y, 0.0)), f"{name}:bottom") for name, (x, y) in SCREWS.items()]
     joints += [ao.Weld(("board", (x, y, HIGH)), f"{name}:top") for name, (x, y) in SCREWS.items()]
     at = {name: (x - WIDE / 2, y - WIDE / 2, 0.0) for name, (x, y) in SCREWS.items()}
@@ -89,7 +89,7 @@ def assembled(size: float, spacers: dict, joints: list, at: dict) -> ao.Structur
     sheet = dolfinx.mesh.create_rectangle(MPI.COMM_WORLD, [np.zeros(2), np.array(BOARD)], count)
     corners = [((x, y, 0.0), 1e-6) for x in (0.0, 0.16) for y in (0.0, 0.10)]
     feet = [ao.Support(near=corner, fix=("x", "y", "z")) for corner in corners]
-    board = ao.Structure(ao.read_mesh(sheet), ao.Shell(**LAMINATE))
+    board = ao.Structure(ao.read_mesh(sheet), LAMINATE)
     parts = {"box": ao.Structure(mesh, ABS, feet), "board": board}
     at = {"board": (0.01, 0.01, HIGH), **at}
     heavy = [ao.PointMass((0.05, 0.04, HIGH), 0.03)]  # a transformer

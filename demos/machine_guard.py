@@ -17,8 +17,7 @@ import antiosc as ao
 from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
-STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
-GLASS = {"E": 2.4e9, "nu": 0.38, "rho": 1200.0}  # polycarbonate
+STEEL = "steel S235"
 WIDE, LOW, TOP, HIGH = 1.2, 0.15, 1.75, 1.8  # of the frame, as in meshes/guard.geo
 TUBE, WALL = 40e-3, 3e-3  # square; its torsion is Bredt's, 4 A_m² t / perimeter
 AREA, SECOND = TUBE**2 - (TUBE - 2 * WALL) ** 2, (TUBE**4 - (TUBE - 2 * WALL) ** 4) / 12
@@ -46,7 +45,7 @@ def main(
     n, duration : anti-oscillators, time simulated (s)
     out : folder of the results
     """
-    panel = ao.Shell(**GLASS, thickness=thickness)
+    panel = ao.material("PC", thickness=thickness)
     thrown = ao.RigidMass(mass, velocity, tip_radius=0.03, material="rubber NR 60 IRHD")
     middle = (WIDE / 2, -TUBE / 2, (LOW + TOP) / 2)
     site = ao.Site(middle, (0, -1, 0), part="panel")
@@ -74,7 +73,7 @@ def main(
 
 def guard(spaces: int, panel: ao.Shell, size: float) -> tuple[ao.Structure, int]:
     """The guard, clamped at its feet, and the number of its bolts."""
-    tube = ao.Beam(**STEEL, section=ao.Section(**SQUARE), orientation=(0, 1, 0))
+    tube = ao.material(STEEL, section=ao.Section(**SQUARE), orientation=(0, 1, 0))
     mesh = ao.read_mesh(ROOT / "meshes/guard.geo", size=0.05)
     frame = ao.Structure(mesh, {"posts": tube, "rails": tube}, [ao.Support("feet")])
     sides = np.array([WIDE, TOP - LOW])
@@ -82,7 +81,7 @@ def guard(spaces: int, panel: ao.Shell, size: float) -> tuple[ao.Structure, int]
     flat = dolfinx.mesh.create_rectangle(MPI.COMM_WORLD, [np.zeros(2), sides], count)
     sheet = ao.Structure(ao.read_mesh(flat), panel)
     upright = ao.Placement((0.0, -TUBE / 2, LOW), axis=(1, 0, 0), angle=np.pi / 2)
-    shank = ao.Beam(**STEEL, section=ao.Section.circle(BOLT), orientation=(0, 0, 1))
+    shank = ao.material(STEEL, section=ao.Section.circle(BOLT), orientation=(0, 0, 1))
     ends = [(("frame", (x, 0.0, z)), ("panel", (x, -TUBE / 2, z))) for x, z in places(spaces)]
     joints = [ao.Bolt(*pair, shank) for pair in ends]
     return ao.assemble({"frame": frame, "panel": sheet}, joints, {"panel": upright}), len(joints)

@@ -19,7 +19,6 @@ import numpy as np
 import antiosc as ao
 
 ROOT = Path(__file__).resolve().parent.parent
-ICE = {"E": 9e9, "nu": 0.33, "rho": 917.0}
 COLUMNS: compared.Columns = {
     "peak N": ("peak_force", 1.0, ".0f"),
     "mm": ("deflection", 1e3, ".3f"),
@@ -33,13 +32,13 @@ COLUMNS: compared.Columns = {
 
 
 def main(
-    thicknesses: tuple[float, ...] = (0.63e-3, 0.8e-3, 1.0e-3, 1.25e-3),
+    thicknesses: tuple[float, ...] = (0.63e-3, 0.8e-3, 1.25e-3, 1.5e-3),
     length: float = 0.15,
     width: float = 0.12,
     diameter: float = 20e-3,
     velocity: float = 15.0,
-    size: float = 11e-3,
-    n: int = 60,
+    size: float = 7.5e-3,
+    n: int = 80,
     duration: float = 0.8e-3,
     out: Path = ROOT / "out",
 ) -> dict[str, dict[str, float | None]]:
@@ -55,7 +54,7 @@ def main(
     out : folder of the picture
     """
     out.mkdir(parents=True, exist_ok=True)
-    ball = ao.Sphere(radius=diameter / 2, velocity=velocity, **ICE)
+    ball = ao.Sphere(radius=diameter / 2, material="ice", velocity=velocity)
     site = ao.Site((length / 2, width / 2, 0), (0, 0, -1))
     numbers, hits = {}, {}
     for thickness in thicknesses:

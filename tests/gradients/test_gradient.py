@@ -295,6 +295,20 @@ def test_a_mass_with_given_momentum_is_best_heavy_and_slow() -> None:
     assert found.runs < 20
 
 
+def test_a_sphere_with_given_momentum_is_best_heavy_by_the_law_that_is_chosen() -> None:
+    """Hertz on a rigid plane: F = k^(2/5) (5/4 m v²)^(3/5), with m v = 0.1 N s least at 0.2 kg."""
+    alumina = ao.material("alumina 99.9 %")
+
+    def build(x: np.ndarray) -> tuple[Any, ...]:
+        ball = ao.RigidMass(x[0], 0.1 / x[0], tip_radius=0.01, material=alumina)
+        return ao.Obstacle(), ball, "auto", 1e-3
+
+    found = ao.minimize(build, "peak_force", [0.1], [(0.05, 0.2)])
+    stiffness = 4 / 3 * alumina.E / (1 - alumina.nu**2) * 0.01**0.5
+    assert found.x == pytest.approx([0.2], rel=1e-6)
+    assert found.value == pytest.approx(stiffness**0.4 * (1.25 * 0.1**2 / 0.2) ** 0.6, rel=1e-4)
+
+
 def test_two_springs_in_series_are_stiffest_when_equal() -> None:
     """A massless support k x and a contact k (1 - x): the contact time is least at x = 1/2."""
 

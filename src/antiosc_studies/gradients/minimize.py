@@ -16,6 +16,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Result
+from antiosc.simulation.auto_contact import law_of
 from antiosc.simulation.histories import History
 from antiosc.simulation.scene import simulate
 from antiosc.simulation.two_bodies import Impact, assemble_pair
@@ -171,7 +172,8 @@ class _Search:
                 f"build must return the {len(ARGUMENTS)} arguments {', '.join(ARGUMENTS)} of"
                 f" simulate; got {checks.shown(made)}."
             )
-        return tuple(made)
+        model, impactor, contact, duration = made
+        return model, impactor, law_of(contact, model, impactor), duration
 
 
 def _scaled(bounds: object, start: Array, scale: Array) -> list[tuple[float, float]] | None:

@@ -10,6 +10,7 @@ from antiosc.fem.elements import Section
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Shell
 from antiosc.fem.elements.solid import AnisotropicSolid, Solid
+from antiosc.fem.elements.weak_form import Direction
 
 
 def material(
@@ -23,6 +24,7 @@ def material(
     loss: float | bool = False,
     thickness: float | None = None,
     section: Section | None = None,
+    orientation: Direction | None = None,
 ) -> Solid | Shell | Beam | AnisotropicSolid:
     """A material by name, from a table whose numbers have their sources; any may be overridden.
 
@@ -39,6 +41,8 @@ def material(
         Of a sheet [m]: a Shell is returned.
     section : Section, optional
         Of a bar: a Beam is returned.
+    orientation : sequence of 3 floats or function, optional
+        Of the bar's section, as of `Beam`.
 
     Returns
     -------
@@ -75,4 +79,6 @@ def material(
     constants |= changed
     if thickness is not None:
         return Shell(**constants, thickness=thickness)
-    return Solid(**constants) if section is None else Beam(**constants, section=section)
+    if section is None:
+        return Solid(**constants)
+    return Beam(**constants, section=section, orientation=orientation)
