@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import antiosc as ao
 from mpi import one_and_several
 from paths import demo
 
@@ -80,7 +81,7 @@ def test_board_on_spacers(pictured: Path) -> None:
     for row in numbers.values():
         assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
     solid, springs = numbers["solid spacers"], numbers["springs"]
-    spacers = 4 * script.NYLON["rho"] * script.WIDE**2 * script.HIGH
+    spacers = 4 * script.NYLON.rho * script.WIDE**2 * script.HIGH
     assert solid["mass"] - springs["mass"] == pytest.approx(spacers, rel=1e-9)
     # the springs are those of the spacers as beams
     for name, share in (("k0", 1e-3), ("first", 1e-3), ("peak_force", 0.03), ("moved", 0.06)):
@@ -92,10 +93,10 @@ def test_machine_guard(tmp_path: Path) -> None:
     script = demo("machine_guard")
     numbers = script.main(**SMALL["machine_guard"], out=tmp_path)
     few, many = numbers["4 bolts"], numbers["12 bolts"]
-    tube = script.STEEL["rho"] * (2 * script.HIGH + 2 * script.WIDE)
+    tube = ao.material(script.STEEL).rho * (2 * script.HIGH + 2 * script.WIDE)
     tube *= script.TUBE**2 - (script.TUBE - 2 * script.WALL) ** 2
-    panel = script.GLASS["rho"] * 5e-3 * script.WIDE * (script.TOP - script.LOW)
-    bolt = script.STEEL["rho"] * np.pi / 4 * script.BOLT**2 * script.TUBE / 2
+    panel = ao.material("PC").rho * 5e-3 * script.WIDE * (script.TOP - script.LOW)
+    bolt = ao.material(script.STEEL).rho * np.pi / 4 * script.BOLT**2 * script.TUBE / 2
     for row, count in ((few, 4), (many, 12)):
         assert row["mass"] == pytest.approx(tube + panel + count * bolt, rel=1e-9)
         assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
