@@ -114,6 +114,26 @@ def test_falls_of_a_body_with_lines_share_what_its_points_are(
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_bent_face_whose_axis_is_outside_of_the_part(tmp_path: Path) -> None:
+    """A tray with a top of radius 0.1 m, whose axis is far below: the bottom touches, at its time.
+
+    The lowest vertex begins at the height of the fall.
+    """
+    tray = (
+        "Box(1) = {-0.05, -0.03, 0, 0.1, 0.06, 0.03}; Cylinder(2) = {-0.05, 0, -0.08, 0.1, 0, 0, "
+        "0.1}; BooleanIntersection(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; }; n = 1"
+    )
+    (tmp_path / "tray.geo").write_text(f'SetFactory("OpenCASCADE"); {tray};')
+    part = ao.Structure(ao.read_mesh(tmp_path / "tray.geo", size=0.01), ALUMINIUM)
+    fall = ao.drop(part, 0.1, tilt=(10, 5, 0), floor=ao.Floor(STEEL), until=1, modes=3)
+    assert any(one.radius == pytest.approx(0.1, rel=0.05) for one in fall.body.cylinders)
+    assert fall.impacts[0].time == pytest.approx(np.sqrt(2 * 0.1 / 9.80665), rel=1e-6)
+    np.testing.assert_allclose(np.abs(fall.impacts[0].place), [0.05, 0.03, 0.0], atol=1e-9)
+    assert fall.impacts[0].peak_force > 100
+
+
+@pytest.mark.slow
 def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
     """Radii N = b^2 g around the axis and M = a^2 b^2 g^3 along it, g^2 = x^2/a^4 + r^2/b^4."""
     a, b = 0.02, 0.01

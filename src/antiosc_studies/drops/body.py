@@ -145,13 +145,15 @@ class FreeBody:
     def reach(self, up: Array) -> Array:
         """(..., V) how far the body reaches below its points, for verticals (..., 3) in its axes.
 
-        Stations of a line reach nowhere unless it lies level.
+        Stations of a line that does not land stay above the centre of mass: their axis may lie
+        outside of the body, as that of a slightly bent face.
         """
         if not self.stations:
             return self.balls
         found = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
         for one, which in zip(self.cylinders, self.stations, strict=True):
-            found[..., which] *= one.lands(up)[..., None]
+            away = -np.linalg.norm(self.points[which], axis=1)
+            found[..., which] = np.where(one.lands(up)[..., None], self.balls[which], away)
         return found
 
     def surface(self, which: int) -> Curvature:
