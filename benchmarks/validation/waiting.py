@@ -203,5 +203,9 @@ SEARCHED = [
     ("Güttler and others, arXiv 1204.0001: restitution of many authors, digitized", "introduction"),
     ("Jackson, Green and Marghitu 2010; Zhang and Vu-Quoc 2002: laws that yield", "beginnings"),
     ("Montaine and others, arXiv 1104.0049: a steel sphere on glass", "beginning"),
+    ("Shivakumar, Elber and Illg 1985; Big-Alabo 2017: thin plates that stretch", "beginnings"),
+    ("Agüero and others, arXiv 2208.11089: a sphere on a stretched membrane", "introduction"),
+    ("Appl. Sci. 11 (2021) 2706: thin aluminium plates in bending, indented", "abstract; static"),
+    ("Nurick and Martin 1989; Tabri 2003; Liu 2011: struck steel plates", "beginnings; they yield"),
     ("Leeb's rebound hardness of steels, manuals of testers", "measured points, used above"),
 ]
