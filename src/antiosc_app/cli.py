@@ -115,6 +115,8 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--drop", action="store_true", help="a fall of PART onto a floor, not an impact"
             )
+            by_name = "a name of `antiosc materials` (default: steel S235)"
+            command.add_argument("--material", metavar="NAME", help=by_name)
         if name == "export":
             ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
             command.add_argument("out", metavar="OUT", help=ends)

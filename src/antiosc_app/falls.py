@@ -12,6 +12,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, point_text
 from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
+from antiosc_app.results import ended
 from antiosc_studies.drops.fall import Fall, WorstField
 from antiosc_studies.drops.pictures import at, surface_of
 
@@ -105,16 +106,15 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
         for name, unit in NUMBERS[:3]
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    return Headline(about, numbers, [*_verdict(fall, worst), f"The fall ended: {fall.message}."])
+    return Headline(about, numbers, [*_verdict(fall, worst), ended(fall.message)])
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     """Whether part and contacts yield, and what limits the numbers."""
-    sentences = []
+    sentences = [contact := fall.contact_verdict]
     if worst is not None and worst.exposure is not None:
-        sentences.append(worst.margin().sentence)
-        sentences.append(worst.doubt)
-    sentences += fall.notes[::-1]  # what yields, then what was taken for granted
+        sentences += [worst.margin().sentence, worst.doubt]
+    sentences += (note for note in fall.notes[::-1] if note != contact)  # what was assumed
     if fall.missed:
         sentences.append(
             f"in {fall.missed} of {len(fall.episodes)} contacts the forces did not reach tol"

@@ -22,7 +22,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from antiosc.base import checks, files, progress
+from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, warnings_to
 from antiosc.simulation.bodies import Sphere
@@ -58,6 +58,8 @@ LARGEST_PLANE = 0.6
 #: Share of the distance to the edge of its side that the radius of a site has, and the share of the
 #: longest side of the part, at most.
 RADIUS, LARGEST_RADIUS = 0.4, 0.02
+#: The material of a part for which none is asked.
+MATERIAL = "steel S235"
 #: Radius of the ball of a new scene [m], and over that of the patch at most: a ball of steel at
 #: 1 m/s touches steel over 0.05 of its radius, plastics over 0.11, and the patch must be 1.7 times
 #: as wide. Of a deck the material may be any.
@@ -102,6 +104,7 @@ class Inspection:
     point, direction : of the site; radius : of its patch, None for beams and sheets.
     count : number of anti-oscillators, below that of the dofs.
     cell : largest cell at the site [m], of what is meshed here; None where `size` will do.
+    material : by name; not of a deck.
     points, faces, held : nodes (P, 3), corners (F, k), and which nodes are held, to be drawn.
     of_deck : whether supports and materials are those of a deck.
     notes : what was decided while reading, one sentence each.
@@ -129,6 +132,7 @@ class Inspection:
     flat: tuple[float, float] | None = None
     pieces: Sequence[Piece] = ()
     cell: float | None = None
+    material: str = MATERIAL
 
     @property
     def length(self) -> float:
@@ -191,13 +195,14 @@ class Inspection:
         if "unit" in self.read:
             rows.append(("unit of the file", str(self.read["unit"]), f"{section} unit"))
         if "size" in self.read:
-            finer = f", {self.finest:g} m at the site" if self.finest else ""
-            rows.append(("elements", f"{self.read['size']:g} m{finer}", f"{section} size, refine"))
+            finer = f", {self.finest:g} m at the site" if self.finest and not drop else ""
+            key = f"{section} size, refine" if finer else f"{section} size"
+            rows.append(("elements", f"{self.read['size']:g} m{finer}", key))
         if "density" in self.read:
             rho = f"{self.read['density']:g} kg/m³, for the deck has none"
             rows.append(("density", rho, f"{section} density"))
         if not self.of_deck:
-            rows.append(("material", "steel", "[material] E, nu, rho"))
+            rows.append(("material", self.material, "[material] name"))
         if self.family == "Shell" and not self.of_deck:
             rows.append(("thickness", f"{self.thickness:g} m", "[material] thickness"))
         elif self.family == "Beam" and not self.of_deck:
@@ -583,6 +588,7 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
         read=dict.fromkeys((*keys, "free")) | dict(found.read if found else {}),
         family="Solid" if found is None else found.family,
         count=COUNTS["Solid"] if found is None else found.count,
+        material=MATERIAL if found is None else found.material,
         point=[0.0, 0.0, 0.1] if found is None else found.point,
         direction=[0.0, 0.0, -1.0] if found is None else found.direction,
         band=_band(LARGEST_BALL if found is None else found.ball),
@@ -610,15 +616,26 @@ def _picture(path: Path, about: str, draw_it: Callable[[Path], object]) -> list[
 
 
 def write_scene(
-    path: str | os.PathLike[str], part: str | None = None, drop: bool = False
+    path: str | os.PathLike[str],
+    part: str | None = None,
+    drop: bool = False,
+    material: str | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; its path, and sentences on the part.
+
+    `material`: by name, of a part that is no deck.
 
     Raises
     ------
     AntioscError
-        It exists, or the part cannot be read: nothing is written.
+        It exists, the part cannot be read, or the material is not known: nothing is written.
     """
+    chosen = materials.record(MATERIAL if material is None else material)
+    if chosen.G is not None:
+        raise InputError(
+            f"{chosen.name} is not isotropic: write the scene with another material, then give "
+            "its orientation with the name in [material]."
+        )
     target = checks.new_file("the scene file", path)
     _absent(target)
     sentences: list[str] = []
@@ -637,6 +654,13 @@ def write_scene(
             found = inspect_part(source, drop)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
+    if not found.of_deck:
+        flat = None if found.flat is None else (chosen.E, chosen.nu)
+        found = replace(found, material=chosen.name, flat=flat)
+    elif material is not None:
+        raise InputError(
+            f"{source.name} is a deck with materials of its own: leave --material away."
+        )
     content = text(target.name, part, found, drop)
     temporary = files.part_name(target, ".toml")
     try:

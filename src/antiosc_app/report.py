@@ -17,7 +17,7 @@ import platform
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -230,7 +230,7 @@ def page(found: Results) -> str:
         origin=f"{', '.join(names)}. All numbers are in SI units.",
         warnings=found.warnings,
         headline=headline,
-        sections=[each for one in parts for each in one.sections.items()],
+        sections=_untold((each for one in parts for each in one.sections.items()), headline),
         details=[(n, [advice_of(found), *blocks]) for n, blocks in model.sections.items()],
         still=stills[0] if stills else None,
         pictures=[each for each in pictures if each not in stills[:1]],
@@ -242,6 +242,38 @@ def page(found: Results) -> str:
         live="" if data is None else live.embedded(data),
         drawn="" if data is None else live.caption(data),
     )
+
+
+def _untold(
+    sections: Iterable[tuple[str, list[Any]]], headline: live.Headline | None
+) -> list[tuple[str, list[Any]]]:
+    """The sections without the sentences that stand in the headline."""
+    told = {_plain(one) for one in (headline.sentences if headline else ())}
+    found = []
+    for heading, blocks in sections:
+        kept: list[Any] = []
+        for block in blocks:
+            if isinstance(block, list):
+                kept.append(_rows_untold(block, told))
+            elif _plain(str(block)) not in told:
+                kept.append(block)
+        found.append((heading, kept))
+    return found
+
+
+def _rows_untold(rows: list[tuple[str, object]], told: set[str]) -> list[tuple[str, object]]:
+    """Rows without those that are told; a row without a name has that of the row above."""
+    kept, name = [], ""
+    for own, value in rows:
+        name = own or name
+        if _plain(str(value)) not in told:
+            kept.append((name, value))
+            name = ""
+    return kept
+
+
+def _plain(sentence: str) -> str:
+    return sentence.rstrip(".").lower()
 
 
 def _uncommented(scene: str) -> str:

@@ -606,7 +606,9 @@ def _fall(found: Results) -> Presentation:
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
-        sections={"Fall": [narrow_table(fall) if single else table, rows, fall.message]},
+        sections={
+            "Fall": [narrow_table(fall) if single else table, rows, ended(fall.message)],
+        },
         pictures=pictures,
     )
 
@@ -618,12 +620,17 @@ def narrow_table(fall: Fall) -> Columns:
     return {
         "impact": np.arange(1, len(each) + 1),
         "time (s)": each.column("time"),
-        "at": [placed(one.place) for one in each],
         "peak force (N)": each.column("peak_force"),
         "contact time (s)": each.column("contact_time"),
         "before, after (m/s)": [f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)],
         "lost (J)": each.column("lost"),
+        "at": [placed(one.place) for one in each],
     }
+
+
+def ended(message: str) -> str:
+    """How a fall ended, as a sentence."""
+    return f"The fall ended: {message}."
 
 
 def _blow(found: Results) -> Presentation:

@@ -49,6 +49,10 @@ def panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
+#: Dots in an inch of pictures that are no lines: fit for print.
+PRINTED = 200
+
+
 def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object) -> None:
     """Write a matplotlib figure to a file that is complete or absent; `options` as for `savefig`.
 
@@ -80,7 +84,7 @@ def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figur
     """The figure, or the path of the file that it was written to."""
     if path is None:
         return figure
-    save_figure(figure, path, dpi=120)
+    save_figure(figure, path, dpi=PRINTED, bbox_inches="tight", pad_inches=0.1)
     return checks.path("path", path)
 
 

@@ -169,7 +169,8 @@ def deformed_figure(
     figure, axes, scale, _ = axes_in_space(found.points, shown)
     corners = scale * found.moved[found.faces]
     values = found.values[found.faces].mean(axis=1)
-    colours = colour_scale(np.append(0.0, found.largest if whole_scale else values))
+    top = found.largest if whole_scale or mark is not None else values
+    colours = colour_scale(np.append(0.0, top))
     if found.faces.shape[1] > 2:
         draw_faces(figure, axes, corners, values, found.label, colours)
     else:

@@ -376,8 +376,12 @@ class Fall(Result):
     @property
     def notes(self) -> list[str]:
         """What was taken for granted, and that the contact itself yields."""
-        told = [self._contact_yield(range(len(self.groups))), self._lines]
-        return [*self.body.notes, *filter(None, told)]
+        return [*self.body.notes, *filter(None, [self.contact_verdict, self._lines])]
+
+    @property
+    def contact_verdict(self) -> str:
+        """That the contact itself yields, and what remains; "" if not, or unknown."""
+        return self._contact_yield(range(len(self.groups)))
 
     @cached_property
     def _lines(self) -> str:
@@ -412,7 +416,7 @@ class Fall(Result):
     @property
     def contact_yields(self) -> bool:
         """Whether the contact itself yields, as far as that is known."""
-        return bool(self._contact_yield(range(len(self.groups))))
+        return bool(self.contact_verdict)
 
     @property
     def missed(self) -> int:

@@ -54,7 +54,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     force = figure.add_subplot(grid[1, 1])
     peaks = fall.impacts.column("peak_force")
     force.bar(np.arange(1, len(peaks) + 1), peaks)
-    force.set(xlabel="impact", ylabel="peak force (N)")
+    force.set(xlabel="impact", ylabel="peak force (N)", xlim=(0, len(peaks) + 1))
     force.xaxis.get_major_locator().set_params(integer=True)
     return figure_or_path(figure, path)
 
@@ -101,7 +101,7 @@ def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray])
         axes.scatter(*x.T, s=12)
     top = max(float(x[:, 2].max()), half)
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, top))
-    axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.15)
+    axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.6)
     axes.view_init(elev=18.0)
     axes.set_axis_off()
 

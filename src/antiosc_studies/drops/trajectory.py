@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
-from antiosc.base.texts import FieldsRepr
+from antiosc.base.texts import FieldsRepr, engineering
 from antiosc.contact import ContactLaw, ElasticPlastic, Hertz
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.results.margin import HertzContact
@@ -30,6 +30,8 @@ SUNK = 2e-3
 #: Impacts at which a fall that does not come to rest is ended, and contacts, over the impacts that
 #: are asked for or these: on a soft floor without losses, impacts follow each other as one.
 MOST_IMPACTS, CONTACTS = 200, 3
+#: Indentation over the radius up to which finite strain was measured (`ElasticPlastic`).
+DEEP = 0.25
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
@@ -334,17 +336,30 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
         for line, forces in one.strongest().items():
             if told := yielding(body, floor, line, float(forces.sum())):
                 return told
-        peaks = one.forces()[1].max(axis=0).tolist()
+        peaks, depths = one.forces()[1].max(axis=0).tolist(), one.sunk().tolist()
         for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
             law = law_at(body, floor, i)
             if isinstance(law, ElasticPlastic) and force > law.yield_force:
-                dents.append(one.history.contact_histories[k].dent)
+                if (dent := one.history.contact_histories[k].dent) is not None:
+                    dents.append((dent, law, depths[k]))
             elif force > 0 and (known := _elastic_contact(body, law, i, force)) is not None:
                 pressures.append(known)
     if dents:
-        worst = max(filter(None, dents), key=lambda dent: dent.depth)
-        return f"the contact yields: {worst.text}"
+        worst, law, depth = max(dents, key=lambda one: one[0].depth)
+        return f"the contact yields: {worst.text}; {_law_error(law, depth)}"
     return max(pressures, key=lambda one: one.share).warning() if pressures else ""
+
+
+def _law_error(law: ElasticPlastic, depth: float) -> str:
+    """How far the force by the law may be off at an indentation [m], in words."""
+    off = law.error_at(depth)[0]
+    told = f"the law's force there is known within {off:.0%}"
+    if depth < DEEP * law.radius:
+        return told
+    return (
+        f"{told}, since it is pressed in by {engineering(depth, 'm')} where the radius is "
+        f"{engineering(law.radius, 'm')}: give corner_radius= of corners that are blunter"
+    )
 
 
 def _elastic_contact(
