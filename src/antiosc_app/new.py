@@ -105,6 +105,7 @@ class Inspection:
     count : number of anti-oscillators, below that of the dofs.
     cell : largest cell at the site [m], of what is meshed here; None where `size` will do.
     material : by name; not of a deck.
+    bars : whether its models have error bars of mesh and truncation.
     points, faces, held : nodes (P, 3), corners (F, k), and which nodes are held, to be drawn.
     of_deck : whether supports and materials are those of a deck.
     notes : what was decided while reading, one sentence each.
@@ -133,6 +134,7 @@ class Inspection:
     pieces: Sequence[Piece] = ()
     cell: float | None = None
     material: str = MATERIAL
+    bars: bool = True
 
     @property
     def length(self) -> float:
@@ -307,8 +309,23 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     return Inspection(
         family, read, low, high, list(mesh.groups), cells, where, plane,
         _rounded(point, size), _rounded(direction), radius, count, x, faces, held,
-        of_deck=structure is not None, flat=flat,
+        of_deck=structure is not None, flat=flat, bars=_has_bars(mesh, structure),
     )  # fmt: skip
+
+
+def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
+    """Whether `extract(…, error="estimate")` takes a part."""
+    from antiosc.fem.error.model_errors import ModelErrors
+    from antiosc.fem.structure.structure import refuse_dampers
+
+    if structure is None:
+        return mesh.tdim != 2 or mesh.gdim == 2 or mesh.cell == "triangle"
+    try:
+        refuse_dampers(structure, "an error bar")
+        ModelErrors(structure)
+    except InputError:
+        return False
+    return True
 
 
 def _flat(
@@ -696,7 +713,12 @@ def _try(scene: Path, name: str) -> float | None:
     Returns the largest cell [m] that the impact allows at the site, where those there are larger.
     """
     calls = compiled(read(scene))
-    for what, own in (("history", {"duration": MOMENT}), ("fall", {"until": 1})):
+    brief: dict[str, dict[str, object]] = {
+        "history": {"duration": MOMENT},
+        "fall": {"until": 1},
+        "model": {"error": None},
+    }
+    for what, own in brief.items():
         call = getattr(calls, what)
         if call is not None:
             setattr(calls, what, replace(call, arguments={**call.arguments, **own}))

@@ -169,12 +169,14 @@ def scene_of(source: Source, asked: SetUp, duration: float) -> Table:
     extract: Table = {"n": COUNT_OF_SHEET if look.family == "Shell" else COUNT}
     if asked.damping:
         extract["damping"] = asked.damping
+    if look.bars:
+        extract["error"] = "estimate"
     return {
         "title": title,
         **_part(source, asked),
         "supports": [dict(face_of(source, name)) for name in asked.held],
         "sites": {"struck": site},
-        "extract": {**extract, "error": "estimate"},
+        "extract": extract,
         "impactor": _striker(asked.striker),
         "simulate": {"duration": duration},
     }

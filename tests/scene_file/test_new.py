@@ -68,6 +68,42 @@ def test_nothing_is_overwritten_and_a_part_that_cannot_be_read_is_told(tmp_path,
     assert not scene.exists()
 
 
+@pytest.mark.parametrize("cell", ["triangle", "quad"])
+def test_a_scene_has_error_bars_where_its_part_can_have_them(cell, tmp_path):
+    x = np.array(np.meshgrid(np.linspace(0, 0.3, 7), np.linspace(0, 0.2, 5), [0.0], indexing="ij"))
+    low = (np.arange(6)[:, None] * 5 + np.arange(4)).ravel()
+    quads = np.stack([low, low + 5, low + 6, low + 1], axis=1)
+    cells = quads if cell == "quad" else np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    meshio.write(tmp_path / "sheet.vtu", meshio.Mesh(x.reshape(3, -1).T, [(cell, cells)]))
+    assert antiosc("new", tmp_path / "a.toml", tmp_path / "sheet.vtu") == 0
+    extract = tomllib.loads((tmp_path / "a.toml").read_text())["extract"]
+    assert ("error" in extract) == (cell == "triangle")
+
+
+@pytest.mark.parametrize("given", [[], ["--drop"]])
+def test_a_material_is_taken_by_name(given, tmp_path, capsys):
+    part = MESHES / "bracket.step"
+    assert antiosc("new", tmp_path / "a.toml", part, "--material", "6061", *given) == 0
+    assert "aluminium 6061-T6" in capsys.readouterr().out
+    written = tomllib.loads((tmp_path / "a.toml").read_text())
+    assert written["material"]["name"] == "aluminium 6061-T6"
+    assert ("refine" in written["geometry"]) == (not given)
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "said"),
+    [
+        (MESHES / "bracket.step", "unobtainium", "did you mean"),
+        (MESHES / "bracket.step", "Sitka", "orientation"),
+        (DEMOS / "scenes/bar.inp", "6061", "--material"),
+    ],
+)
+def test_a_material_that_cannot_be_taken_is_told(part, name, said, tmp_path, capsys):
+    assert antiosc("new", tmp_path / "a.toml", part, "--material", name) == 1
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.toml"))
+
+
 def test_a_sheet_gets_the_anti_oscillators_that_its_waves_need(tmp_path):
     """Twenty gave 245 N where Zv = 98 N is the most that a sheet can bear; 1 ms cut the rebound."""
     sheet = tmp_path / "sheet.geo"

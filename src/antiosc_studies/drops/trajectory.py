@@ -353,7 +353,7 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
 def _law_error(law: ElasticPlastic, depth: float) -> str:
     """How far the force by the law may be off at an indentation [m], in words."""
     off = law.error_at(depth)[0]
-    told = f"the law's force there is known within {off:.0%}"
+    told = f"the law's own error of that force is up to {off:.0%}"
     if depth < DEEP * law.radius:
         return told
     return (
