@@ -194,7 +194,8 @@ def with_notes(lines: list[str]) -> None:
 
 def demo_pages(folder: Path) -> None:
     """A page for each demo and each measurement, and the pages that measurements have written."""
-    folder.mkdir(exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)  # pages of scripts that are gone
+    folder.mkdir()
     lists = {name: script_pages(ROOT / name, folder) for name in PICTURES}
     lists["benchmarks"] += measured_pages(folder)
     index = ["# Gallery", "", "Each demo is a script of at most 100 lines in `demos/`;"]
