@@ -26,8 +26,8 @@ CHECKED = [EYE, *((x / 1e3, y / 1e3, 0.01) for x, y in BASE)]
 
 
 def main(
-    size: float = 6e-3,
-    radius: float = 4e-3,
+    size: float = 5e-3,
+    radius: float = 3e-3,
     velocity: float = 1.0,
     check: int = 5,
     out: Path = ROOT / "out",

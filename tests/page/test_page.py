@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 import antiosc as ao
+from antiosc.base.texts import engineering
 from antiosc_app import live as assets
 from webdriver import MISSING, Browser
 
@@ -129,6 +130,8 @@ def test_a_slider_through_yield_moves_sentences_dent_and_stress(browser, plate, 
     page = ao.write_report(hit, tmp_path / "report.html", part)
     before, said = opened(browser, page), browser.run(SAID)
     assert said["contact"] == hit.verdict
+    fact = "return document.querySelector('[data-fact=peak_force]').textContent"
+    first = browser.run(fact)
     assert before["cells"]["dent"] == pytest.approx(hit.dent.depth, rel=1e-4)
     peak = max(one.margin().value for one in [ao.peak_field(part, hit)])
     assert before["cells"]["largest_stress"] == pytest.approx(peak, rel=1e-6)
@@ -144,8 +147,11 @@ def test_a_slider_through_yield_moves_sentences_dent_and_stress(browser, plate, 
     assert slow["cells"]["largest_stress"] == pytest.approx(peak, rel=0.25)  # "about"
     assert told["stress"].startswith("The largest von Mises stress is about")
     assert told["energy"] == told["accuracy"] == ""
+    assert browser.run(fact) != first
+    assert engineering(other.peak_force, "N") in browser.run(fact)
     browser.run("document.getElementById('back').click()")
     assert browser.run(SAID) == said
+    assert browser.run(fact) == first
     assert browser.said() == []
 
 

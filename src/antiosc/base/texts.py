@@ -196,13 +196,15 @@ PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     """A number with so many significant digits and a prefix of its unit, as "2.20 kN".
 
-    Masses below 1 kg are written in grams. A dash for what is not finite.
+    Masses below 1 kg are written in grams, speeds below 0.1 m/s in mm/s. A dash for what is not finite.
     """
     value = float(value)
     if not isfinite(value):
         return "–"
     if unit == "kg" and 0 < abs(value) < 1:
         value, unit = 1e3 * value, "g"
+    if unit == "m/s" and 0 < abs(value) < 0.1:
+        value, unit = 1e3 * value, "mm/s"
     if value == 0:
         return f"0 {unit}".rstrip()
     rounded = float(f"{value:.{digits - 1}e}")

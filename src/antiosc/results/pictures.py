@@ -259,7 +259,7 @@ def plot_map(
     Parameters
     ----------
     found : ImpactMap
-        Its doubtful sites are grey.
+        Faces of which two corners or more are doubtful are grey.
     path : str or Path, optional
         As for `plot_history`.
     quantity : str
@@ -282,7 +282,7 @@ def plot_map(
     if triangles:
         seen = _front_faces(found, axes)
         faces = found.elements[seen]
-        values = value[faces].mean(axis=1)
+        values = _on_faces(value[faces])
         alone = found.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
         surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
@@ -295,6 +295,14 @@ def plot_map(
     surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
+
+
+def _on_faces(value: Array) -> Array:
+    """The mean (T,) of what is known at the corners (T, 3) of faces; NaN where one alone is."""
+    known = ~np.isnan(value)
+    count = known.sum(axis=1)
+    mean = np.where(known, value, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return np.where(count > 1, mean, np.nan)
 
 
 def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:

@@ -192,6 +192,7 @@ class Page {
       const plain = name === "contacts" ? String(value) : engineering(value, unit);
       now.textContent = name in bars && Number.isFinite(bars[name]) ? this.with_bar(plain, bars[name]) : plain;
       now.dataset.value = value;
+      this.head(name, now.textContent);
       const known = computed[name] ?? null;
       before.textContent = known === null ? "" : name === "contacts" ? String(known) : engineering(known, unit);
     }
@@ -210,6 +211,14 @@ class Page {
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
       + (bars.peak_force ? "; the band: the error bar" : "") + ".";
+  }
+
+  // A number of the headline: that of the computed case, or the present one; of a map it is of all sites.
+  head(name, now) {
+    const shown = document.querySelector(`.facts [data-fact="${name}"]`);
+    if (!shown || this.sites) return;
+    shown.dataset.computed ??= shown.textContent;
+    shown.textContent = this.at_start() ? shown.dataset.computed : now;
   }
 
   // The sentences of the headline: those of the computed case, or what is known of the present one.

@@ -6,6 +6,7 @@ const PREFIXES = ["f", "p", "n", "µ", "m", "", "k", "M", "G", "T"];
 function engineering(value, unit = "", digits = 3) {
   if (!Number.isFinite(value)) return "–";
   if (unit === "kg" && value && Math.abs(value) < 1) return engineering(1e3 * value, "g", digits);
+  if (unit === "m/s" && value && Math.abs(value) < 0.1) return engineering(1e3 * value, "mm/s", digits);
   if (value === 0) return `0 ${unit}`.trim();
   const rounded = Number(value.toPrecision(digits));
   let power = PREFIXED.includes(unit) || unit[0] === "N" ? Math.floor(Math.log10(Math.abs(rounded)) / 3 + 1e-12) : 0;
