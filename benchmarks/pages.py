@@ -37,6 +37,8 @@ ROOT = Path(__file__).resolve().parents[1]
 #: Relative change of a headline that a program without an error bar may show: the accuracy of
 #: `strike` by default is 2 %, that of a map 5 %.
 UNSAID = 0.05
+#: The quantile of a sample that is compared.
+LARGE = 0.95
 #: Seconds after which a program is stopped.
 LONGEST = 1800
 
@@ -95,6 +97,23 @@ def recorded(headlines: list[Headline], call: Callable[..., Any]) -> Callable[..
         result = call(*args, **kwargs)
         headlines.extend(headlines_of(f"{call.__name__} {len(headlines)}", result))
         return result
+
+    return wrapper
+
+
+def sampled(headlines: list[Headline], call: Callable[..., Any]) -> Callable[..., Any]:
+    """`monte_carlo`, whose headlines are quantiles with the bars of its sampling, not each run."""
+
+    @functools.wraps(call)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        before = len(headlines)
+        many = call(*args, **kwargs)
+        del headlines[before:]
+        for name in (one for one in QUANTITIES if one in many.values):
+            found = many.quantile(name, LARGE)
+            bar = max(found.high / found.value - 1, 1 - found.low / found.value, UNSAID)
+            headlines.append(Headline(f"{name} at {LARGE:.0%}", found.value, bar))
+        return many
 
     return wrapper
 
@@ -182,6 +201,7 @@ def patched(size: float, modes: int) -> list[Headline]:
         setattr(ao, name, more_modes(modes, getattr(ao, name)))
     for name in ("simulate", "simulate_many", "strike", "drop", "impact_map"):
         setattr(ao, name, recorded(headlines, getattr(ao, name)))
+    ao.monte_carlo = sampled(headlines, ao.monte_carlo)
     ao.Scene.run = recorded(headlines, ao.Scene.run)  # type: ignore[method-assign]
     return headlines
 
