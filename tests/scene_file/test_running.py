@@ -581,3 +581,23 @@ def test_a_scene_chooses_second_order_forces_itself(tmp_path):
     small = objects(written(tmp_path, SHEET + slow), "run")
     assert not small.history.assembly.stretched
     assert small.model.stretch is None
+
+
+@pytest.mark.fem
+def test_a_scene_holds_a_side_of_a_geometry(tmp_path, capsys):
+    ball = 'velocity = 1\nmaterial = "bearing steel 100Cr6"\n'
+    (tmp_path / "ball.geo").write_text(
+        'SetFactory("OpenCASCADE"); Sphere(1) = {0, 0, 0, 0.05, -0.5};'
+    )
+    (tmp_path / "a.toml").write_text(
+        '[geometry]\nsource = "ball.geo"\nsize = 0.02\n[material]\nname = "steel S235"\n'
+        '[[supports]]\nwhere = "SIDE"\n[sites.top]\npoint = [0, 0, 0.05]\n'
+        "direction = [0, 0, -1]\nradius = 0.02\nsnap = true\n[extract]\nn = 4\n"
+        f'[impactor]\nkind = "Sphere"\nradius = 0.01\n{ball}[simulate]\nduration = 1e-4\n'
+    )
+    text = (tmp_path / "a.toml").read_text()
+    for side, code in (("-z", 0), ("+z", 1)):
+        (tmp_path / "a.toml").write_text(text.replace("SIDE", side))
+        assert antiosc("check", tmp_path / "a.toml") == 0
+        assert antiosc("run", tmp_path / "a.toml", "--out", tmp_path / "o") == code
+    assert "none lies at z = 0.05 m" in capsys.readouterr().err

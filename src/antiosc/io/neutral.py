@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from antiosc.base.checks import positive, shown
 from antiosc.base.errors import InputError
 
+#: Names of the flat sides of a mesh in its bounding box, where no group has them.
+SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
 #: By meshio's names: shape, nodes, number in gmsh.
 CELLS = {
     "vertex": ("point", 1, 15),

@@ -28,6 +28,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.fem.site import SNAP_SHARE
+from antiosc.io.neutral import SIDES
 from antiosc_app import pieces
 from antiosc_app.scene_file.build import Call, calls_in
 from antiosc_app.scene_file.document import Place, label, unknown
@@ -106,7 +107,7 @@ def check(found: Compiled) -> list[str]:
             continue
         sentences.append(f"{one.name} reaches {one.text()}.")
         for place, group in _named(calls, part):
-            if group not in one.groups:
+            if group not in one.groups and group not in SIDES:
                 what = f"{label(place)}: in {one.name} the group"
                 problems.add(place, unknown(what, group, one.groups))
     if known and len(known) == sum(1 for _ in _meshes(found)):

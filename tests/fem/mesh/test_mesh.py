@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import hypot, pi, prod
 
 import basix
@@ -322,3 +323,20 @@ def test_points_above_faces_are_brought_back(name):
         np.testing.assert_allclose(faces.at(face, found)[0], x, atol=1e-9)
         np.testing.assert_allclose(distance, np.linalg.norm(lift, axis=1), rtol=1e-6)
     assert np.isinf(faces.along(x + 0.2 * n, n, 0.1)[2]).all()
+
+
+@pytest.mark.parametrize("name", ["-x", "+x", "-y", "+y", "-z", "+z"])
+def test_sides_of_the_box_have_names_without_groups(name):
+    """The facets of the groups that `box_mesh` makes, found by their coordinates."""
+    named = ao.box_mesh((0.3, 0.2, 0.1), size=0.05)
+    bare = replace(named, groups={})
+    ((dim, facets),) = bare.group(name).items()
+    assert dim == 2
+    assert set(facets) == set(named.groups[name][2])
+
+
+def test_a_side_without_faces_is_told():
+    sheet = ao.box_mesh((0.3, 0.2), size=0.05, gdim=3)
+    with pytest.raises(ao.InputError, match="flat along z"):
+        replace(sheet, groups={}).group("-z")
+    assert len(replace(sheet, groups={}).group("+x")[1]) == len(sheet.groups["+x"][1])

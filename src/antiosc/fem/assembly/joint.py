@@ -34,6 +34,7 @@ from antiosc.fem.structure.attachments import (
 from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.dof_map import COMPONENTS
+from antiosc.io.neutral import SIDES
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
@@ -141,7 +142,7 @@ def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
 def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
     part, group = end.split(":", 1)
     member = _member(layout, part, end)
-    if group not in member.part.mesh.groups:
+    if group not in member.part.mesh.groups and group not in SIDES:
         names = [f"{part}:{name}" for name in member.part.mesh.groups]
         groups = name_list(end, names, "its groups")
         raise InputError(f"the part {part!r} has no group {group!r}; {groups}.")

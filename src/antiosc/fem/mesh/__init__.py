@@ -21,7 +21,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.platform import bounds, compat
-from antiosc.io.neutral import CadSurface, RawMesh
+from antiosc.io.neutral import SIDES, CadSurface, RawMesh
 from antiosc.io.reading import keys
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
@@ -147,6 +147,10 @@ def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArra
     return item, point
 
 
+#: Distance over the extent within which a facet lies on a side of the bounding box.
+ON_SIDE = 1e-6
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(ReprMixin):
     """A dolfinx mesh whose entities have names. Coordinates in metres."""
@@ -259,11 +263,33 @@ class Mesh(ReprMixin):
         return x[0] if len(x) else None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
-        """{dimension: local entities} of the group `name`; InputError if there is none."""
+        """{dimension: local entities} of the group `name`, or of the side that has it, as "-z".
+
+        InputError if there is none.
+        """
         if not isinstance(name, str) or name not in self.groups:
+            if isinstance(name, str) and name in SIDES:
+                return self._side(name)
             groups = name_list(name, self.groups, "its groups")
             raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
         return self.groups[name]
+
+    def _side(self, name: str) -> Mapping[int, IntArray]:
+        """The facets that lie on a side of the bounding box."""
+        axis, (low, high) = "xyz".index(name[1]), self.box
+        end, dim = (low if name[0] == "-" else high)[axis], self.tdim - 1
+        near = ON_SIDE * self.extent()
+        nodes = compat.entity_vertices(self.dolfinx, dim)
+        x = np.asarray(self.dolfinx.geometry.x)[:, axis]
+        found = np.flatnonzero((np.abs(x[nodes] - end) < near).all(axis=1)).astype(np.int32)
+        flat = high[axis] - low[axis] < near
+        if flat or not self.comm.allreduce(len(found)):
+            why = f"it is flat along {name[1]}" if flat else f"none lies at {name[1]} = {end:g} m"
+            raise InputError(
+                f"{self.name} has neither a group {name!r} nor faces on that side: {why}; give"
+                " a group, or a function of the coordinates."
+            )
+        return {dim: found}
 
     def _facts(self) -> list[tuple[str, str]]:
         cells = f"{self.n_cells} of kind {self.cell}, order {self.order}"

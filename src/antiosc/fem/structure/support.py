@@ -49,9 +49,10 @@ class Support(FieldsRepr):
     Parameters
     ----------
     where
-        Name of a group of the mesh, or a function that maps coordinates x of shape (3, n) to a
-        mask (n,) of the fixed points. Give either `where` or one of `near`, `box` and `plane`,
-        which select nodes by their coordinates, with a tolerance of a millionth of the mesh's size.
+        Name of a group of the mesh or of a side of its bounding box ("-x", "+x", "-y", …), or a
+        function that maps coordinates x of shape (3, n) to a mask (n,) of the fixed points. Give
+        either `where` or one of `near`, `box` and `plane`, which select nodes by their coordinates,
+        with a tolerance of a millionth of the mesh's size.
     fix
         "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.
