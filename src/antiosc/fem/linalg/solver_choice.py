@@ -36,6 +36,8 @@ two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness fro
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import scipy.linalg
@@ -459,6 +461,7 @@ def solver_for(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
     `levels` tells what a multigrid needs of the part. Where A's product is by strains the solver of
     its entries is refined to that accuracy.
     """
+    levels = replace(levels, coarser=cache(levels.coarser))
     if by_strains(A):
         return Refined(A, lambda matrix: _of_entries(matrix, choice, levels))
     return _of_entries(A, choice, levels)

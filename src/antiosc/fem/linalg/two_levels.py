@@ -22,6 +22,7 @@ import scipy.sparse
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray
+from antiosc.base.process import trim_heap
 from antiosc.fem.linalg.multigrid import Multigrid, know
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
@@ -70,6 +71,7 @@ class TwoLevels(Multigrid):
         else:
             know(coarse, at_vertices(self._P, self._motions()))
             solve = Aggregation(coarse)
+            trim_heap()
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
         self._cycle.setPythonContext(Cycle(self.A, self._P, solve))

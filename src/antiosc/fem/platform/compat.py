@@ -242,14 +242,34 @@ def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpa
     return _space(mesh, "Lagrange", degree, size)
 
 
+#: Weight below which a node has no part in an interpolation.
+ROUNDING = 1e-12
+
+
 def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None) -> PETSc.Mat:
-    """The interpolation of a blocked Lagrange space from the linear one of its mesh."""
-    linear = linear or lagrange(space.mesh, 1, space.dofmap.index_map_bs)
-    if DOLFINX < (0, 8):
-        make = dolfinx.cpp.fem.petsc.interpolation_matrix
-        matrix = make(linear._cpp_object, space._cpp_object)
-    else:
-        matrix = fem.petsc.interpolation_matrix(linear, space)
+    """The interpolation of a blocked Lagrange space from the linear one of its mesh.
+
+    dolfinx's own takes four times as long and far more memory while it is made.
+    """
+    size = space.dofmap.index_map_bs
+    linear = linear or lagrange(space.mesh, 1, size)
+    cells = np.arange(cell_map(space.mesh).size_local + cell_map(space.mesh).num_ghosts)
+    fine, coarse = (cell_dofs(one, (0,), cells) // size for one in (space, linear))
+    points = space.element.interpolation_points
+    weights = tabulate(linear, (0,), np.asarray(points() if callable(points) else points))
+    # each node as a place in one of its cells
+    nodes, places = np.unique(fine, return_index=True)
+    own = space.dofmap.index_map.size_local
+    cell, place = np.divmod(places[nodes < own], fine.shape[1])
+    from_nodes = np.abs(weights) > ROUNDING
+    ends = np.insert(np.cumsum(np.repeat(from_nodes.sum(axis=1)[place], size)), 0, 0)
+    values = np.repeat(weights[place], size, axis=0)
+    near = np.repeat(from_nodes[place], size, axis=0)
+    component = np.tile(np.arange(size), own)[:, None]
+    columns = size * np.repeat(coarse[cell], size, axis=0) + component
+    rows = ends.astype(PETSc.IntType), global_dofs(linear, columns[near]), values[near]
+    sizes = [(local_size(one), None) for one in (space, linear)]
+    matrix = PETSc.Mat().createAIJ(sizes, bsize=size, csr=rows, comm=communicator(space.mesh))
     matrix.assemble()
     matrix.setAttr("keep", (linear, space))
     return matrix

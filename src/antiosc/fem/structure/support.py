@@ -305,8 +305,7 @@ def of_mesh(
     `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs hold.
     """
     comm: MPI.Comm = K.getComm().tompi4py()
-    fields, n_rigid = _fields(form, comm)
-    motions = _vanishing(comm, fields[:, :n_rigid], fixed, springs)
+    motions = _vanishing(comm, _fields(form, comm, rigid=True), fixed, springs)
     motions = orthonormal(comm, M, motions)
     if not motions.shape[1]:
         return motions, 0.0
@@ -317,14 +316,13 @@ def of_mesh(
             "rounding: 1e-16); the mesh or the element order cannot represent rigid motions, or a "
             "spring is so stiff that it should be a Support."
         )
-    fields = _vanishing(comm, fields, fixed, springs)
+    fields = _vanishing(comm, _fields(form, comm), fixed, springs)
     return motions, SHIFT * first_elastic(comm, K, M, fields, motions)
 
 
 def motions(form: WeakForm, K: PETSc.Mat) -> Array:
     """Rigid-body motions of the unsupported body (rows of this rank, r)."""
-    fields, rigid_count = _fields(form, K.getComm().tompi4py())
-    return fields[:, :rigid_count]
+    return _fields(form, K.getComm().tompi4py(), rigid=True)
 
 
 def places_of(form: WeakForm) -> DofPlaces:
@@ -367,13 +365,13 @@ def first_elastic(
     return float(max(values[0], DROWNED * values[-1]))
 
 
-def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
-    """(polynomial fields on the dofs of this rank (rows, k), how many of them are rigid)."""
+def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
+    """Polynomial fields on the dofs of this rank (rows, k), or the `rigid` ones alone."""
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
-    every = list(polynomials(3 if "z" in form.components else 2))
+    every = polynomials(3 if "z" in form.components else 2)
+    kept = [field for moves, field in every if moves or not rigid]
     size, places = float((high - low).max()), places_of(form)
-    columns = [places.values(field, (low + high) / 2, size) for _, field in every]
-    return np.column_stack(columns), sum(rigid for rigid, _ in every)
+    return np.column_stack([places.values(field, (low + high) / 2, size) for field in kept])
 
 
 def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
