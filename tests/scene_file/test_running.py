@@ -20,7 +20,6 @@ from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.schema import SECTIONS, parameters, schema
 from fmus import OK, Fmu
 from paths import MESHES
-from refusals import refused
 from scene_files import (
     BEAM,
     BRACKET,
@@ -157,8 +156,10 @@ def test_a_scene_has_the_prestress_of_its_part(tmp_path):
     assert state.loads.spin == ao.Spin((0, 0, 1), 20.0, (0.1, 0, 0))
     assert found.model.info.structure == found.structure.describe()
     assert "spin of 20 rad/s, without Coriolis" in found.structure.describe()
-    with refused(None, "[prestress] has no place", ao.AntioscError):
-        objects(written(tmp_path, STRIKE + LOADED))
+    struck = objects(written(tmp_path, STRIKE + LOADED))
+    assert struck.history.structure.prestress.loads.spin == state.loads.spin
+    with pytest.raises(ao.AntioscError, match=r"\[prestress\] has no place beside \[drop\]"):
+        objects(written(tmp_path, BRACKET + LOADED + "[drop]\nheight = 1.0\n"))
 
 
 def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):

@@ -40,7 +40,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.recovery.relaxation import branches_of_materials, other_damping
 from antiosc.fem.site import Site
-from antiosc.fem.structure.structure import Structure, refuse_prestress
+from antiosc.fem.structure.structure import Structure
 from antiosc.models.modal import superposed
 from antiosc.results import second_order
 from antiosc.results.pictures import SavedFields
@@ -341,7 +341,6 @@ def reactions(
     """
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
-    refuse_prestress(structure, "reactions")
     shapes = shapes_of(structure, history, body)
     at = histories.times_of(history, times)
     sites = _site_list(site)

@@ -36,6 +36,7 @@ from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.extraction.extract import extract
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat, on_root
+from antiosc.fem.prestress import Prestress
 from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
@@ -114,6 +115,7 @@ def strike(
     tol: float,
     material: Family | Mapping[str, Family] | None = None,
     supports: Sequence[Support] = (),
+    prestress: Prestress | None = None,
     order: int = 2,
     limit: float | None = None,
     initial_velocity: float | Motion = 0.0,
@@ -135,7 +137,7 @@ def strike(
     impactor, contact, duration, initial_velocity, gravity, gap : as of `simulate`.
     tol : float
         Largest relative error of the three quantities, as the error budget promises it.
-    material, supports : as of `Structure`, for a file or a mesh.
+    material, supports, prestress : as of `Structure`, for a file or a mesh.
     order : 1 or 2
         Degree of the displacements, and of the faces of a geometry's cells.
     limit : float, optional
@@ -160,7 +162,9 @@ def strike(
     """
     shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, shared)
-    return struck(source, site, impactor, run, tol, material, supports, order, limit)
+    return struck(
+        source, site, impactor, run, tol, material, supports, order, limit, prestress=prestress
+    )
 
 
 def simulated(
@@ -186,6 +190,7 @@ def struck(
     order: int,
     limit: float | None,
     seen: Seen | None = None,
+    prestress: Prestress | None = None,
 ) -> History:
     """What `strike` answers; `seen` is told of the answer of every mesh, and of its site."""
     started = time.perf_counter()
@@ -194,7 +199,7 @@ def struck(
     if limit is not None:
         limit = checks.positive("limit", limit, "s")
     checks.instance("site", site, Site, "a Site(point, direction)")
-    material = _material_of(source, material, supports)
+    material = _material_of(source, material, supports, prestress)
     if isinstance(source, Structure):
         answer = answered(source, site, run, tol, FIRST_N)
         if seen is not None:
@@ -211,7 +216,7 @@ def struck(
     before: Answer | None = None
     n, records = FIRST_N, []
     while True:
-        structure = Structure(mesh, material, supports, order=order)
+        structure = Structure(mesh, material, supports, order=order, prestress=prestress)
         answer = answered(structure, site, run, tol, n)
         answer = changed_since(answer, before) if mesh.tdim == 1 else compared(answer, before)
         before = answer
@@ -235,12 +240,17 @@ def struck(
 
 
 def _material_of(
-    source: object, material: Material | None, supports: Sequence[Support]
+    source: object,
+    material: Material | None,
+    supports: Sequence[Support],
+    prestress: Prestress | None,
 ) -> Material:
     """The material, {} of a Structure; InputError for one that is missing, or that is too much."""
     if isinstance(source, Structure):
-        if material is not None or len(supports):
-            raise InputError("a Structure has its own material and supports: leave them out.")
+        if material is not None or len(supports) or prestress is not None:
+            raise InputError(
+                "a Structure has its own material, supports and prestress: leave them out."
+            )
         return {}
     if not isinstance(source, str | Path | Mesh):
         raise InputError(

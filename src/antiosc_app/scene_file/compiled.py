@@ -49,7 +49,7 @@ EXCLUDES = (
     ("supports attached", "matrices", 'fix nodes by supports = {12 = "all"} there'),
     ("supports attached", "model frf", "leave it out"),
     ("prestress", "deck matrices model frf", "give the part a [geometry], or [parts]"),
-    ("prestress", "strike drop", "leave it out"),
+    ("prestress", "drop", "leave it out"),
     ("supports", "drop", "a part that is dropped is free: leave it out"),
     ("simulate extract", "strike", _KEEP),
     (f"impactor contact {_ONE} {_SEVERAL} {_REDUCED}", "drop", _KEEP),

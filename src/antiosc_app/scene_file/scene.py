@@ -178,7 +178,7 @@ def structure(build: Builder) -> Call | None:
 def refined(build: Builder) -> bool:
     """Whether the mesh is chosen by [strike]: not where the structure has more than a mesh."""
     mesh = {"geometry", "strike"} <= set(build.data)
-    return mesh and not {"attached", "structure", "prestress"} & set(build.data)
+    return mesh and not {"attached", "structure"} & set(build.data)
 
 
 def _part(build: Builder, data: Table, place: Place) -> Call | None:
@@ -313,6 +313,8 @@ def single(build: Builder, found: Compiled) -> None:
         both["source"] = read.arguments["source"] if alone and read is not None else read
         both["material"] = _material(build, build.data, ())
         both |= _supported(build, build.data, ())
+        if "prestress" in build.data:
+            both["prestress"] = build.table("prestress")
     found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
 
 

@@ -453,7 +453,7 @@ SECTIONS: dict[str, Section] = {
         "model impactor contact"),
     "strike": Section("table", "strike",
         "the impact to a tolerance, for which mesh, model and step are chosen",
-        "source site impactor contact material supports"),
+        "source site impactor contact material supports prestress"),
     "bodies": Section("named", f"{IMPACTORS} RigidBody AntiOscillators.load soil_cone",
         "bodies of a scene of several contacts"),
     "contacts": Section("list", "Contact", "contacts between the sites of bodies"),

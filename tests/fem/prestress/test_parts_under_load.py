@@ -7,6 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
+from full_second_order import Full
 from loaded_beams import (
     EI,
     LENGTH,
@@ -23,7 +26,7 @@ from loaded_beams import (
 from mpi import run_ranks
 from parts import box
 from refusals import refused
-from sheets import RIB, SHEET, at, grouped, rectangle
+from sheets import RIB, SHEET, at, grouped, rectangle, sheet
 
 PINNED = ao.Support(at_ends, fix=("x", "y", "z", "rx"))
 
@@ -206,16 +209,118 @@ def test_what_knows_nothing_of_a_prestress_refuses_it():
     part = tight(prestress=ao.Prestress(tension={"all": 10.0}))
     model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=4)
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e6), duration=1e-3)
-    site = ao.Site((0.5, 0, 0), (0, 0, -1))
     calls = [
-        lambda: ao.extract(part, site, n=4, error="estimate"),
-        lambda: ao.reactions(part, hit, site),
         lambda: ao.gradient(hit, "peak_force", part=part),
         lambda: ao.assemble({"part": part}),
     ]
     for call in calls:
         with refused(None, "prestress", ao.InputError):
             call()
+
+
+def sagging():
+    """A sheet between two walls that its weight deflects by three thicknesses; a site on it."""
+    mesh = sheet((6, 4), lambda s, t: (0.3 * s, 0.2 * t, 0 * s))
+    walls = [ao.Support(at(0, 0.0)), ao.Support(at(0, 0.3))]
+    shell, heavy = ao.Shell(210e9, 0.3, 7850.0, 1e-3), ao.Prestress(gravity=(0, 0, -2000.0))
+    parts = [
+        ao.Structure(mesh, shell, walls, prestress=heavy),
+        ao.Structure(mesh, shell, walls),
+        ao.Structure(mesh, shell),
+    ]
+    return *parts, heavy, ao.Site((0.1, 0.1, 0), (0, 0, -1), snap=True)
+
+
+def ball_on(part, site):
+    return ao.simulate(
+        ao.extract(part, site, n=30), ao.RigidMass(0.05, 0.5), ao.Power(1e6, 1.5), 4e-3
+    )
+
+
+@pytest.mark.filterwarnings("ignore")  # of a point load
+def test_reactions_of_a_loaded_part_are_changes_of_those_of_all_its_second_order_forces():
+    """Rows of the supports of K u + f(u) + M u'' of the part without them."""
+    part, _, free, _, site = sagging()
+    hit, full, q = ball_on(part, site), Full(free, site), part.matrices.preload.q
+    assert np.abs(part.prestress.displacement).max() > 2e-3
+    times, step = np.linspace(5e-4, 3.5e-3, 4), 2e-7
+    found = ao.reactions(part, hit, site, times)
+    K, M, form = csr(free.K), csr(free.M), part.matrices.form
+    exact = np.zeros((2, 2, len(times)))
+    for k, t in enumerate(times):
+        u = hit.field(t)
+        a = (hit.field(t + step) - 2 * u + hit.field(t - step)) / step**2
+        ahead, behind = (K @ w + full.forces(w) for w in (q + 1e-3 * u, q - 1e-3 * u))
+        rows = (ahead - behind) / 2e-3 + M @ a
+        for i, wall in enumerate((0.0, 0.3)):
+            for j, axis in enumerate("xz"):
+                dofs, x = compat.dof_coordinates(form.space, form.components[axis])
+                exact[i, j, k] = rows[dofs[np.isclose(x[:, 0], wall)]].sum()
+    own = np.array([force[:, [0, 2]].T for force in found.force.values()])
+    assert np.abs(exact[:, 0]).max() > 3 * np.abs(exact[:, 1]).max()  # the pull of a sagging sheet
+    assert own == pytest.approx(exact, abs=3e-3 * np.abs(exact).max())
+    balance = found.total + found.applied - found.inertia
+    assert np.abs(balance).max() < 1e-6 * hit.peak_force
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_an_assembly_under_load_reacts_as_its_part():
+    part, bare, _, heavy, site = sagging()
+    whole = ao.assemble({"p": bare}, prestress=heavy)
+    times = np.linspace(5e-4, 3.5e-3, 4)
+    one, other = (ao.reactions(p, ball_on(p, site), site, times) for p in (part, whole))
+    for a, b in zip(one.force.values(), other.force.values(), strict=True):
+        assert b == pytest.approx(a, abs=1e-4 * np.abs(a).max())
+
+
+def loaded(family, fine):
+    """(mesh, arguments of a Structure, site) of a part under load."""
+    if family == "solid":
+        mesh = box((6 * fine, fine, fine), (0.3, 0.01, 0.01))
+        spin = ao.Spin((0, 0, 1), 600.0, about=(-0.05, 0.005, 0.005))
+        arguments = ao.Solid(210e9, 0.3, 7850.0), [ao.Support(at_root)], ao.Prestress(spin=spin)
+        return mesh, arguments, ao.Site((0.15, 0.005, 0.01), (0, 0, -1), radius=5e-3)
+    if family == "shell":
+        mesh = grouped(sheet((4 * fine, 4 * fine), lambda s, t: (0.3 * s, 0.2 * t, 0 * s)))
+        loads = ao.Prestress(pressure={"sheet": 1e4})
+
+        def rim(x):
+            return np.isclose(x[0] * (0.3 - x[0]), 0) | np.isclose(x[1] * (0.2 - x[1]), 0)
+
+        arguments = ao.Shell(210e9, 0.3, 7850.0, 1e-3), [ao.Support(rim)], loads
+        return mesh, arguments, ao.Site((0.15, 0.1, 0), (0, 0, -1), radius=1e-3)
+    loads = ao.Prestress(tension={"all": 20 * np.pi**2 * EI})
+    return beams(8 * fine), (THIN_BEAM, [PINNED], loads), ao.Site((0.25, 0, 0), (0, 0, -1))
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("family", ["beam", "solid", "shell"])
+def test_bars_of_loaded_parts_hold(family):
+    found = []
+    for fine in (1, 3):
+        mesh, (material, held, loads), site = loaded(family, fine)
+        part = ao.Structure(mesh, material, held, prestress=loads)
+        model = ao.extract(part, site, n=40, error="estimate")
+        blow = ao.RigidMass(0.05, 0.1), ao.Hertz(1e7), 3e-3
+        found.append(ao.simulate(model, *blow))
+    coarse, fine = found
+    for name in ("peak_force", "impulse"):
+        off = abs(getattr(coarse, name) / getattr(fine, name) - 1)
+        assert off < coarse.error_budget[name].numerical
+        assert fine.error_budget[name].mesh < 0.7 * coarse.error_budget[name].mesh
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_strike_refines_a_loaded_part():
+    mesh, (material, held, loads), site = loaded("solid", 1)
+    impact = site, ao.RigidMass(0.05, 0.1), ao.Hertz(1e7), 3e-3
+    hit = ao.strike(mesh, *impact, tol=0.02, material=material, supports=held, prestress=loads)
+    assert hit.structure.prestress.loads is loads
+    fine, (material, held, loads), _ = loaded("solid", 3)
+    known = ao.strike(ao.Structure(fine, material, held, prestress=loads), *impact, tol=0.02)
+    assert hit.peak_force == pytest.approx(known.peak_force, rel=0.02)
+    with refused(None, "its own material", ao.InputError):
+        ao.strike(known.structure, *impact, tol=0.02, prestress=loads)
 
 
 @pytest.mark.parametrize(

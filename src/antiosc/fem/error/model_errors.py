@@ -24,14 +24,14 @@ from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.error.bisection import HalvedBeams, inside, polygon
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
-from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.fem.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
+from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import (
     BeamSection,
@@ -325,7 +325,6 @@ class ModelErrors:
                 "error='estimate' is for models of one site: extract each site by itself, or leave "
                 "error=None."
             )
-        refuse_prestress(structure, "error='estimate'")
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
         self._errors = HalvedBeams(part) if part.kind.name == "beam" else estimator(structure)
@@ -362,6 +361,8 @@ class ModelErrors:
                 patch=patch_of(self._structure, site),
                 geometry=self._gaps(outside, model.k0 == 0),
             )
+        if not isinstance(self._errors, HalvedBeams):
+            E = E + _of_state(self._structure, self._errors, _shapes(model), E)
         seconds = {**(info.seconds or {}), "error": time.perf_counter() - started}
         info = replace(info, seconds=seconds)
         return replace(model, strain_error=E, strain_misfit=misfit, info=info)
@@ -373,6 +374,30 @@ class ModelErrors:
         if rigid:
             outside[0] = 0.0
         return {"note": self._geometry, "stiffness": outside.tolist(), "mass": self._mass}
+
+
+def _of_state(
+    structure: Structure, errors: SolidErrors | ShellErrors, shapes: Array, E: Array
+) -> Array:
+    """Energies by which the error of the static state under a prestress may change those of shapes.
+
+    What the loads add to the stiffness is ∫ N : η(ψ, ψ), a functional of the state q. Its error is
+    that of q times that of its dual solution in energy (Becker and Rannacher, Acta Numerica 10
+    (2001) 1), whose relative errors are taken to be those of q and of the shape, the larger one.
+    """
+    preload = structure.matrices.preload
+    if preload is None or not preload.q.any():
+        return np.zeros_like(E)
+    comm, q = structure.comm, preload.q[:, None]
+    part = on_mesh(structure).unloaded
+    assert part is not None  # of a prestress
+    stiffness = dot(comm, shapes, multiply(part.K, shapes))
+    added = dot(comm, shapes, multiply(structure.K, shapes)) - stiffness
+    off = float(errors.gram(q)[0, 0]) / float(dot(comm, q, multiply(part.K, q))[0, 0])
+    own = np.diag(E) / np.maximum(np.diag(stiffness), np.finfo(float).tiny)
+    share = (off * np.clip(own, off, 1.0)) ** 0.25
+    values, vectors = np.linalg.eigh((added + added.T) / 2)
+    return np.asarray(share[:, None] * ((vectors * np.abs(values)) @ vectors.T) * share)
 
 
 def _shapes(model: AntiOscillators) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isinf
 from typing import TypeVar
@@ -138,6 +138,8 @@ class Preload:
     reserve: float
     #: name of a tension -> strain free of stress
     initial: Mapping[str, float]
+    #: forces (rows of u, k) that it adds to K u, on dofs of supports too, of motions (rows of u, k)
+    added: Callable[[Array], Array]
 
     @property
     def words(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse
@@ -17,6 +18,7 @@ from antiosc.fem.assembly.assembled import AssembledMatrices, block_of
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.pins import Bolt, lengthening
+from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr, from_csr
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import on_root
@@ -94,8 +96,10 @@ def with_prestress(
         solver, _ = base.factored()
         tendons = {name: _tendon(base, bolts, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
-        state = found(_LoadedAssembly(base, loads, initial, bolts, solver), base.solver)
-    preload = Preload(loads, state.q, state.reserve, initial)
+        of = _LoadedAssembly(base, loads, initial, bolts, solver)
+        state = found(of, base.solver)
+    added = partial(of.added, base.expanded(state.q))
+    preload = Preload(loads, state.q, state.reserve, initial, added)
     return replace(base, K=state.K, preload=preload, solver_of_K=state.solver)
 
 
@@ -157,6 +161,7 @@ class _LoadedAssembly(Loaded):
         solver: Solver,
     ) -> None:
         self.K, self.solver, self._base = base.K, solver, base
+        self._loads, self._initial = loads, initial
         self._parts: list[tuple[Member, LoadedPart]] = []
         self._bolts: list[LoadedBolt] = []
         self._spun = Sparse((0, 0))
@@ -223,6 +228,21 @@ class _LoadedAssembly(Loaded):
 
         on_root(base.comm, work)
         return base.local.matrix(kept[0] if kept else None, block_of(base.layout))
+
+    def added(self, u: Array, motions: Array) -> Array:
+        """Forces (n, k) that the loads add at u (n,) to those of motions (n, k), on one rank.
+
+        The parts are without their supports.
+        """
+        found = -self._spun @ motions if self._spun.nnz else np.zeros(motions.shape)
+        for member, _ in self._parts:
+            own = of_member(self._loads, self._initial, member)
+            free = LoadedPart(member.part.unsupported(), *own)
+            tangent = free.stiffness(u[member.rows])
+            found[member.rows] += multiply(tangent, motions[member.rows])
+        for bolt in self._bolts:
+            found += bolt.stiffness(u) @ motions
+        return found
 
 
 def of_member(

@@ -12,7 +12,7 @@ from antiosc.base._types import Array
 from antiosc.base.checks import instance
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.prestress import Preload, Prestress
@@ -35,7 +35,12 @@ def with_prestress(base: MeshedStructure, given: object) -> MeshedStructure:
         initial = tightened(loads, tendons, solver)
         of = _LoadedMesh(base, loads, initial, solver)
         state = found(of, base.solver)
-    preload = Preload(loads, state.q, state.reserve, initial)
+
+    def added(motions: Array) -> Array:
+        free = LoadedPart(base.unsupported(), loads, initial)
+        return multiply(free.stiffness(state.q), motions)
+
+    preload = Preload(loads, state.q, state.reserve, initial, added)
 
     def again(copy: Mesh, supports: Sequence[Support] = base.supports) -> MeshedStructure:
         return with_prestress(base.again(copy, supports), loads)

@@ -603,8 +603,8 @@ class Released:
         return centres, pulled
 
     def _part(self, member: Member) -> MeshedStructure:
-        """A part without its supports."""
-        part = member.part
+        """A part without its supports and its prestress."""
+        part = member.part.unloaded or member.part
         if not part.supports:
             return part
         if id(part) not in self._parts:
@@ -617,6 +617,8 @@ class Released:
         for member in self._of.members():
             matrix = getattr(self._part(member), which)
             forces[member.rows] = multiply(matrix, motions[member.rows])
+        if which == "K" and self._of.preload is not None:
+            forces += self._of.preload.added(motions)
         free = self._on_free(forces)
         if self._assembly is None:
             return free
