@@ -130,7 +130,8 @@ def headlines_of(name: str, result: Any) -> Iterator[Headline]:
         known = np.asarray(peak, dtype=float)
         if doubtful is not None:
             known = known[~doubtful]
-        yield Headline(f"{name} largest peak_force", float(np.nanmax(known)), None)
+        bar = max(getattr(result, "law_error", None) or 0.0, UNSAID)
+        yield Headline(f"{name} largest peak_force", float(np.nanmax(known)), bar)
         return
     for quantity in QUANTITIES:
         value = getattr(result, quantity, None)
@@ -142,6 +143,8 @@ def bar_of(result: Any, quantity: str) -> float | None:
     """The relative error bar of a run, None where it has none or leaves mesh or truncation out."""
     from antiosc.base.errors import AntioscError
 
+    if law := getattr(result, "law_error", None):  # of a fall
+        return max(float(law), UNSAID)
     with contextlib.suppress(AntioscError, AttributeError, KeyError, TypeError):
         budget = result.error_budget
         return None if budget.unknown else float(budget[quantity].total)

@@ -138,6 +138,25 @@ def test_impacts_are_single_impacts(steel):
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
+@pytest.mark.parametrize("name", ["aluminium 6061-T6", "titanium grade 2"])
+def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name):
+    """Without a run for each cause, against the row "law" of a single impact."""
+    part = ao.Structure(parts.box((6, 4, 2), SIZE), ao.material(name), [ao.Support("-x")])
+    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
+    points = [(0.08, 0.04, 0.03), (0.06, 0.04, 0.03)]
+    given = {"duration": 1e-3, "direction": (0, 0, -1), "radius": 2e-3}
+    found = ao.impact_map(part, points, ball, **given)
+    site = ao.Site(points[hardest(found)], (0, 0, -1), radius=2e-3)
+    model = ao.extract(part, site, n=20, error="estimate")
+    row = ao.simulate(model, ball, duration=1e-3).error_budget["peak_force"].law
+    assert row < found.law_error < 1.5 * row
+    assert f"off by {found.law_error:.0%}" in found.summary()
+    slow = ao.impact_map(part, points, dataclasses.replace(ball, velocity=1e-3), **given)
+    assert slow.law_error == 0
+    assert "off by" not in slow.summary()
+    assert ao.impact_map(part, points, ball, ao.Hertz(7e9), **given).law_error is None
+
+
 def test_the_blow_says_how_many_modes_and_anti_oscillators_a_sheet_needs():
     groups = {"left": (1, lambda x: np.isclose(x[0], 0))}
     sheet = ao.Structure(

@@ -19,12 +19,29 @@ from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight, State, free_rotation, most, ringing
-from antiosc_studies.drops.floor import law_of
+from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.trajectory import hung
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
+
+
+def test_the_error_of_a_fall_by_its_law_has_the_range_of_the_strength() -> None:
+    alloy = ao.material("aluminium 6061-T6")
+    fall = ao.drop(BALL, 0.5, floor=ao.Floor(alloy), until=1)
+    (depth,) = fall.episodes[0].sunk()
+    law = law_at(fall.body, fall.setting.floor, 0)
+    assert isinstance(law, ao.ElasticPlastic)
+    own = law.error_at(depth)[0]
+    strongest = ao.material(alloy.name, yield_strength=alloy.yield_range[1])
+    stronger = ao.drop(BALL, 0.5, floor=ao.Floor(strongest), until=1)
+    change = stronger.peak_force / fall.peak_force - 1
+    assert 0.03 < change < 0.1
+    assert fall.law_error == pytest.approx(own + change, rel=0.02)
+    assert 0.7 * own < stronger.law_error < own  # its strength is exact
+    assert f"off by {fall.law_error:.0%}" in fall.contact_verdict
+    assert ao.drop(BALL, 1e-8, floor=ao.Floor(alloy), until=1).law_error == 0
 
 
 def test_a_ball_bounces_by_the_law_it_has() -> None:

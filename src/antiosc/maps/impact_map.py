@@ -39,6 +39,7 @@ from antiosc.base.stresses import equivalent
 from antiosc.base.texts import engineering, point_text as placed
 from antiosc.contact import ContactLaw
 from antiosc.contact.curvature import SHARP
+from antiosc.contact.surfaces import Surface
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.second_order import is_flat
 from antiosc.fem.extraction import shapes_of_models
@@ -66,7 +67,7 @@ from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.modal import ModalBody
 from antiosc.models.stretch import MOST, Count, Stretch, checked_count
-from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
+from antiosc.simulation.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.bodies import Obstacle
 from antiosc.simulation.histories import Force, History, motions, peak_deflections
@@ -76,6 +77,7 @@ from antiosc.simulation.histories.results import (
     beyond_quartic,
     deflection,
 )
+from antiosc.simulation.law_error import error_of_peak
 from antiosc.simulation.reference import Settings
 from antiosc.simulation.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.simulation.two_bodies import Impact, impact_band
@@ -441,6 +443,8 @@ def impact_map(
     struck = _struck(structure, seen_if, result, impactor, law, laws, duration)
     if stretch is not False:
         struck = _stretched(structure, seen, struck, stretch)
+    if not given:
+        struck = replace(struck, law_error=_law_error(structure, struck))
     thickness = structure.plausibility.get("thickness")
     on_root(structure.comm, partial(_tell_deflection, struck, thickness, stretch))
     return struck
@@ -461,10 +465,7 @@ def _laws(
     striker = impactor.surface() if isinstance(impactor, Body) else None
     lengths = striker is None or 0.0 in striker.curvatures
     for i, (point, direction, radius) in enumerate(sites):
-        patch = None if np.isnan(radius) else radius
-        own = None
-        with contextlib.suppress(InputError):
-            own = surface_at(structure, point, direction, patch, lengths)
+        own = _surface(structure, point, direction, radius, lengths)
         body = PlaneOf(structure, own)
         try:
             laws.append(law_of(AUTO, body, impactor))
@@ -473,6 +474,33 @@ def _laws(
             sharp[i] = True
         sharp[i] |= own is not None and own.kind in SHARP
     return laws, sharp
+
+
+def _surface(
+    structure: Structure, point: Array, direction: Array, radius: float, lengths: bool
+) -> Surface | None:
+    """The surface at a site whose patch has this radius, NaN without one."""
+    patch = None if np.isnan(radius) else radius
+    with contextlib.suppress(InputError):
+        return surface_at(structure, point, direction, patch, lengths)
+    return None
+
+
+def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
+    """Relative error of the largest peak force by its law; None where it is not known."""
+    assert struck.peak_force is not None
+    assert struck.contact_time is not None
+    i = hardest(struck)
+    radius = np.nan if struck.radius is None else float(struck.radius[i])
+    own = _surface(structure, struck.points[i], struck.directions[i], radius, True)
+    try:
+        choice = chosen(PlaneOf(structure, own), struck.impactor)
+    except InputError:
+        return None
+    peak, contact_time = float(struck.peak_force[i]), float(struck.contact_time[i])
+    if choice.unknown or not (peak > 0 and contact_time > 0):
+        return None
+    return error_of_peak(choice, peak, contact_time)
 
 
 def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:

@@ -62,6 +62,9 @@ class ImpactMap(Completed):
         no material has a yield_strength.
     stress_points : (P, 3) where that is [m].
     stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
+    law_error : relative error of the largest peak force by the law of its contact and the range of
+        the yield strength; 0 where it does not yield; None where that is not known, or the law was
+        given.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : of the impacts, or None; the law on a flat face.
     laws : (P,) of the sites, where they differ from that; else None.
@@ -93,6 +96,7 @@ class ImpactMap(Completed):
     laws: Sequence[ContactLaw] | None = None
     duration: float | None = None
     stretched: BoolArray | None = None
+    law_error: float | None = None
 
     def __post_init__(self) -> None:
         if not self.doubtful.size:
@@ -199,6 +203,11 @@ class ImpactMap(Completed):
             stress = "" if self.peak_stress is None else " and the largest stress"
             rows.append(
                 f"{self.doubtful.sum()} doubtful sites are left out of k0, the peak forces{stress}"
+            )
+        if self.law_error:
+            rows.append(
+                f"the contact yields: the largest peak force may be off by {self.law_error:.0%} by "
+                "its law and the range of the yield strength"
             )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, of=self.peak_stress)

@@ -102,4 +102,44 @@ def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[Co
 def strain_rate(law: ElasticPlastic, raw: History) -> float:
     """Mean strain rate [1/s] of the first contact: Tabor's strain in half of its time."""
     start, end = raw.contacts[0]
-    return 2 * TABOR * sqrt(raw.deepest / law.radius) / (end - start)
+    return mean_strain_rate(law, raw.deepest, end - start)
+
+
+def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> float:
+    """Strain rate [1/s] of a contact with a largest indentation [m]."""
+    return 2 * TABOR * sqrt(depth / law.radius) / contact_time
+
+
+def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float:
+    """Relative error of a peak force [N] by its law, without another run.
+
+    The measured error of the law and of an ellipse, and what the least and the largest yield
+    strength make of the force at equal work of the contact; 0 where nothing yields.
+    """
+    law, soft = choice.law, choice.soft
+    if not isinstance(law, ElasticPlastic) or soft is None or peak <= law.yield_force:
+        return 0.0
+    depth = _depth(law, "force", peak)
+    work = law.loading_work(depth)
+    changes = [0.0]
+    for strength in soft.strengths_at(mean_strain_rate(law, depth, contact_time)):
+        other = replace(law, yield_strength=strength)
+        changes.append(abs(_force(other, _depth(other, "work", work)) / peak - 1))
+    return law.error_at(depth)[0] + choice.error + max(changes)
+
+
+def _force(law: ElasticPlastic, depth: float) -> float:
+    return law.force(depth, 0.0, law.touch(1.0))
+
+
+def _depth(law: ElasticPlastic, of: str, value: float) -> float:
+    """The indentation [m] at which the force [N] or the work [J] of loading has this value."""
+    from scipy.optimize import brentq
+
+    def beyond(depth: float) -> float:
+        return (_force(law, depth) if of == "force" else law.loading_work(depth)) - value
+
+    high = law.yield_indentation
+    while beyond(high) < 0:
+        high *= 4
+    return float(brentq(beyond, 0.0, high, xtol=1e-9 * high))

@@ -31,6 +31,7 @@ from antiosc_studies.drops.trajectory import (
     hung,
     impact_of,
     trajectory,
+    yielded,
 )
 
 if TYPE_CHECKING:
@@ -382,6 +383,14 @@ class Fall(Result):
     def contact_verdict(self) -> str:
         """That the contact itself yields, and what remains; "" if not, or unknown."""
         return self._contact_yield(range(len(self.groups)))
+
+    @cached_property
+    def law_error(self) -> float:
+        """Relative error of the largest force of a contact that yields, by its law and the range of
+        the yield strength; 0 where none yields at a point."""
+        floor = self.setting.floor
+        found = yielded(self.body, floor, self.episodes)
+        return max(found, key=lambda one: one.force).error(self.body, floor) if found else 0.0
 
     @cached_property
     def _lines(self) -> str:

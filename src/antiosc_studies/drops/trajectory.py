@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +13,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr, engineering
 from antiosc.contact import ContactLaw, ElasticPlastic, Hertz
+from antiosc.contact.choice import Choice
+from antiosc.contact.dent import Dent
 from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
+from antiosc.contact.surfaces import Matter, matter_of
 from antiosc.results.margin import HertzContact
 from antiosc.simulation.bodies import GRAVITY
+from antiosc.simulation.law_error import error_of_peak
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight, State
@@ -331,34 +337,80 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     """That a contact yields, and what remains; "" where none does, or it is not known."""
     if floor.layer is not None:
         return ""
-    dents, pressures = [], []
+    pressures = []
     for one in episodes:
         for line, forces in one.strongest().items():
             if told := yielding(body, floor, line, float(forces.sum())):
                 return told
-        peaks, depths = one.forces()[1].max(axis=0).tolist(), one.sunk().tolist()
-        for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
-            law = law_at(body, floor, i)
-            if isinstance(law, ElasticPlastic) and force > law.yield_force:
-                if (dent := one.history.contact_histories[k].dent) is not None:
-                    dents.append((dent, law, depths[k]))
-            elif force > 0 and (known := _elastic_contact(body, law, i, force)) is not None:
-                pressures.append(known)
-    if dents:
-        worst, law, depth = max(dents, key=lambda one: one[0].depth)
-        return f"the contact yields: {worst.text}; {_law_error(law, depth)}"
+        for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0).tolist(), strict=True):
+            known = _elastic_contact(body, law_at(body, floor, i), i, force) if force > 0 else None
+            pressures += [] if known is None else [known]
+    if dents := yielded(body, floor, episodes):
+        worst = max(dents, key=lambda one: one.dent.depth)
+        return f"the contact yields: {worst.dent.text}; {_law_error(worst, body, floor)}"
     return max(pressures, key=lambda one: one.share).warning() if pressures else ""
 
 
-def _law_error(law: ElasticPlastic, depth: float) -> str:
-    """How far the force by the law may be off at an indentation [m], in words."""
-    off = law.error_at(depth)[0]
-    told = f"the law's own error of that force is up to {off:.0%}"
-    if depth < DEEP * law.radius:
+class Yielded(NamedTuple):
+    """A contact that yielded: its law, largest force [N] and indentation [m], and its time [s]."""
+
+    dent: Dent
+    law: ElasticPlastic
+    force: float
+    depth: float
+    contact_time: float
+
+    def error(self, body: FreeBody, floor: Floor) -> float:
+        """Relative error of the force by its law and by the range of the yield strength."""
+        strength = self.law.yield_strength
+        soft = next((m for m in _matters(body, floor) if m.yield_strength == strength), None)
+        soft = soft or Matter(self.law.modulus, yield_strength=strength)
+        return error_of_peak(Choice(self.law, "", soft), self.force, self.contact_time)
+
+
+def yielded(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> list[Yielded]:
+    """The contacts at points that yielded."""
+    found = []
+    for one in episodes:
+        peaks, depths = one.forces()[1].max(axis=0).tolist(), one.sunk().tolist()
+        for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
+            law, history = law_at(body, floor, i), one.history.contact_histories[k]
+            if not isinstance(law, ElasticPlastic) or force <= law.yield_force:
+                continue
+            if (dent := history.dent) is not None:
+                start, end = max(history.contacts, key=lambda each: each[1] - each[0])
+                found.append(Yielded(dent, law, force, depths[k], end - start))
+    return found
+
+
+def _matters(body: FreeBody, floor: Floor) -> list[Matter]:
+    """What a part and the floor are made of, as far as it is known."""
+    parts = []
+    if body.structure is not None:
+        from antiosc.fem.assembly import with_parts  # needs dolfinx, as the structure does
+
+        with suppress(InputError):  # of matrices, which have no material
+            whole = with_parts(body.structure, "a fall")
+            parts = [part for member in whole.members() for part in member.part.parts]
+    found = [floor.face.matter]
+    for material, _ in parts:
+        with suppress(InputError):  # one with directions
+            if (matter := matter_of(material)) is not None:
+                found.append(matter)
+    return found
+
+
+def _law_error(worst: Yielded, body: FreeBody, floor: Floor) -> str:
+    """How far a force may be off by its law, in words."""
+    told = (
+        f"by the law and the range of the yield strength that force may be off by "
+        f"{worst.error(body, floor):.0%}"
+    )
+    if worst.depth < DEEP * worst.law.radius:
         return told
     return (
-        f"{told}, since it is pressed in by {engineering(depth, 'm')} where the radius is "
-        f"{engineering(law.radius, 'm')}: give corner_radius= of corners that are blunter"
+        f"{told}, since it is pressed in by {engineering(worst.depth, 'm')} where the radius is "
+        f"{engineering(worst.law.radius, 'm')}: give corner_radius= of corners that are blunter"
     )
 
 
