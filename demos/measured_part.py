@@ -21,7 +21,8 @@ BEAM = closed_form.UniformBeam.timoshenko(
     E=210e9, nu=0.3, rho=7850.0, area=4e-4, inertia=1.33e-8, length=0.5
 )
 SENSOR, DAMPING = 2e-3, 0.006
-BALL, LAW = ao.RigidMass(0.05, velocity=1.0), ao.Hertz(2e9)
+BALL = ao.RigidMass(0.05, velocity=1.0, tip_radius=0.01, material="POM")
+STEEL, END = "steel S355", 6e-4
 
 
 def main(
@@ -41,16 +42,17 @@ def main(
     modes = truth.modal()
     part = ao.SiteModes(modes.omega, modes.b[:, None], ["eye"], decay=DAMPING * modes.omega)
     measure(part, top, noise, lines, out)
-    scene = ao.Scene({"bar": part, "ball": BALL}, [ao.Contact("bar:eye", "ball", LAW)])
-    true = scene.run(4e-4, tol=1e-5)["bar:eye", "ball"]
-    t = np.linspace(0.0, 4e-4, 400)
+    law = ao.contact_between(BALL, STEEL)
+    scene = ao.Scene({"bar": part, "ball": BALL}, [ao.Contact("bar:eye", "ball", law)])
+    true = scene.run(END, tol=1e-5)["bar:eye", "ball"]
+    t = np.linspace(0.0, END, 400)
     spread = 0.01 * true.peak_force * np.random.default_rng(1).standard_normal(400)
     force = np.interp(t, true.time, true.force) + spread
     np.savetxt(out / "force.csv", np.column_stack([t, force]), header="time, force", delimiter=",")
 
     frf = ao.read_frf(out / "hammer.csv", quantity="accelerance")
-    model = ao.from_frf(frf, band=(20, top), sensor_mass=SENSOR)
-    hit = ao.simulate(model, BALL, LAW, duration=4e-4)
+    model = ao.from_frf(frf, band=(20, top), sensor_mass=SENSOR).with_surface(STEEL)
+    hit = ao.simulate(model, BALL, duration=END)
     over = ao.compare(hit, out / "force.csv")
     print(hit.summary())
     print(hit.error_budget)

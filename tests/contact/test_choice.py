@@ -183,6 +183,27 @@ def test_everything_that_strikes_takes_the_same_law(tmp_path):
     assert drawn.values["peak_force"][0] == pytest.approx(hit.peak_force, rel=1e-3)
 
 
+@pytest.mark.parametrize("radius", [inf, 0.02])
+def test_a_model_without_a_mesh_takes_a_material(tmp_path, radius):
+    striker = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    struck = model(None).with_surface("6061", radius)
+    law = ao.simulate(struck, striker, duration=2e-3).law
+    assert (
+        law
+        == choose(ball(ALLOY, radius) if radius < inf else Surface(ALLOY), striker.surface()).law
+    )
+    struck.save(tmp_path / "model.npz")
+    again = ao.AntiOscillators.load(tmp_path / "model.npz")
+    assert ao.simulate(again, striker, duration=2e-3).law == law
+    several = ao.AntiOscillators(
+        m0=np.eye(2), k0=1e6 * np.eye(2), P=np.zeros((2, 0)), omega=[], sites=("a", "b")
+    ).with_surface("6061", radius)
+    assert ao.Scene({"x": several, "y": striker}, [ao.Contact("x:b", "y")]).contacts[0].law == law
+    for wrong in ({"material": None}, {"material": "6061", "radius": 0.0}):
+        with pytest.raises(ao.InputError):
+            struck.with_surface(**wrong)
+
+
 def budgets():
     """The budgets of a blow: all known, no strength, a law of the caller's, and no yield."""
     errors = np.diag([1e3, 1e3, 1e3])

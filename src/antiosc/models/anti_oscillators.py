@@ -17,6 +17,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import ReprMixin, engineering
+from antiosc.contact.curvature import CURVED
+from antiosc.contact.surfaces import Surface, matter_of
 from antiosc.models import model_file, parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
 from antiosc.models.damping import DampingMatrix, in_coordinates
@@ -243,6 +246,31 @@ class AntiOscillators(ReprMixin, Parameters):
             )
         at_rest = np.zeros((*x.shape[:-1], size + hidden - x.shape[-1]))
         return self.free_modes.field(np.concatenate((x, at_rest), axis=-1))
+
+    def with_surface(self, material: object, radius: float = inf) -> AntiOscillators:
+        """This model with a material at its sites, from which `contact="auto"` takes the law.
+
+        For a model that no mesh gave a surface: measured, from matrices, in closed form.
+
+        Parameters
+        ----------
+        material : a name, or a `Solid`.
+        radius : of the surface where it is struck [m]; inf: a flat face.
+
+        Raises
+        ------
+        InputError
+            A name that is not known, a material with directions, a radius that is not positive.
+        """
+        matter = matter_of(material)
+        if matter is None:
+            raise InputError("material must be a name or a Solid; got None.")
+        surface = Surface(matter)
+        if not checks.is_infinite(radius):
+            bent = 1 / checks.positive("radius", radius, "m")
+            surface = Surface(matter, (bent, bent), kind=CURVED)
+        known = dict.fromkeys(self.sites or ("",), surface.as_dict())
+        return replace(self, info=replace(self.info, surfaces=known))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Dynamic stiffness and masses as a matplotlib figure; see `plotting.plot_model`.

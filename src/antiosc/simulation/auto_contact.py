@@ -43,8 +43,9 @@ def _surface(body: object, site: str) -> Surface:
             )
         raise InputError(
             f'contact="auto" needs the material and the curvature of both surfaces, and those of '
-            f"the {type(body).__name__} are not known: extract it from a mesh, give the striker "
-            "material= and tip_radius=, or give the law, as Hertz(stiffness)."
+            f"the {type(body).__name__} are not known: extract it from a mesh, take "
+            "model.with_surface(material), give the striker material= and tip_radius=, or give the "
+            "law, as Hertz(stiffness)."
         )
     return found
 
