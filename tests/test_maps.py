@@ -137,7 +137,6 @@ def test_impacts_are_single_impacts(steel):
         assert result.peak_deflection[i] == pytest.approx(hit.displacement.max(), rel=1e-3)
 
 
-@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
 @pytest.mark.parametrize("name", ["aluminium 6061-T6", "titanium grade 2"])
 def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name):
     """Without a run for each cause, against the row "law" of a single impact."""
@@ -157,6 +156,7 @@ def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name):
     assert ao.impact_map(part, points, ball, ao.Hertz(7e9), **given).law_error is None
 
 
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
 def test_the_blow_says_how_many_modes_and_anti_oscillators_a_sheet_needs():
     groups = {"left": (1, lambda x: np.isclose(x[0], 0))}
     sheet = ao.Structure(
