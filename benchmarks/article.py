@@ -32,7 +32,7 @@ from article_beam import (
 
 import antiosc as ao
 from antiosc.base import files
-from antiosc.closed_form import UniformBeam, pinned_free, pinned_pinned
+from antiosc.models.closed_form import UniformBeam, pinned_free, pinned_pinned
 
 PAGE = Path(__file__).resolve().parent / "ARTICLE.md"
 PRINTED = {"case 1": (15.15e-3, 15.25e-3), "case 2": (2.45e-3, 2.55e-3)}  # 15.2 and 2.5 ms

@@ -19,7 +19,7 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.closed_form import BeamModes, StruckBeam, UniformBeam
+from antiosc.models.closed_form import BeamModes, StruckBeam, UniformBeam
 
 Floats = NDArray[np.float64]
 

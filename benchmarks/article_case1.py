@@ -41,7 +41,7 @@ from article_beam import (
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.closed_form import pinned_free
+from antiosc.models.closed_form import pinned_free
 
 COUNTS = (5, 10, 20, 35, 50, 70, 90, 120, 160)
 

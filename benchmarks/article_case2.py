@@ -40,7 +40,7 @@ from article_beam import (
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.closed_form import pinned_pinned
+from antiosc.models.closed_form import pinned_pinned
 
 COUNTS = (4, 6, 9, 12, 15, 20, 30, 45, 70, 100, 140)
 FE_COUNTS = tuple(range(3, 50))

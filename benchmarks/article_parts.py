@@ -20,7 +20,7 @@ import numpy as np
 from article_beam import AREA, HERTZ, LENGTH, MASS, NU, RHO, E, analytic, corrected, lasted, show
 
 import antiosc as ao
-from antiosc.closed_form import pinned_free, pinned_pinned
+from antiosc.models.closed_form import pinned_free, pinned_pinned
 
 HEIGHT = AREA**0.5
 TIP = 0.99  # of the length: a patch needs a surface around it

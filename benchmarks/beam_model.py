@@ -25,8 +25,8 @@ from fidelity import power
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.simulation.histories.parts import QUANTITIES, differences
-from antiosc.striking.advice import advise
+from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.strikes.advice import advise
 
 #: Of all bars, m; radius of the solid's patch over the smaller side.
 HEIGHT, PATCH = 0.01, 0.3

@@ -34,7 +34,7 @@ from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.compliance import compliances
 from antiosc.fem.linalg.petsc_algebra import csr, lower, with_entries
 from antiosc.fem.linalg.solver_choice import Distributed, Substructures, interface
-from antiosc.fem.site.map_sites import sites_of
+from antiosc.reduce.site.map_sites import sites_of
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

@@ -26,7 +26,7 @@ from scipy.integrate import simpson, solve_ivp
 import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "demos"))

@@ -29,11 +29,11 @@ import options
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.contact.choice import choose
-from antiosc.contact.surfaces import Surface, matter_of
-from antiosc.simulation.march.convergence import converge
-from antiosc.simulation.two_bodies import Impact, ImpactRows
+from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.surfaces import Surface, matter_of
+from antiosc.engine.convergence import converge
+from antiosc.impact.two_bodies import Impact, ImpactRows
+from antiosc.models.closed_form import UniformBeam, pinned_pinned
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 HERTZ, DURATION, TOL = 1.55e10, 4e-3, 1e-3

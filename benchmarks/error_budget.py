@@ -31,11 +31,11 @@ from random_parts import Case, drawn, geometry
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.fem.error import bisection
-from antiosc.fem.error.model_errors import estimator
-from antiosc.fem.error.remeshing import source_of
-from antiosc.simulation.error_budget import amplitudes
-from antiosc.simulation.histories.parts import QUANTITIES, differences
+from antiosc.impact.error_budget import amplitudes
+from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.reduce.error import bisection
+from antiosc.reduce.error.model_errors import estimator
+from antiosc.reduce.error.remeshing import source_of
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Error of a reference over that of the mesh, and its largest one (shares of the energy), by

@@ -3,7 +3,7 @@
 All are clamped at their ends and struck in the middle, by a large sphere or by a small one.
 Printed for each model: dofs, seconds, compliance (a solid's without what its patch has of a
 half-space), the first anti-oscillators, peak force, contact time, and the error of the force
-history against the solid's. Then what `antiosc.striking.advice` says from the dimensions alone.
+history against the solid's. Then what `antiosc.strikes.advice` says from the dimensions alone.
 
     .venv/bin/python benchmarks/fidelity.py --help
 """
@@ -24,7 +24,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc import plotting
 from antiosc.fem.platform import compat
-from antiosc.striking.advice import advise
+from antiosc.strikes.advice import advise
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

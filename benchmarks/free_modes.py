@@ -29,9 +29,9 @@ from slepc4py import SLEPc
 
 import antiosc as ao
 from antiosc.base.process import one_thread
-from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.maps import impact_map as maps
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.strikes import impact_map as maps
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

@@ -17,8 +17,7 @@ import numpy as np
 
 import antiosc as ao
 from antiosc import closed_form
-from antiosc.base import march
-from antiosc.simulation.march import engine
+from antiosc.engine import library, march
 from antiosc_studies.gradients.goals import recorded, seeds
 
 SIZES = (5, 20, 60)
@@ -80,13 +79,13 @@ def difference(
 def costs(hit: Any, blow: tuple[Any, ...], goal: str, repeats: int) -> list[float]:
     """Seconds of `aom_solve`, `aom_gradient`, `simulate` and `gradient`."""
     found = recorded(hit)
-    options = march.Options(blow[-1], 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
+    options = library.Options(blow[-1], 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
     wanted = seeds(found, goal, 0, None)
     places = wanted.arrays(2 * found.system.omega.size + 1)
     given = (found.system, found.run, found.states(), *places, wanted.force, wanted.time)
     calls: list[Callable[[], float]] = [
-        lambda: in_library("aom_solve", engine.solve, found.system, options),
-        lambda: in_library("aom_gradient", engine.gradient, *given),
+        lambda: in_library("aom_solve", march.solve, found.system, options),
+        lambda: in_library("aom_gradient", march.gradient, *given),
         lambda: timed(ao.simulate, *blow),
         lambda: timed(ao.gradient, hit, goal),
     ]
@@ -106,22 +105,22 @@ def in_library(name: str, call: Callable[..., Any], *given: Any) -> float:
 
     class Library:
         def __getattr__(self, asked: str) -> Any:
-            function = getattr(library, asked)
+            function = getattr(plain, asked)
             return counted if asked == name else function
 
     def counted(*arguments: Any) -> Any:
         nonlocal spent
         began = time.perf_counter()
-        answer = getattr(library, name)(*arguments)
+        answer = getattr(plain, name)(*arguments)
         spent += time.perf_counter() - began
         return answer
 
-    library = march.library
-    march.library = Library()  # type: ignore[assignment]
+    plain = library.library
+    library.library = Library()  # type: ignore[assignment]
     try:
         call(*given)
     finally:
-        march.library = library
+        library.library = plain
     return spent
 
 

@@ -29,7 +29,7 @@ PLACES = {
     ),
     "antiosc/": ("src/antiosc",),
     "fem/": ("src/antiosc/fem",),
-    "simulation/": ("src/antiosc/simulation",),
+    "simulation/": ("src/antiosc/impact",),
 }
 
 

@@ -28,10 +28,11 @@ from scipy.spatial import cKDTree
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.recovery import Place
-from antiosc.fem.site import Reach, functional
+from antiosc.fem.mesh.reach import Reach
+from antiosc.recovery import mesh_fields
+from antiosc.recovery.place import Place
+from antiosc.reduce.site import functional
 
 ROOT = Path(__file__).resolve().parent.parent
 #: The points that are compared lie on the part.

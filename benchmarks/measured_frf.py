@@ -26,10 +26,10 @@ import scipy.linalg
 
 import antiosc as ao
 from antiosc.base._types import Array
-from antiosc.closed_form import StruckBeam, UniformBeam
+from antiosc.impact.error_budget import pulse_time
+from antiosc.impact.histories.parts import QUANTITIES
 from antiosc.models.body import Body, ModalModel
-from antiosc.simulation.error_budget import pulse_time
-from antiosc.simulation.histories.parts import QUANTITIES
+from antiosc.models.closed_form import StruckBeam, UniformBeam
 
 #: Steel.
 E, NU, RHO = 210e9, 0.3, 7850.0

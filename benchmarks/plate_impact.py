@@ -22,8 +22,8 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.closed_form import zener
-from antiosc.closed_form.plates import SupportedPlate
+from antiosc.models.closed_form import zener
+from antiosc.models.closed_form.plates import SupportedPlate
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}

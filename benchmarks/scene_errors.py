@@ -22,8 +22,8 @@ import options
 from fuzz_scenes import law
 
 import antiosc as ao
-from antiosc.closed_form import UniformBeam, cantilever, pinned_pinned
-from antiosc.simulation.march.convergence import difference
+from antiosc.engine.convergence import difference
+from antiosc.models.closed_form import UniformBeam, cantilever, pinned_pinned
 
 FINER = 100.0
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)

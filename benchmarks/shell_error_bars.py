@@ -27,14 +27,14 @@ import numpy as np
 import options
 
 import antiosc as ao
-from antiosc.fem.error.bisection import refined
-from antiosc.simulation.error_budget import (
+from antiosc.impact.error_budget import (
     COARSE_SHELL,
     SAFETY,
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.simulation.histories.parts import FLOOR, QUANTITIES, differences
+from antiosc.impact.histories.parts import FLOOR, QUANTITIES, differences
+from antiosc.reduce.error.bisection import refined
 
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
 PLY = ao.Layer(130e9, 9e9, 0.3, 5e9, 5e9, 3.5e9, 1600.0, 1e-3)

@@ -37,8 +37,8 @@ from speed_tables import plot, tables
 import antiosc as ao
 from antiosc.base import files
 from antiosc.fem.linalg.compliance import compliances
-from antiosc.fem.site.map_sites import sites_of
 from antiosc.models.driving_point import stiffness_error
+from antiosc.reduce.site.map_sites import sites_of
 
 #: A measurement in a process of its own.
 _apart = partial(options.apart, __file__)

@@ -19,8 +19,8 @@ import antiosc as ao
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import factorize
-from antiosc.fem.site import functional
-from antiosc.simulation.assembly import without_patch
+from antiosc.impact.assembly import without_patch
+from antiosc.reduce.site import functional
 
 #: steps a contact of the integrators with a fixed step; the beam's contact has many sub-impacts
 STEPS = {

@@ -29,7 +29,7 @@ import antiosc as ao
 from antiosc.fem.assembly import layout
 from antiosc.fem.assembly.joint import Held, Rows
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 
 Array = NDArray[np.float64]
 T = TypeVar("T")

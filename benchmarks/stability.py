@@ -7,7 +7,7 @@ mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light
 impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
 the error of the force over the step, finely, for a heavy mass on a soft structure whose light
 residual mass has its mode far above the others: the exact method has windows of steps in which
-the contact drives that mode, shaded where `antiosc.simulation.march.stability` predicts them.
+the contact drives that mode, shaded where `antiosc.engine.stability` predicts them.
 
 Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
 than 10 % in the L2 norm); diverged; and the seconds tell where a method only gets slow.
@@ -33,12 +33,13 @@ from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base import files, march
-from antiosc.closed_form import pinned_pinned
-from antiosc.simulation.assembly import stiffness_at
-from antiosc.simulation.march.convergence import difference
-from antiosc.simulation.march.stability import margin
-from antiosc.simulation.two_bodies import Impact, assemble_pair
+from antiosc.base import files
+from antiosc.engine import library
+from antiosc.engine.convergence import difference
+from antiosc.engine.stability import margin
+from antiosc.impact.assembly import stiffness_at
+from antiosc.impact.two_bodies import Impact, assemble_pair
+from antiosc.models.closed_form import pinned_pinned
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.
@@ -112,7 +113,7 @@ def attempt(scene: Scene, truth: ao.History, method: str, h: float) -> dict[str,
     drift = hit.energy.drift
     top = float(hit.assembly.system.omega.max())
     kind = "good"
-    if hit.run.answer == march.GREW:
+    if hit.run.answer == library.GREW:
         kind = "diverged"
     elif not error <= 0.1:
         kind = "wrong"

@@ -11,7 +11,7 @@ from stability_scenes import Scene, stable_steps
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.simulation.reference import SCENE_STEPS
+from antiosc.impact.reference import SCENE_STEPS
 
 METHODS = ("exact", *SCENE_STEPS)
 CLASSES = ("good", "energy", "wrong", "diverged")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import antiosc as ao
-from antiosc.closed_form import UniformBeam
+from antiosc.models.closed_form import UniformBeam
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 STRIKER = ao.RigidMass(0.24, 0.01)

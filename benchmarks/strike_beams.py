@@ -19,8 +19,8 @@ import numpy as np
 import options
 
 import antiosc as ao
-from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.simulation.histories.parts import QUANTITIES, differences
+from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.models.closed_form import StruckBeam, UniformBeam
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Anti-oscillators and error of the time steps of the truth.

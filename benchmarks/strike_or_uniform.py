@@ -29,9 +29,9 @@ from strike_scenes import SCENES, Scene
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base.charts import few_log_ticks
-from antiosc.fem.error.remeshing import source_of
-from antiosc.simulation.histories.parts import differences
+from antiosc.impact.histories.parts import differences
+from antiosc.plot.charts import few_log_ticks
+from antiosc.reduce.error.remeshing import source_of
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)

@@ -20,7 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 
 import antiosc as ao
-from antiosc.fem.extraction.stretching import with_stretch
+from antiosc.reduce.extraction.stretching import with_stretch
 from full_second_order import Full
 from sheets import sheet
 from von_karman import Disc

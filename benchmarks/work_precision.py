@@ -34,9 +34,9 @@ import options
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files
-from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.simulation.march.convergence import difference
-from antiosc.simulation.reference import SCENE_STEPS
+from antiosc.engine.convergence import difference
+from antiosc.impact.reference import SCENE_STEPS
+from antiosc.models.closed_form import UniformBeam, pinned_pinned
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)

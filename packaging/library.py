@@ -40,7 +40,7 @@ WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 
 
 def source_hash() -> str:
-    """What `antiosc.base.march.source_hash` gives."""
+    """What `antiosc.engine.library.source_hash` gives."""
     text = hashlib.sha256()
     for path in sorted(SOURCE.rglob("*.[ch]")):
         text.update(path.read_bytes().replace(b"\r\n", b"\n"))

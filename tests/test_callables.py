@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.truncation import truncation_error
+from antiosc.impact.truncation import truncation_error
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1], omega=[1e3])
 INPUTS = {"k": ao.normal(1.0, 0.1)}

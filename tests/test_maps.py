@@ -20,12 +20,12 @@ import meshio
 import antiosc as ao
 import parts
 from antiosc.base.texts import engineering
-from antiosc.fem.site import functional
-from antiosc.fem.site.map_sites import sites_of, surface
-from antiosc.fem.site.sites import located
-from antiosc.maps import impact_map as maps
-from antiosc.maps.results import hardest
 from antiosc.models.driving_point import stiffness_error
+from antiosc.reduce.site import functional
+from antiosc.reduce.site.map_sites import sites_of, surface
+from antiosc.reduce.site.sites import located
+from antiosc.strikes import impact_map as maps
+from antiosc.strikes.map_results import hardest
 from antiosc_app import live as verdict, live_meshes as sites
 from antiosc_app.live import headline_of_map
 from antiosc_app.results import presentations

@@ -4,7 +4,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import materials, plausible
-from antiosc.contact.surfaces import Surface, ball
+from antiosc.engine.contact.surfaces import Surface, ball
 from antiosc_app.cli import main
 
 ALL = materials.names()

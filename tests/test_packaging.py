@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
+from antiosc.engine import library
 from paths import ROOT
 
 PROGRAM = """
@@ -32,12 +32,12 @@ def test_a_library_that_is_missing_damaged_or_of_other_sources_is_refused(tmp_pa
     damaged = tmp_path / "damaged.so"
     damaged.write_bytes(b"no library")
     with pytest.raises(ao.MissingDependencyError, match="missing"):
-        march.load(tmp_path / "none.so")
+        library.load(tmp_path / "none.so")
     with pytest.raises(ao.MissingDependencyError, match="cannot be loaded"):
-        march.load(damaged)
+        library.load(damaged)
     (tmp_path / "antiosc_march.h").write_text("changed")
     with pytest.raises(ao.MissingDependencyError, match="make"):
-        march.load(source=tmp_path)
+        library.load(source=tmp_path)
 
 
 @pytest.mark.slow

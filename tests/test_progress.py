@@ -91,7 +91,7 @@ def test_a_notebook_shows_what_is_done_and_how_long_it_took(monkeypatch):
 @pytest.mark.parametrize("backend", ["agg", "module://matplotlib_inline.backend_inline"])
 def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from antiosc.base import charts
+    from antiosc.plot import charts
 
     told: list[bool] = []
     pyplot.switch_backend("agg")
@@ -107,7 +107,7 @@ def test_a_figure_that_a_cell_returns_is_not_known_to_pyplot_too(backend, monkey
 def test_a_notebook_draws_the_figure_of_its_first_cell(monkeypatch):
     """pyplot tells it how after that cell only, which would show the name of the figure."""
     matplotlib = pytest.importorskip("matplotlib.figure")
-    from antiosc.base import charts
+    from antiosc.plot import charts
 
     formatters: dict[str, set[object]] = {"image/png": set()}
     shell = SimpleNamespace(display_formatter=SimpleNamespace(formatters=formatters))

@@ -13,10 +13,10 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.simulation.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
-from antiosc.striking import strike as striking
-from antiosc.striking.strike import LEAST_SHARE, Answer, compared
+from antiosc.impact.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.models.closed_form import StruckBeam, UniformBeam
+from antiosc.strikes import strike as striking
+from antiosc.strikes.strike import LEAST_SHARE, Answer, compared
 from mpi import one_and_several
 from parts import STEEL, line, plate
 

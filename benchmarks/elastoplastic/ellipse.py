@@ -23,7 +23,7 @@ from half_space import Case, Pressed, Strains, graded
 from truth import DEPTH, HEAD, replaced, widest
 
 import antiosc as ao
-from antiosc.contact.geometry import _ellipse, equivalent_circle
+from antiosc.engine.contact.geometry import _ellipse, equivalent_circle
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
 
 PATH = Path(__file__).parent / "ellipse.csv"

@@ -17,8 +17,8 @@ from curves import Curves, curves
 from truth import CASES
 
 import antiosc as ao
-from antiosc.contact.choice import choose
-from antiosc.contact.surfaces import Matter, Surface, ball, matter_of
+from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.surfaces import Matter, Surface, ball, matter_of
 
 PAIRS = (
     ("aluminium 6061-T6", "100Cr6"), ("aluminium 2024-T3", "glass, soda-lime"),

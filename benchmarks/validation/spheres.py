@@ -11,7 +11,7 @@ from frequencies import meshed, quadrilateral
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.closed_form import SupportedPlate, zener
+from antiosc.models.closed_form import SupportedPlate, zener
 
 
 def hertz(picture: Path) -> list[Row]:

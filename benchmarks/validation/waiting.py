@@ -11,7 +11,7 @@ from case import Waiting
 from frequencies import meshed, quadrilateral
 
 import antiosc as ao
-from antiosc.closed_form import (
+from antiosc.models.closed_form import (
     SupportedPlate,
     UniformBeam,
     free_free,

@@ -15,7 +15,14 @@ __version__ = "0.1.0"
 
 _MODULES = lazily.listed(__file__)
 #: Modules that need the finite-element packages, or whose functions do.
-_MESHED = ("antiosc.fem", "antiosc.maps", "antiosc.results", "antiosc.striking", "antiosc_studies")
+_MESHED = (
+    "antiosc.fem",
+    "antiosc.recovery",
+    "antiosc.reduce",
+    "antiosc.fields",
+    "antiosc.strikes",
+    "antiosc_studies",
+)
 #: Modules with names that `dir` leaves out here, but for these common ones.
 _NAMESPACES = ("errors", "joints", "laws", "results")
 _COMMON = {"Bolt", "ElasticPlastic", "Hertz", "Linear", "Tie"}

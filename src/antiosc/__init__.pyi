@@ -26,21 +26,17 @@ from antiosc.base.stresses import (
     tsai_hill as tsai_hill,
     von_mises as von_mises,
 )
-from antiosc.closed_form.soil import (
-    SoilCone as SoilCone,
-    soil_cone as soil_cone,
-)
-from antiosc.contact.base import (
+from antiosc.engine.contact.base import (
     ContactLaw as ContactLaw,
 )
-from antiosc.contact.dent import (
+from antiosc.engine.contact.dent import (
     Dent as Dent,
 )
-from antiosc.contact.geometry import (
+from antiosc.engine.contact.geometry import (
     ContactStress as ContactStress,
     contact_stress as contact_stress,
 )
-from antiosc.contact.laws import (
+from antiosc.engine.contact.laws import (
     ElasticPlastic as ElasticPlastic,
     Flores as Flores,
     Gonthier as Gonthier,
@@ -54,6 +50,9 @@ from antiosc.contact.laws import (
     TanSun as TanSun,
     Thornton as Thornton,
     YangSun as YangSun,
+)
+from antiosc.engine.damping import (
+    DampingMatrix as DampingMatrix,
 )
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
@@ -94,15 +93,6 @@ from antiosc.fem.elements.solid import (
     AnisotropicSolid as AnisotropicSolid,
     Solid as Solid,
 )
-from antiosc.fem.extraction.extract import (
-    extract as extract,
-)
-from antiosc.fem.extraction.superposition import (
-    StructureModes as StructureModes,
-    full as full,
-    natural_modes as natural_modes,
-    superposition as superposition,
-)
 from antiosc.fem.mesh import (
     Mesh as Mesh,
 )
@@ -113,9 +103,6 @@ from antiosc.fem.mesh.reading import (
 from antiosc.fem.prestress import (
     Prestress as Prestress,
     Spin as Spin,
-)
-from antiosc.fem.site import (
-    Site as Site,
 )
 from antiosc.fem.structure import (
     Placement as Placement,
@@ -132,11 +119,82 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
-from antiosc.maps.impact_map import (
-    impact_map as impact_map,
+from antiosc.fields.fields import (
+    Reactions as Reactions,
+    reactions as reactions,
+    save_fields as save_fields,
+    write_series as write_series,
 )
-from antiosc.maps.results import (
-    ImpactMap as ImpactMap,
+from antiosc.fields.margin import (
+    Margin as Margin,
+)
+from antiosc.fields.peaks import (
+    PeakField as PeakField,
+    peak_field as peak_field,
+)
+from antiosc.fields.pictures import (
+    SavedFields as SavedFields,
+)
+from antiosc.fields.prestressed import (
+    PrestressedState as PrestressedState,
+)
+from antiosc.fields.probe import (
+    probe as probe,
+    strain_gauge as strain_gauge,
+)
+from antiosc.fields.spectra import (
+    ShockSpectrum as ShockSpectrum,
+    Spectrum as Spectrum,
+    spectrum as spectrum,
+    srs as srs,
+)
+from antiosc.impact.batch import (
+    Batch as Batch,
+    simulate_many as simulate_many,
+    sweep as sweep,
+)
+from antiosc.impact.bodies import (
+    IMPACTORS as IMPACTORS,
+    Impactor as Impactor,
+    NamedImpactor as NamedImpactor,
+    Obstacle as Obstacle,
+    RigidBody as RigidBody,
+    RigidMass as RigidMass,
+    Sphere as Sphere,
+    named_impactor as named_impactor,
+)
+from antiosc.impact.histories import (
+    BodyEnergy as BodyEnergy,
+    History as History,
+    SceneHistory as SceneHistory,
+    body_energy as body_energy,
+    vibration_share as vibration_share,
+)
+from antiosc.impact.histories.energy import (
+    Energy as Energy,
+)
+from antiosc.impact.histories.parts import (
+    BodyHistory as BodyHistory,
+    ContactHistory as ContactHistory,
+)
+from antiosc.impact.histories.results import (
+    SavedHistory as SavedHistory,
+)
+from antiosc.impact.scene import (
+    Scene as Scene,
+    simulate as simulate,
+)
+from antiosc.impact.scene_parts import (
+    Base as Base,
+    Contact as Contact,
+    Load as Load,
+)
+from antiosc.impact.truncation import (
+    choose_n as choose_n,
+    truncation_error as truncation_error,
+)
+from antiosc.impact.two_bodies import (
+    impact_band as impact_band,
 )
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
@@ -145,8 +203,9 @@ from antiosc.models.body import (
     LinearBody as LinearBody,
     resolved_frequency as resolved_frequency,
 )
-from antiosc.models.damping import (
-    DampingMatrix as DampingMatrix,
+from antiosc.models.closed_form.soil import (
+    SoilCone as SoilCone,
+    soil_cone as soil_cone,
 )
 from antiosc.models.free_modes import (
     from_free_modes as from_free_modes,
@@ -164,88 +223,29 @@ from antiosc.models.motion import (
     ModalState as ModalState,
     Motion as Motion,
 )
-from antiosc.results.fields import (
-    Reactions as Reactions,
-    reactions as reactions,
-    save_fields as save_fields,
-    write_series as write_series,
+from antiosc.reduce.extraction.extract import (
+    extract as extract,
 )
-from antiosc.results.margin import (
-    Margin as Margin,
+from antiosc.reduce.extraction.superposition import (
+    StructureModes as StructureModes,
+    full as full,
+    natural_modes as natural_modes,
+    superposition as superposition,
 )
-from antiosc.results.peaks import (
-    PeakField as PeakField,
-    peak_field as peak_field,
+from antiosc.reduce.site import (
+    Site as Site,
 )
-from antiosc.results.pictures import (
-    SavedFields as SavedFields,
-)
-from antiosc.results.prestressed import (
-    PrestressedState as PrestressedState,
-)
-from antiosc.results.probe import (
-    probe as probe,
-    strain_gauge as strain_gauge,
-)
-from antiosc.results.spectra import (
-    ShockSpectrum as ShockSpectrum,
-    Spectrum as Spectrum,
-    spectrum as spectrum,
-    srs as srs,
-)
-from antiosc.simulation.batch import (
-    Batch as Batch,
-    simulate_many as simulate_many,
-    sweep as sweep,
-)
-from antiosc.simulation.bodies import (
-    IMPACTORS as IMPACTORS,
-    Impactor as Impactor,
-    NamedImpactor as NamedImpactor,
-    Obstacle as Obstacle,
-    RigidBody as RigidBody,
-    RigidMass as RigidMass,
-    Sphere as Sphere,
-    named_impactor as named_impactor,
-)
-from antiosc.simulation.histories import (
-    BodyEnergy as BodyEnergy,
-    History as History,
-    SceneHistory as SceneHistory,
-    body_energy as body_energy,
-    vibration_share as vibration_share,
-)
-from antiosc.simulation.histories.energy import (
-    Energy as Energy,
-)
-from antiosc.simulation.histories.parts import (
-    BodyHistory as BodyHistory,
-    ContactHistory as ContactHistory,
-)
-from antiosc.simulation.histories.results import (
-    SavedHistory as SavedHistory,
-)
-from antiosc.simulation.scene import (
-    Scene as Scene,
-    simulate as simulate,
-)
-from antiosc.simulation.scene_parts import (
-    Base as Base,
-    Contact as Contact,
-    Load as Load,
-)
-from antiosc.simulation.truncation import (
-    choose_n as choose_n,
-    truncation_error as truncation_error,
-)
-from antiosc.simulation.two_bodies import (
-    impact_band as impact_band,
-)
-from antiosc.striking.advice import (
+from antiosc.strikes.advice import (
     Advice as Advice,
     advise as advise,
 )
-from antiosc.striking.strike import (
+from antiosc.strikes.impact_map import (
+    impact_map as impact_map,
+)
+from antiosc.strikes.map_results import (
+    ImpactMap as ImpactMap,
+)
+from antiosc.strikes.strike import (
     strike as strike,
 )
 from antiosc_app.export import (

@@ -1,16 +1,16 @@
 # Names of this module, for type checkers and for the module itself.
 
-from antiosc.contact.base import (
+from antiosc.engine.contact.base import (
     ContactLaw as ContactLaw,
 )
-from antiosc.contact.dent import (
+from antiosc.engine.contact.dent import (
     Dent as Dent,
 )
-from antiosc.contact.geometry import (
+from antiosc.engine.contact.geometry import (
     ContactStress as ContactStress,
     contact_stress as contact_stress,
 )
-from antiosc.contact.laws import (
+from antiosc.engine.contact.laws import (
     ElasticPlastic as ElasticPlastic,
     Flores as Flores,
     Gonthier as Gonthier,

@@ -17,10 +17,10 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
 from antiosc.base.texts import engineering
-from antiosc.simulation.bodies import GRAVITY
-from antiosc.simulation.reference import FIRST_STEPS
-from antiosc.simulation.scene import DEFAULT_TOL
-from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
+from antiosc.impact.bodies import GRAVITY
+from antiosc.impact.reference import FIRST_STEPS
+from antiosc.impact.scene import DEFAULT_TOL
+from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -232,7 +232,7 @@ def _of_model(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     if "band" in asked:
         until = engineering(asked["band"], "Hz")
         return [("anti-oscillators", f"as many as needed up to {until}")]
-    from antiosc.fem.extraction.extract import DEFAULT_COUNT
+    from antiosc.reduce.extraction.extract import DEFAULT_COUNT
 
     n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
@@ -252,7 +252,7 @@ def _of_fall(asked: Table) -> list[tuple[str, str]]:
 
 def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("simulate", {})
-    from antiosc.fem.site.surface import PlaneOf
+    from antiosc.reduce.site.surface import PlaneOf
 
     rows = []
     if "strike" in scene.document.data:

@@ -19,15 +19,15 @@ import numpy as np
 from antiosc import __version__
 from antiosc.base import checks, files
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.contact import ContactLaw, Linear
+from antiosc.engine.contact import ContactLaw, Linear
+from antiosc.impact.auto_contact import AUTO, AnyLaw, is_auto, law_of
+from antiosc.impact.bodies import RigidMass, Sphere
+from antiosc.impact.scene import Scene, simulate
+from antiosc.impact.scene_parts import Contact, SceneParts
+from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.motion import Motion
-from antiosc.simulation.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.simulation.bodies import RigidMass, Sphere
-from antiosc.simulation.scene import Scene, simulate
-from antiosc.simulation.scene_parts import Contact, SceneParts
-from antiosc.simulation.two_bodies import BAND_OVER_PULSE, impact_band
 from antiosc_app.fmu import identifier, write_c, write_fmu
 from antiosc_app.run_data import CONTACT_TIMES, of_model, of_scene
 

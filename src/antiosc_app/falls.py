@@ -56,7 +56,7 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
     structure = fall.body.structure
     if structure is None:
         return surface_of(fall)
-    from antiosc.fem.fields import source  # a rigid body does without meshes
+    from antiosc.recovery import source  # a rigid body does without meshes
 
     try:
         nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))

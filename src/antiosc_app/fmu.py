@@ -14,9 +14,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from antiosc import __version__
-from antiosc.base import files, march
+from antiosc.base import files
 from antiosc.base.archives import atomic_archive
 from antiosc.base.errors import MissingDependencyError
+from antiosc.engine import library
 from antiosc_app.run_data import RunData, Variable, distinct, model_file
 
 _DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
@@ -29,7 +30,7 @@ _UNITS = {
     "s": {"s": 1},
 }
 _CAUSES = ("input", "output", "parameter")
-_PACKAGE = Path(march.__file__).parents[1]
+_PACKAGE = Path(library.__file__).parents[1]
 #: platform of FMI 3 -> its folder in FMI 2, the ending of a library there
 PLATFORMS = {
     "x86_64-linux": ("linux64", ".so"),
@@ -187,7 +188,7 @@ def _build_description(name: str) -> ET.Element:
 
 def sources() -> dict[str, str]:
     """Name -> text of the C sources, with folders."""
-    for folder in (_PACKAGE / "csrc", march.SOURCE):
+    for folder in (_PACKAGE / "csrc", library.SOURCE):
         files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
         if files:
             return {f.relative_to(folder).as_posix(): f.read_text("utf-8") for f in files}
@@ -200,8 +201,8 @@ def binaries() -> dict[str, bytes]:
     `packaging/library.py --fmu` builds the others into the folder `binaries`; those that were built
     of other sources are left out.
     """
-    found = {march.platform(): march.FILE.read_bytes()}
-    sources = march.library.aom_source_hash()
+    found = {library.platform(): library.FILE.read_bytes()}
+    sources = library.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():
         file = _PACKAGE / "binaries" / f"{name}{ending}"
         content = file.read_bytes() if file.is_file() else b""

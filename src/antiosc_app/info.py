@@ -155,7 +155,7 @@ def _cholmod() -> str:
     refusal = cholmod.refusal()
     if refusal:
         return f"through PETSc: {refusal}"
-    numbers = cholmod.version(cholmod.library())
+    numbers = cholmod.version(cholmod.loaded_cholmod())
     return f"{'.'.join(map(str, numbers))}  called directly"
 
 

@@ -16,8 +16,8 @@ from antiosc.models.free_modes import from_free_modes
 from antiosc_app.set_up import COUNT
 
 if TYPE_CHECKING:
-    from antiosc.fem.site import Site
     from antiosc.fem.structure.structure import Structure
+    from antiosc.reduce.site import Site
 
 T = TypeVar("T")
 
@@ -48,7 +48,7 @@ class FreeModes:
     """Free modes of a structure, found in rounds, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:
-        from antiosc.fem.extraction.eigenmodes import ModeSolver
+        from antiosc.reduce.extraction.eigenmodes import ModeSolver
 
         self._structure, self._solver = structure, ModeSolver(structure)
         #: numbers of modes of the rounds that are left
@@ -80,9 +80,9 @@ class FreeModes:
 
     def _made(self, site: Site) -> AntiOscillators:
         """A model by one solve."""
-        from antiosc.fem.extraction.extract import UNNAMED, surfaces
         from antiosc.fem.linalg.algebra import multiply
-        from antiosc.fem.site import functional
+        from antiosc.reduce.extraction.extract import UNNAMED, surfaces
+        from antiosc.reduce.site import functional
 
         assert self._known is not None
         structure, (omega, phi) = self._structure, self._known

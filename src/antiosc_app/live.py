@@ -17,23 +17,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.texts import engineering, percent, point_text
-from antiosc.contact import ContactLaw
-from antiosc.contact.base import Compiled, is_compiled
-from antiosc.contact.dent import RIM
-from antiosc.contact.laws import ElasticPlastic, Hysteretic
-from antiosc.maps.results import ImpactMap, hardest, trusted
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.base import Compiled, is_compiled
+from antiosc.engine.contact.dent import RIM
+from antiosc.engine.contact.laws import ElasticPlastic, Hysteretic
+from antiosc.impact.histories import History, SceneHistory
+from antiosc.impact.histories.parts import QUANTITIES, ErrorBudget
+from antiosc.impact.truncation import softest_model
 from antiosc.models.body import LinearBody, info_of, site_points
 from antiosc.models.modal import Damping, ModalBody
-from antiosc.simulation.histories import History, SceneHistory
-from antiosc.simulation.histories.parts import QUANTITIES, ErrorBudget
-from antiosc.simulation.truncation import softest_model
+from antiosc.strikes.map_results import ImpactMap, hardest, trusted
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
-    from antiosc.results.peaks import PeakField
+    from antiosc.fields.peaks import PeakField
 
 
 #: What the page reads: numbers, texts, arrays, lists and tables of them.
@@ -152,7 +152,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
     assert isinstance(law, Compiled)
     values = law.parameters()
     rigid = striker["omega"].size == 1 and striker["omega"][0] == 0
-    exponent = {march.LINEAR: 1.0}.get(law.kind, getattr(law, "exponent", 1.5))
+    exponent = {library.LINEAR: 1.0}.get(law.kind, getattr(law, "exponent", 1.5))
     return {
         "tol": TOL,
         "coarse": COARSE,
@@ -169,7 +169,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
         "mass": 1 / float(striker["b"][0] ** 2) if rigid else None,
         "radius": getattr(impactor, "radius", None) if rigid else None,
         "speed": speed or None,
-        "stiffness": None if law.kind == march.TABLE else values[0],
+        "stiffness": None if law.kind == library.TABLE else values[0],
     }
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from antiosc.fem.structure.structure import Structure
-from antiosc.maps.results import ImpactMap
-from antiosc.simulation.histories import History
-from antiosc.simulation.histories.parts import ErrorBudget
+from antiosc.impact.histories import History
+from antiosc.impact.histories.parts import ErrorBudget
+from antiosc.strikes.map_results import ImpactMap
 from antiosc_app.live import Data, blow_of_history, engine, striker_place
 
 

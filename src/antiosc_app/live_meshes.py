@@ -16,18 +16,18 @@ from scipy.linalg import block_diag
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
-from antiosc.contact.base import is_compiled
-from antiosc.fem.fields import source
-from antiosc.fem.recovery import NodeTensors
+from antiosc.engine.contact.base import is_compiled
 from antiosc.fem.structure.structure import Structure
+from antiosc.fields.fields import shapes_of
+from antiosc.fields.pictures import MAP_QUANTITIES, outer_faces
+from antiosc.fields.second_order import tensors_at_nodes
+from antiosc.impact.histories import History
 from antiosc.io.facets import oriented
-from antiosc.maps.impact_map import sides
-from antiosc.maps.results import ImpactMap, hardest
 from antiosc.models.body import checked_body
-from antiosc.results.fields import shapes_of
-from antiosc.results.pictures import MAP_QUANTITIES, outer_faces
-from antiosc.results.second_order import tensors_at_nodes
-from antiosc.simulation.histories import History
+from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors
+from antiosc.strikes.impact_map import sides
+from antiosc.strikes.map_results import ImpactMap, hardest
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.

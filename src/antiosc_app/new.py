@@ -25,9 +25,9 @@ from scipy.spatial import cKDTree
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, warnings_to
-from antiosc.simulation.bodies import Sphere
-from antiosc.simulation.coarse import coarse_at
-from antiosc.simulation.two_bodies import impact_band
+from antiosc.impact.bodies import Sphere
+from antiosc.impact.coarse import coarse_at
+from antiosc.impact.two_bodies import impact_band
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc_app.report import rendered
@@ -315,8 +315,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
 
 def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
     """Whether `extract(…, error="estimate")` takes a part."""
-    from antiosc.fem.error.model_errors import ModelErrors
     from antiosc.fem.structure.structure import refuse_dampers
+    from antiosc.reduce.error.model_errors import ModelErrors
 
     if structure is None:
         return mesh.tdim != 2 or mesh.gdim == 2 or mesh.cell == "triangle"
@@ -333,8 +333,8 @@ def _flat(
 ) -> tuple[float, float] | None:
     """Modulus [Pa] and ratio of a flat face where nothing is known of the surface at a site."""
     from antiosc.fem.mesh.curvature import curvature
-    from antiosc.fem.site.curvature import material_at
-    from antiosc.fem.site.surface import surface_at
+    from antiosc.reduce.site.curvature import material_at
+    from antiosc.reduce.site.surface import surface_at
 
     point, direction, radius = site
     try:
@@ -377,7 +377,7 @@ def _movable(
 ) -> tuple[Array, Array, float | None]:
     """The first site that supports of a deck leave free, with a patch if its material has one;
     one whose patch they hold partly where there is no other."""
-    from antiosc.fem.site import Site, functional
+    from antiosc.reduce.site import Site, functional
 
     partly = None
     for point, usual, radius in chain([first], others):
@@ -565,8 +565,8 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
 
 def draw(found: Inspection, path: Path, *, drop: bool = False) -> None:
     """A picture of the part: its outer faces; if not dropped, what holds it and the impact."""
-    from antiosc.base.charts import save_figure
-    from antiosc.base.surfaces import Deformed, deformed_figure
+    from antiosc.plot.charts import save_figure
+    from antiosc.plot.surfaces import Deformed, deformed_figure
 
     height = 1e3 * (found.points[:, 2] - found.points[:, 2].min())
     shade = height if drop else found.held.astype(float)

@@ -23,8 +23,8 @@ EDGES = [(a, b) for a, b in combinations(range(8), 2) if np.abs(CORNERS[a] - COR
 
 def draw(pieces: Sequence[Piece], path: Path, chosen: int | None = None) -> Path:
     """The boxes of pieces with their ranks; `chosen`: the rank of the one that is read."""
-    from antiosc.base.charts import save_figure
-    from antiosc.base.surfaces import axes_in_space, fit_limits
+    from antiosc.plot.charts import save_figure
+    from antiosc.plot.surfaces import axes_in_space, fit_limits
 
     ends = np.array([[one.low, one.high] for one in pieces[:MOST_DRAWN]])
     ends = np.pad(ends, ((0, 0), (0, 0), (0, 3 - ends.shape[2])))

@@ -25,8 +25,8 @@ import antiosc
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.process import loading
-from antiosc.maps.results import ImpactMap
-from antiosc.simulation.histories import History, SceneHistory
+from antiosc.impact.histories import History, SceneHistory
+from antiosc.strikes.map_results import ImpactMap
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
@@ -44,7 +44,7 @@ from antiosc_studies.drops.fall import Fall
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
-    from antiosc.results.peaks import PeakField
+    from antiosc.fields.peaks import PeakField
 
 
 def folder(path: str | os.PathLike[str]) -> Path:

@@ -18,7 +18,17 @@ import numpy as np
 
 from antiosc.base import progress
 from antiosc.base._types import Array
-from antiosc.base.charts import (
+from antiosc.base.errors import AntioscError
+from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
+from antiosc.fields.deformed import plot_deformed
+from antiosc.fields.pictures import MAP_QUANTITIES, plot_map
+from antiosc.impact.bodies import GRAVITY
+from antiosc.impact.histories import History, SceneHistory
+from antiosc.impact.histories.parts import CAUSES, QUANTITIES, ErrorBudget
+from antiosc.impact.histories.results import error_scope
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import info_of, site_points
+from antiosc.plot.charts import (
     legend_beside,
     new_figure,
     plot_force,
@@ -26,18 +36,8 @@ from antiosc.base.charts import (
     plot_motion,
     save_figure,
 )
-from antiosc.base.errors import AntioscError
-from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
-from antiosc.maps.results import hardest, trusted
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import info_of, site_points
-from antiosc.results.deformed import plot_deformed
-from antiosc.results.pictures import MAP_QUANTITIES, plot_map
-from antiosc.simulation.bodies import GRAVITY
-from antiosc.simulation.histories import History, SceneHistory
-from antiosc.simulation.histories.parts import CAUSES, QUANTITIES, ErrorBudget
-from antiosc.simulation.histories.results import error_scope
-from antiosc.striking.advice import advise
+from antiosc.strikes.advice import advise
+from antiosc.strikes.map_results import hardest, trusted
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import Results, varied
@@ -46,7 +46,7 @@ from antiosc_app.scene_file.scene import probe_times
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc.results.peaks import PeakField
+    from antiosc.fields.peaks import PeakField
     from antiosc_studies.chance.sample import Sample
     from antiosc_studies.drops.drop import Drops
     from antiosc_studies.drops.fall import Fall

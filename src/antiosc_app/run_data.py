@@ -10,22 +10,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.contact.base import is_compiled
+from antiosc.engine import library
+from antiosc.engine.contact.base import is_compiled
+from antiosc.engine.convergence import FINE
+from antiosc.engine.system import Given, System
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
+from antiosc.impact.histories import SceneHistory
+from antiosc.impact.histories.energy import energy_gain
+from antiosc.impact.histories.results import inexact_message, open_contacts
+from antiosc.impact.reference import Settings
+from antiosc.impact.scene import integrate, integrate_exact, set_initial_forces
+from antiosc.impact.scene_parts import SceneParts
 from antiosc.models.body import LinearBody
 from antiosc.models.stretch import stretch_of
-from antiosc.simulation.assembly import Assembly, assemble_scene
-from antiosc.simulation.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
-from antiosc.simulation.histories import SceneHistory
-from antiosc.simulation.histories.energy import energy_gain
-from antiosc.simulation.histories.results import inexact_message, open_contacts
-from antiosc.simulation.march.convergence import FINE
-from antiosc.simulation.march.system import Given, System
-from antiosc.simulation.reference import Settings
-from antiosc.simulation.scene import integrate, integrate_exact, set_initial_forces
-from antiosc.simulation.scene_parts import SceneParts
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
 OF_CONTACT = {
@@ -141,11 +141,11 @@ class RunData:
         ]
         at = [each.ctypes.data for each in arrays]
         start = np.array([each.start for each in self.parameter_variables])
-        model = march.Model(
-            self.given.system, march.Options(), len(self.site_modes), *at[:3], start.size,
+        model = library.Model(
+            self.given.system, library.Options(), len(self.site_modes), *at[:3], start.size,
             start.ctypes.data, at[3], len(self.outputs), self.outputs.ctypes.data,
         )  # fmt: skip
-        return int(march.library.axm_size(byref(model)))
+        return int(library.library.axm_size(byref(model)))
 
     @property
     def token(self) -> str:
@@ -331,9 +331,9 @@ def distinct(names: Iterable[str]) -> list[str]:
 
 def model_file(data: RunData) -> bytes:
     """The file resources/model.aom that `csrc/export/fmu.c` reads."""
-    mark = np.array([*data.counts(), 0x01020304, march.VERSION], dtype="<i4")
+    mark = np.array([*data.counts(), 0x01020304, library.VERSION], dtype="<i4")
     token = data.token.encode().ljust(64, b"\0")
     numbers = np.concatenate(list(data.arrays().values())).astype("<f8")
     ints = data.integers().astype("<i4")
     content = b"AOMMODEL" + mark.tobytes() + token + ints.tobytes() + numbers.tobytes()
-    return content + march.library.axm_checksum(content, len(content)).to_bytes(8, "little")
+    return content + library.library.axm_checksum(content, len(content)).to_bytes(8, "little")

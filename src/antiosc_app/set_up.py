@@ -12,7 +12,7 @@ import numpy as np
 
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
-from antiosc.simulation.bodies import IMPACTORS
+from antiosc.impact.bodies import IMPACTORS
 from antiosc_app.new import Inspection
 
 #: A table of a scene.

@@ -20,8 +20,8 @@ from antiosc_app.scene_file.run import communicator
 from antiosc_app.server import Server
 
 if TYPE_CHECKING:
-    from antiosc.fem.site import Site
     from antiosc.fem.structure.structure import Structure
+    from antiosc.reduce.site import Site
 
 #: Who may show the page in a frame: nobody, or a notebook of this machine.
 NOBODY, NOTEBOOKS = "'none'", "'self' http://127.0.0.1:* http://localhost:*"

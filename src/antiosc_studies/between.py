@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.contact import ContactLaw
-from antiosc.contact.choice import choose
-from antiosc.contact.curvature import CURVED, SHARP, Curvature
-from antiosc.contact.surfaces import RIGID, Surface, matter_of
-from antiosc.fem.site import Site, functional
-from antiosc.fem.site.surface import surface_at
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.curvature import CURVED, SHARP, Curvature
+from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
+from antiosc.reduce.site import Site, functional
+from antiosc.reduce.site.surface import surface_at
 from antiosc_studies.drops.floor import Floor, law_of
 
 
@@ -47,7 +47,7 @@ def contact_between(
     Returns
     -------
     ContactLaw
-        `antiosc.contact.choice` has the table of laws and their sources.
+        `antiosc.engine.contact.choice` has the table of laws and their sources.
 
     Raises
     ------

@@ -16,24 +16,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from antiosc.base import checks
-from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Result, engineering
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
-from antiosc.fem.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
+from antiosc.impact.auto_contact import AUTO, AnyLaw
+from antiosc.impact.histories import History
+from antiosc.impact.histories.parts import differences
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.auto_contact import AUTO, AnyLaw
-from antiosc.simulation.histories import History
-from antiosc.simulation.histories.parts import differences
-from antiosc.striking import second_order
-from antiosc.striking.strike import (
+from antiosc.plot.charts import figure_or_path, new_figure
+from antiosc.reduce.extraction.extract import extract
+from antiosc.reduce.site import Site
+from antiosc.strikes import second_order
+from antiosc.strikes.strike import (
     Answer,
     Material,
     Run,

@@ -11,9 +11,9 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base import charts, surfaces
-from antiosc.base.surfaces import Deformed, deformed_figure
-from antiosc.results import deformed
+from antiosc.fields import deformed
+from antiosc.plot import charts, surfaces
+from antiosc.plot.surfaces import Deformed, deformed_figure
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.closed_form import (
+from antiosc.models.closed_form import (
     UniformBeam,
     cantilever,
     clamped_clamped,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
-from antiosc.closed_form.beams import even_odd, wave_roots
-from antiosc.closed_form.plates import SHEAR, SupportedPlate
+from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
+from antiosc.models.closed_form.beams import even_odd, wave_roots
+from antiosc.models.closed_form.plates import SHEAR, SupportedPlate
 from spectral_beam import SpectralBeam
 from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, hinged_roots, struck
 

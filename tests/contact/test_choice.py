@@ -9,11 +9,11 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import materials
-from antiosc.contact.choice import choose
-from antiosc.contact.geometry import effective_modulus
-from antiosc.contact.laws import yield_factor
-from antiosc.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
-from antiosc.simulation.law_error import TABOR, strain_rate
+from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.geometry import effective_modulus
+from antiosc.engine.contact.laws import yield_factor
+from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
+from antiosc.impact.law_error import TABOR, strain_rate
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
 STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]

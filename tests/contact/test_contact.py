@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import trapezoid
 
 import antiosc as ao
-from antiosc.contact import ContactLaw, restitution_of
-from antiosc.simulation.histories.energy import replay
+from antiosc.engine.contact import ContactLaw, restitution_of
+from antiosc.impact.histories.energy import replay
 from law_formulas import permanent, unloading_power, virgin, whole
 from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
 from scenes import HERTZ, rigid, thornton_restitution

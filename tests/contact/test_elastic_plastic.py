@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.contact.choice import choose
-from antiosc.contact.geometry import equivalent_circle
-from antiosc.contact.surfaces import Matter, Surface, ball
+from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.geometry import equivalent_circle
+from antiosc.engine.contact.surfaces import Matter, Surface, ball
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "elastoplastic"))
 

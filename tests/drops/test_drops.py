@@ -12,8 +12,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.contact.curvature import Curvature
-from antiosc.contact.laws import restitution_of
+from antiosc.engine.contact.curvature import Curvature
+from antiosc.engine.contact.laws import restitution_of
 from antiosc_studies.drops.body import FreeBody, free_body
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of

@@ -12,7 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.special import j1
 
 import antiosc as ao
-from antiosc.contact.line import line_indentation
+from antiosc.engine.contact.line import line_indentation
 from antiosc_studies.drops.body import free_body
 from parts import box, line
 

@@ -15,7 +15,7 @@ import pytest
 import antiosc as ao
 import stretched
 from antiosc import closed_form
-from antiosc.base import march
+from antiosc.engine import library
 from fmus import ERROR, OK, Fmu
 
 DURATION = 2e-3
@@ -248,10 +248,10 @@ def test_nothing_is_expected_of_a_law_that_is_none():
     """A table whose number of points is not that of its numbers is not read."""
     values = (ctypes.c_double * 2)(1e9, 0.0)
     one = (ctypes.c_double * 1)(1.0)
-    law = march.Law(march.TABLE, 2, ctypes.addressof(values), None)
+    law = library.Law(library.TABLE, 2, ctypes.addressof(values), None)
     at = ctypes.addressof(one)
-    blow = march.Impact(1, 0, at, at, at, at, at, None, law, 0.0, 0.0, 1.0, 1.0, 1e-3, 10, 1000)
-    found = march.library.aom_expect(ctypes.byref(blow))
+    blow = library.Impact(1, 0, at, at, at, at, at, None, law, 0.0, 0.0, 1.0, 1.0, 1e-3, 10, 1000)
+    found = library.library.aom_expect(ctypes.byref(blow))
     assert np.isnan([found.depth, found.speed, found.time]).all()
 
 

@@ -13,11 +13,11 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.fields import series
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
-from antiosc.results import fields
+from antiosc.fields import fields
+from antiosc.recovery import series
+from antiosc.reduce.site import functional
 from scenes import finely
 
 NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
@@ -282,7 +282,7 @@ def struck():
 
 def test_the_skin_is_the_surface_and_moves_with_the_part():
     """Its area is that of a block of 200 × 50 × 40 mm, and each of its points moves as probed."""
-    from antiosc.results.fields import skin
+    from antiosc.fields.fields import skin
 
     block = ao.Structure(parts.box((8, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
     model = ao.extract(block, ao.Site((0.1, 0.025, 0.04), (0, 0, -1), radius=0.025), n=4)

@@ -15,8 +15,8 @@ import scipy.sparse
 import antiosc as ao
 import parts
 from antiosc.fem import platform
-from antiosc.fem.fields import mesh_fields
 from antiosc.fem.platform import compat, fingerprint, named, number
+from antiosc.recovery import mesh_fields
 
 
 class Ranks:

@@ -13,9 +13,9 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import files
-from antiosc.fem.fields import series
+from antiosc.fields.pictures import FORMAT, SavedFields
 from antiosc.models import model_file
-from antiosc.results.pictures import FORMAT, SavedFields
+from antiosc.recovery import series
 
 CORNERS = np.array([[x, y, z] for z in (0.0, 1) for y in (0.0, 1) for x in (0.0, 1, 2)])
 #: Two cubes side by side, VTK's order.
@@ -71,7 +71,7 @@ def test_a_file_is_read_without_finite_elements(tmp_path):
 import sys
 for name in ("dolfinx", "petsc4py", "mpi4py", "ufl"):
     sys.modules[name] = None
-from antiosc.results.pictures import (SavedFields)
+from antiosc.fields.pictures import (SavedFields)
 fields = SavedFields.load({str(tmp_path / "fields.npz")!r})
 print(fields.at(2.0).sum(), fields.cells[0][0], fields.faces.shape)
 """

@@ -9,12 +9,12 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.fields import mesh_fields
+from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.mesh.soundness import _SIMPLICES
 from antiosc.fem.platform import compat
-from antiosc.fem.site import Reach
 from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.recovery import mesh_fields
 from assemblies import BEAM, SOLID, box, line
 from mpi import run_ranks
 from sheets import SHEET, sheet

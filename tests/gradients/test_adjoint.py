@@ -9,10 +9,9 @@ import pytest
 
 import antiosc as ao
 import laws
-from antiosc.base import march
-from antiosc.models.damping import StackedModes, first_order
-from antiosc.simulation.march import engine
-from antiosc.simulation.march.system import System
+from antiosc.engine import library, march
+from antiosc.engine.damping import StackedModes, first_order
+from antiosc.engine.system import System
 from gradient_replay import Inputs, Steps, derivative
 
 END = 0.03
@@ -52,9 +51,9 @@ def system(law: ao.ContactLaw, pull: float, m0: float, damped: bool, rng) -> Sys
     )
 
 
-def run_of(s: System, tol: float) -> engine.Run:
-    options = march.Options(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
-    return engine.solve(s, options)[0]
+def run_of(s: System, tol: float) -> march.Run:
+    options = library.Options(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
+    return march.solve(s, options)[0]
 
 
 #: The replay knows the patch of Hertz's law alone; that of the others: test_gradient.py, by
@@ -69,14 +68,14 @@ LAWS = {
 TOUCHES = 6
 
 
-def rattling(law: ao.ContactLaw, rng, make=system) -> tuple[System, engine.Run]:
+def rattling(law: ao.ContactLaw, rng, make=system) -> tuple[System, march.Run]:
     """A run with many touches; elastic bodies are pulled back sooner."""
     massless = isinstance(law, ao.Hertz | ao.HuntCrossley | ao.TanSun)
     damped = not isinstance(law, ao.Linear | ao.Stronge)
     for pull in (50.0, 100.0, 200.0, 500.0, 1000.0):
         s = make(law, pull, 0.0 if massless else 0.02, damped, rng)
         run = run_of(s, 1e-2 if law.rate_dependent else 1e-3)
-        if np.sum(run.exits[:, 5] == march.APART) >= TOUCHES:
+        if np.sum(run.exits[:, 5] == library.APART) >= TOUCHES:
             return s, run
     raise AssertionError("too few touches")
 
@@ -89,18 +88,18 @@ def test_complex_steps(law: ao.ContactLaw) -> None:
     agrees(*rattling(law, rng), rng)
 
 
-def agrees(s: System, run: engine.Run, rng) -> None:
+def agrees(s: System, run: march.Run, rng) -> None:
     """The derivatives of a random goal along random changes of all numbers, by complex steps."""
     law = s.laws[0]
     assert run.exits is not None
     assert run.states is not None
     n, size = run.time.size // 2, s.omega.size
-    places = np.array([(n - 1, 1.0, 0)], dtype=march.READING)
+    places = np.array([(n - 1, 1.0, 0)], dtype=library.READING)
     weights = np.append(np.append(1e3 * rng.normal(size=size), rng.normal(size=size)), 0.0)
     by_force, by_time = 1e-4 * rng.normal(size=(2 * n + 1, 1)), rng.normal(size=n + 1)
     by_force[0] = by_time[-1] = 0.0
-    found, _, answer = engine.gradient(s, run, run.states, places, weights[None], by_force, by_time)
-    assert answer == march.DONE
+    found, _, answer = march.gradient(s, run, run.states, places, weights[None], by_force, by_time)
+    assert answer == library.DONE
 
     def goal(steps: Steps) -> complex:
         at_end = np.concatenate((steps.q, steps.v)) @ weights[:-1]
@@ -120,12 +119,12 @@ def agrees(s: System, run: engine.Run, rng) -> None:
     if s.gamma is not None:
         by |= {"gamma": found.gamma[0], "drive": found.loads[0, size:]}
     along = {name: rng.normal(size=np.shape(by[name])) * getattr(given, name) for name in by}
-    if kind != march.TABLE:
-        count = 1 if kind == march.HERTZ and not given.law[1] else min(given.law.size, 3)
+    if kind != library.TABLE:
+        count = 1 if kind == library.HERTZ and not given.law[1] else min(given.law.size, 3)
         by["law"] = np.pad(found.laws[0, :count], (0, given.law.size - count))
         along["law"] = by["law"] * 0.0
         along["law"][:count] = rng.normal(size=count) * given.law[:count].real
-        if kind == march.HERTZ:  # what follows from k and c
+        if kind == library.HERTZ:  # what follows from k and c
             along["law"][2] = -2 / 3 * given.law[2].real * along["law"][0] / given.law[0].real
             by["law"][1], by["law"][2:] = found.laws[0, -1], 0.0
     parts = [float(np.sum(by[name] * along[name])) for name in by]

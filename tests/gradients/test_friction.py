@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import assemble_scene
-from antiosc.simulation.march import engine
-from antiosc.simulation.march.system import System
+from antiosc.engine import library, march
+from antiosc.engine.system import System
+from antiosc.impact.assembly import assemble_scene
 
 MASS, RADIUS, MU, END = 0.3, 0.02, 0.2, 3e-3
 MOMENT = 0.4 * MASS * RADIUS**2
@@ -31,20 +30,20 @@ def system(speed: float, law: ao.ContactLaw, pull: float = 0.0, arm: float = 0.0
     return assemble_scene(scene, END).system
 
 
-def run_of(s: System, tol: float) -> engine.Run:
-    options = march.Options(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
-    return engine.solve(s, options)[0]
+def run_of(s: System, tol: float) -> march.Run:
+    options = library.Options(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
+    return march.solve(s, options)[0]
 
 
-def at_end(s: System, run: engine.Run, weights: np.ndarray) -> engine.Slopes:
+def at_end(s: System, run: march.Run, weights: np.ndarray) -> march.Slopes:
     """Derivatives of weights (2 J,) times the state at the end."""
     n = run.time.size // 2
-    place = np.array([(n - 1, 1.0, 0)], dtype=march.READING)
+    place = np.array([(n - 1, 1.0, 0)], dtype=library.READING)
     weights = np.append(weights, np.zeros(len(s.beta)))[None]
-    found, _, answer = engine.gradient(
+    found, _, answer = march.gradient(
         s, run, run.states, place, weights, np.zeros_like(run.force), np.zeros(n + 1)
     )
-    assert answer == march.DONE
+    assert answer == library.DONE
     return found
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import antiosc as ao
 from antiosc import closed_form
-from antiosc.closed_form import zener
+from antiosc.models.closed_form import zener
 
 MODEL: dict[str, Any] = {"m0": 0.05, "k0": 2e5, "m": [0.3, 0.1, 0.05], "omega": [2e3, 6e3, 1.4e4]}
 

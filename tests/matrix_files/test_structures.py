@@ -153,7 +153,7 @@ def plate(n: int = 12):
 
 def test_a_patch_has_the_moments_of_hertz_pressure():
     """Weights sum to 1, are centred, and have the mean square radius 2a²/5 of Hertz's pressure."""
-    from antiosc.fem.site import functional
+    from antiosc.reduce.site import functional
 
     K, M, table = plate(81)
     part = ao.Structure.from_matrices(K, M, map=table)
@@ -331,7 +331,7 @@ def test_several_sites_at_nodes(coordinates):
 
 
 def test_nodes_below_the_surface_take_no_load():
-    from antiosc.fem.site import functional
+    from antiosc.reduce.site import functional
 
     K, M, table = plate(9)
     table = np.vstack([table, table])

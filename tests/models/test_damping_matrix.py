@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.models.damping import first_order
+from antiosc.engine.damping import first_order
 from antiosc.models.motion import Inertia
 
 OMEGA = np.geomspace(0.05, 60.0, 40)

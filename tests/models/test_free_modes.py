@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models import free_modes
+from antiosc.models.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models.driving_point import stiffness_error
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models
 from antiosc.models.motion import with_rigid_mode

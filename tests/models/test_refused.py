@@ -12,8 +12,10 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.base import charts
-from antiosc.closed_form import (
+from antiosc.engine.contact import Tabulated
+from antiosc.fields.pictures import FACES
+from antiosc.models.body import resolved_frequency
+from antiosc.models.closed_form import (
     StruckBeam,
     SupportedLaminate,
     SupportedPlate,
@@ -23,12 +25,10 @@ from antiosc.closed_form import (
     plate_patch,
     zener,
 )  # fmt: skip
-from antiosc.contact import Tabulated
-from antiosc.models.body import resolved_frequency
 from antiosc.models.free_modes import error_bound, from_free_modes, site_models as at_sites_of
 from antiosc.models.modal import SiteModes
 from antiosc.models.model_file import ReducedMatrices
-from antiosc.results.pictures import FACES
+from antiosc.plot import charts
 from refusals import refused
 from struck_beams import ARTICLE, UNIT
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.models import damping
+from antiosc.engine import damping
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -12,8 +12,8 @@ import pytest
 
 import antiosc as ao
 import stretched
-from antiosc.base import march
 from antiosc.base.texts import engineering
+from antiosc.engine import library
 from antiosc_app import live as assets
 
 node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
@@ -148,9 +148,9 @@ def test_sliders_pose_a_part_that_stretches():
 
 def test_the_engine_is_built_of_these_sources():
     """If not: `make page`, and commit engine.wasm."""
-    if not (march.SOURCE / "page").is_dir():
+    if not (library.SOURCE / "page").is_dir():
         pytest.skip("an installation without the C sources")
-    assert march.source_hash(march.SOURCE).encode() in assets.engine()
+    assert library.source_hash(library.SOURCE).encode() in assets.engine()
 
 
 def test_other_scenes_are_not_repeated():

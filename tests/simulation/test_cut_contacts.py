@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.assembly import Assembly, assemble_scene
-from antiosc.simulation.march.engine import Run
-from antiosc.simulation.reference import Settings
-from antiosc.simulation.scene import integrate, integrate_exact, set_initial_forces
-from antiosc.simulation.states import forces, locate, states
+from antiosc.engine.march import Run
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.reference import Settings
+from antiosc.impact.scene import integrate, integrate_exact, set_initial_forces
+from antiosc.impact.states import forces, locate, states
 from audited_scenes import Own
 
 Array = NDArray[np.float64]

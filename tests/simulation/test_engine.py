@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import assemble_scene
-from antiosc.simulation.histories.energy import _work_by_step, energy_gain
-from antiosc.simulation.march import engine
-from antiosc.simulation.states import forces as forces_at, locate
+from antiosc.engine import library, march
+from antiosc.impact.assembly import assemble_scene
+from antiosc.impact.histories.energy import _work_by_step, energy_gain
+from antiosc.impact.states import forces as forces_at, locate
 from scenes import HERTZ, case_two
 
 LAW = ao.Hertz(HERTZ)
@@ -42,39 +41,41 @@ def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
 
 
 def test_memory_needs_the_alignment_of_a_double_alone(monkeypatch):
-    monkeypatch.setattr(engine, "_kept", [])
+    monkeypatch.setattr(march, "_kept", [])
     expected = forces(SCENES[1])
-    ((key, space),) = engine._kept
+    ((key, space),) = march._kept
     memory = np.empty(space.memory.nbytes // 8 + 2)
-    start = march.address(memory)
+    start = library.address(memory)
     start += 8 if start % 16 == 0 else 0
     system = SCENES[1].run(1e-3, tol=1e-2).assembly.system.packed.system
-    made = march.library.aom_create(byref(system), start, space.memory.nbytes, byref(space.stepper))
-    assert made == march.DONE
+    made = library.library.aom_create(
+        byref(system), start, space.memory.nbytes, byref(space.stepper)
+    )
+    assert made == library.DONE
     assert start % 16 == 8
-    engine._kept[:] = [(key, space)]
+    march._kept[:] = [(key, space)]
     assert np.array_equal(forces(SCENES[1]), expected)
-    assert engine._kept[0][1].stepper.value == start
+    assert march._kept[0][1].stepper.value == start
 
 
 def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", [])
-    monkeypatch.setattr(engine, "_spaces", WeakSet())
+    monkeypatch.setattr(march, "_kept", [])
+    monkeypatch.setattr(march, "_spaces", WeakSet())
     shared = [forces(scene) for _ in range(2) for scene in SCENES]
-    kept = len(engine._kept)
-    monkeypatch.setattr(engine, "_LARGEST_KEPT", 0)
-    engine._kept.clear()
+    kept = len(march._kept)
+    monkeypatch.setattr(march, "_LARGEST_KEPT", 0)
+    march._kept.clear()
     alone = [forces(scene) for scene in SCENES] * 2
-    assert not engine._kept
+    assert not march._kept
     assert kept == 2  # masses
     for one, other in zip(shared, alone, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 def test_threads_do_not_share_responses_while_they_fill_them() -> None:
-    engine._kept.clear()
+    march._kept.clear()
     alone = [forces(scene) for scene in SCENES]
-    engine._kept.clear()
+    march._kept.clear()
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(forces, SCENES * 4))
     for i, found in enumerate(together):
@@ -82,27 +83,27 @@ def test_threads_do_not_share_responses_while_they_fill_them() -> None:
 
 
 def test_memory_of_other_masses_serves_and_its_responses_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", [])
-    monkeypatch.setattr(engine, "_MOST_KEPT", 1)
+    monkeypatch.setattr(march, "_kept", [])
+    monkeypatch.setattr(march, "_MOST_KEPT", 1)
     alone = forces(blow(0.3, mass=0.5))
-    engine._kept.clear()
+    march._kept.clear()
     forces(blow(0.3, mass=0.2))
-    ((_, space),) = engine._kept
+    ((_, space),) = march._kept
     np.testing.assert_array_equal(forces(blow(0.3, mass=0.5)), alone)
-    assert [one for _, one in engine._kept] == [space]
+    assert [one for _, one in march._kept] == [space]
 
 
 def test_threads_with_the_same_bodies_keep_one_memory_each(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", [])
+    monkeypatch.setattr(march, "_kept", [])
     forces(SCENES[0])
-    ((key, first),) = engine._kept
+    ((key, first),) = march._kept
     given = SCENES[0].run(1e-3, tol=1e-2).assembly.system.packed
-    spaces = {engine._space(key, given) for _ in range(3)}
+    spaces = {march._space(key, given) for _ in range(3)}
     for space in spaces:
-        engine._keep(key, space)
+        march._keep(key, space)
     assert first in spaces
-    assert {engine._space(key, given) for _ in range(3)} == spaces
-    assert not engine._kept
+    assert {march._space(key, given) for _ in range(3)} == spaces
+    assert not march._kept
 
 
 def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
@@ -112,7 +113,7 @@ def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
     push = ao.Load("beam", [0.0, 4e-4, 8e-4], [50.0, 0.0, 80.0])
     scene = ao.Scene(bodies, [ao.Contact("beam", "mass", LAW, gap=2e-5)], loads=[pulse, push])
     hit = scene.run(1e-3, tol=1e-3)
-    mechanical = march.energies(hit.run.states, hit.assembly.system.omega)
+    mechanical = library.energies(hit.run.states, hit.assembly.system.omega)
     q, v = hit.run.states[:, 0], hit.run.states[:, 1]
     work = np.cumsum(_work_by_step(hit.assembly, hit.run, q, v, mechanical))
     known = hit.energy.gravity[2::2]
@@ -140,7 +141,7 @@ def test_one_contact_has_the_forces_that_sweeps_find(law: ao.ContactLaw) -> None
     pair = [*alone.scene.contacts, ao.Contact("far", "beam", ao.Linear(1.0), gap=1.0)]
     other = assemble_scene(ao.Scene(bodies, pair), 5e-4)
     runs = [
-        engine.run(made.system, 5e-4, 1e-2, fine=alone.contact_time_estimate / 200)
+        march.run(made.system, 5e-4, 1e-2, fine=alone.contact_time_estimate / 200)
         for made in (alone, other)
     ]
     one, two = (each.force[:, 0] for each in runs)
@@ -200,7 +201,7 @@ def test_an_interrupt_stops_a_long_run(monkeypatch) -> None:
     signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
         with pytest.raises(KeyboardInterrupt):
-            engine.run(system, 1e3, 1e-3, fine=1e-6, step=1e-7, keep=False, max_steps=10**9)
+            march.run(system, 1e3, 1e-3, fine=1e-6, step=1e-7, keep=False, max_steps=10**9)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
@@ -210,15 +211,15 @@ def test_the_march_refuses_what_is_not_finite() -> None:
     system = assemble_scene(blow(0.1), 1e-3).system
     system.v[0] = np.nan
     with pytest.raises(ao.InputError, match="AOM_BAD_MODES"):
-        engine.run(system, 1e-3, 1e-2, fine=1e-6)
+        march.run(system, 1e-3, 1e-2, fine=1e-6)
 
 
 def test_buffers_of_any_size_hold_the_same_run(monkeypatch) -> None:
     system = assemble_scene(blow(0.5), 4e-3).system
-    one = engine.run(system, 4e-3, 1e-5, fine=1e-7)
-    monkeypatch.setattr(engine, "_FIRST", 16)
-    monkeypatch.setattr(engine, "_kept", [])
-    other = engine.run(system, 4e-3, 1e-5, fine=1e-7)
+    one = march.run(system, 4e-3, 1e-5, fine=1e-7)
+    monkeypatch.setattr(march, "_FIRST", 16)
+    monkeypatch.setattr(march, "_kept", [])
+    other = march.run(system, 4e-3, 1e-5, fine=1e-7)
     assert one.time.size > 500
     for name in ("time", "force", "depth", "states", "events"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

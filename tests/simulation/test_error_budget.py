@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.error_budget import (
+from antiosc.engine.convergence import difference
+from antiosc.impact.error_budget import (
     COARSE_SHELL,
     RESOLVED,
     SAFETY,
@@ -17,9 +18,8 @@ from antiosc.simulation.error_budget import (
     SHELL,
     amplitudes,
 )
-from antiosc.simulation.histories.parts import CAUSES, FLOOR, QUANTITIES, differences
-from antiosc.simulation.march.convergence import difference
-from antiosc.simulation.reference import Refinement
+from antiosc.impact.histories.parts import CAUSES, FLOOR, QUANTITIES, differences
+from antiosc.impact.reference import Refinement
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 

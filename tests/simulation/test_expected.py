@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.assembly import assemble_scene, largest_indentation, stiffness_at
-from antiosc.simulation.two_bodies import Impact, assemble_pair
+from antiosc.impact.assembly import assemble_scene, largest_indentation, stiffness_at
+from antiosc.impact.two_bodies import Impact, assemble_pair
 from laws import laws
 
 DEPTHS = (1e-7, 3e-6, 4e-5)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from antiosc.base import march
-from antiosc.contact import ContactLaw, State
-from antiosc.simulation.assembly import Assembly, assemble_scene
-from antiosc.simulation.march.engine import Run
-from antiosc.simulation.reference import SCENE_STEPS
-from antiosc.simulation.scene import set_initial_forces
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.march import Run
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.reference import SCENE_STEPS
+from antiosc.impact.scene import set_initial_forces
 from audited_scenes import SCENES
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ def nodes(name: str, method: str) -> Nodes:
     set_initial_forces(made)
     s = made.system
     found = SCENE_STEPS[method](s, made.laws, duration / STEPS).run(duration, 1000, 1000)
-    assert found.answer == march.DONE
+    assert found.answer == library.DONE
     t, force = found.time[::2], found.force[::2]
     mean = (force[:-1] + 4 * found.force[1::2] + force[1:]) / 6  # what the parabolas give
     load, gap = (

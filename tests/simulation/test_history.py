@@ -11,8 +11,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import process
-from antiosc.simulation import states, two_bodies
-from antiosc.simulation.march import engine
+from antiosc.engine import march
+from antiosc.impact import states, two_bodies
 from scenes import HERTZ, case_two, random_model
 
 
@@ -106,7 +106,7 @@ def test_states_that_are_not_kept_are_found_from_those_that_are(monkeypatch):
     whole = scene().run(2e-3)
     wanted = motion(whole)
     assert whole.run.every == 1
-    monkeypatch.setattr(engine, "STATES", 500)
+    monkeypatch.setattr(march, "STATES", 500)
     monkeypatch.setattr(states, "STATES_AT_ONCE", 50)
     monkeypatch.setattr(states, "BLOCK", 20)
     thinned = scene().run(2e-3)
@@ -124,7 +124,7 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
     monkeypatch.setattr(process, "free_memory", lambda: 1e6)
     monkeypatch.setattr(process, "NEGLIGIBLE", 0)
-    monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
+    monkeypatch.setattr(march, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
         many.run(1e-4)
 
@@ -134,9 +134,9 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
     def full(*given):
         raise MemoryError("Unable to allocate 7 GiB")
 
-    monkeypatch.setattr(engine, "Buffers", full)
+    monkeypatch.setattr(march, "Buffers", full)
     monkeypatch.setattr(two_bodies._Workspace, "reset", full)
-    monkeypatch.setattr(engine, "_kept", type(engine._kept)())
+    monkeypatch.setattr(march, "_kept", type(march._kept)())
     given = case_two(1)[0], ao.RigidMass(1, 1), ao.Linear(1e6)
     calls = {"scene": scene().run, "simulate": partial(ao.simulate, *given)}
     calls["simulate_many"] = partial(ao.simulate_many, *given)
@@ -187,7 +187,7 @@ def test_an_impact_of_two_bodies_too(monkeypatch, law):
         return [*found, np.array([hit.impulse, hit.contact_time, len(hit.contacts)])]
 
     wanted = numbers()
-    monkeypatch.setattr(engine, "STATES", 3000)
+    monkeypatch.setattr(march, "STATES", 3000)
     monkeypatch.setattr(states, "STATES_AT_ONCE", 50)
     for one, other in zip(numbers(), wanted, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.abs(other).max())

@@ -10,12 +10,12 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import antiosc as ao
-from antiosc.base import march
 from antiosc.base._types import Array
-from antiosc.simulation.assembly import effective_mass
-from antiosc.simulation.march.convergence import difference
-from antiosc.simulation.march.engine import run
-from antiosc.simulation.reference import SCENE_STEPS
+from antiosc.engine import library
+from antiosc.engine.convergence import difference
+from antiosc.engine.march import run
+from antiosc.impact.assembly import effective_mass
+from antiosc.impact.reference import SCENE_STEPS
 
 methods = pytest.mark.parametrize("method", ["exact", *SCENE_STEPS])
 MODEL = {"k0": 1e5, "m": [0.02, 0.05, 0.04, 0.08], "omega": [1.5e3, 6e3, 1.1e4, 2e4]}
@@ -178,7 +178,7 @@ class TestResponses:
 
     @pytest.mark.parametrize("t", [0.03, 0.2, 1.0, 4.0])
     def test_against_expm(self, t):
-        P, W, S, J0, J1, J2 = march.responses(self.OMEGA, self.DECAY, t)
+        P, W, S, J0, J1, J2 = library.responses(self.OMEGA, self.DECAY, t)
         for j, (w, d) in enumerate(zip(self.OMEGA, self.DECAY, strict=True)):
             A = np.diag([1.0, 1.0, 1.0, 1.0], 1)
             A[1, :2] = -(w**2), -2 * d
@@ -193,7 +193,7 @@ class TestResponses:
 
     def test_small_times_do_not_cancel(self):
         t = 1e-7
-        J0, J1, J2 = march.responses(self.OMEGA, self.DECAY, t)[3:]
+        J0, J1, J2 = library.responses(self.OMEGA, self.DECAY, t)[3:]
         # leading terms of the series; the next ones are smaller by 2 d t and (w t)^2
         assert pytest.approx(t**2 / 2 * (1 - 2 * self.DECAY * t / 3), rel=1e-11) == J0
         assert pytest.approx(t**3 / 6 * (1 - 2 * self.DECAY * t / 4), rel=1e-11) == J1

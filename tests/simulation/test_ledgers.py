@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.histories.energy import energy_gain
+from antiosc.impact.histories.energy import energy_gain
 from audited_scenes import SCENES, checked
 from march_audit import Motion, Steps
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.contact import State
-from antiosc.simulation.assembly import assemble_scene
-from antiosc.simulation.march.convergence import converge
-from antiosc.simulation.march.engine import run
+from antiosc.engine import library
+from antiosc.engine.contact import State
+from antiosc.engine.convergence import converge
+from antiosc.engine.march import run
+from antiosc.impact.assembly import assemble_scene
 from scene_cases import bounce, random_scene
 
 
@@ -116,7 +116,7 @@ def test_what_touches_by_rounding_alone_is_no_contact() -> None:
     """A load far from a stop without gap draws the body away from it."""
     made = assemble_scene(random_scene(1112), 5e-3)
     found = run(made.system, 5e-3, 1e-3, fine=made.contact_time_estimate / 200, max_steps=100)
-    assert found.answer == march.TOO_MANY_STEPS
+    assert found.answer == library.TOO_MANY_STEPS
     assert found.touches == 0
 
 

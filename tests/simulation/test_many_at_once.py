@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base import process
-from antiosc.simulation import batch as batches
+from antiosc.impact import batch as batches
 from laws import LAWS
 from scenes import random_model
 

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp, trapezoid
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import assemble_scene
-from antiosc.simulation.march import engine
-from antiosc.simulation.march.convergence import converge, difference
-from antiosc.simulation.march.system import System
-from antiosc.simulation.scene import set_initial_forces
+from antiosc.engine import library, march
+from antiosc.engine.convergence import converge, difference
+from antiosc.engine.system import System
+from antiosc.impact.assembly import assemble_scene
+from antiosc.impact.scene import set_initial_forces
 from march_audit import motion
 from march_builds import Stepper, built, doubles, law_at
 from scenes import HERTZ, case_two
@@ -48,13 +47,19 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
     sizes = (ctypes.c_size_t * 19)()
     built().part_sizes(sizes)
-    mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
-    mirrored += (march.Options, march.Record, march.Summary, march.Difference, march.Solution)
+    mirrored = (library.UserLaw, library.Law, library.Contact, library.System)
+    mirrored += (
+        library.Options,
+        library.Record,
+        library.Summary,
+        library.Difference,
+        library.Solution,
+    )
     expected = [ctypes.sizeof(each) for each in mirrored]
-    expected += [8 * march.EXIT, march.READING.itemsize]
-    expected += map(ctypes.sizeof, (march.Goal, march.Slopes))
-    expected += [march.TOUCH.itemsize]
-    batches = march.Numbers, march.Impact, march.Expected, march.Outcome, march.PulseNodes
+    expected += [8 * library.EXIT, library.READING.itemsize]
+    expected += map(ctypes.sizeof, (library.Goal, library.Slopes))
+    expected += [library.TOUCH.itemsize]
+    batches = library.Numbers, library.Impact, library.Expected, library.Outcome, library.PulseNodes
     assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
 
 
@@ -65,7 +70,7 @@ def test_slopes_of_responses(ratio: float, t: float) -> None:
     """S, J0, J1, J2 by omega^2 and by the decay, against differences."""
     omega = np.array([1e-3, 0.3, 0.7, 0.8, 2.0, 7.0, 40.0])
     decay, steps = ratio * omega, np.full(omega.size, t)
-    at, found = march.responses(omega, decay, steps), np.empty((8, omega.size))
+    at, found = library.responses(omega, decay, steps), np.empty((8, omega.size))
     arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (omega, decay, at, found))
     one, two, response, out = arrays
     built().part_response_slopes(omega.size, one, two, ctypes.c_double(t), response, out)
@@ -77,7 +82,7 @@ def test_slopes_of_responses(ratio: float, t: float) -> None:
         total = np.zeros((4, omega.size))
         for shift, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
             x, d = (each + (shift * h if i == k else 0.0) for i, each in enumerate(given))
-            total += weight * march.responses(np.sqrt(x), d, steps)[2:]
+            total += weight * library.responses(np.sqrt(x), d, steps)[2:]
         expected = total / (12 * h)
         scale = np.array([t ** (n + 3 - k) for n in (0, 1, 2, 3)])[:, None]
         # differences of the responses lose what they have in common
@@ -105,7 +110,7 @@ def test_slopes_of_over_damped_responses(ratio: float, phase: float) -> None:
         return [(slow - fast) / (2 * r) for slow, fast in zip(*both, strict=True)]
 
     given = np.array([omega]), np.array([ratio * omega])
-    at, found = march.responses(*given, np.array([t])), np.empty((8, 1))
+    at, found = library.responses(*given, np.array([t])), np.empty((8, 1))
     arrays = (each.ctypes.data_as(ctypes.c_void_p) for each in (*given, at, found))
     one, two, response, out = arrays
     built().part_response_slopes(1, one, two, ctypes.c_double(t), response, out)
@@ -216,17 +221,17 @@ def test_ripple_is_the_amplitude_of_what_a_step_does_not_resolve(fresh: int) -> 
 
 
 BOUNDS = [
-    (ao.Linear(1e9), march.FORWARD, (), (0.0, inf, -inf, inf)),
-    (ao.Linear(1e9), march.APART, (), (-inf, 0.0, -inf, inf)),
-    (ao.HuntCrossley(1e9, 0.5), march.FORWARD, (0.25,), (0.0, inf, -4.0, inf)),
-    (ao.HuntCrossley(1e9, 0.5), march.CUT, (0.25,), (0.0, inf, -inf, -4.0)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.FORWARD, (3e-5, 0.0, 2e-5), (8e-6, 3e-5, 0.0, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.FORWARD, (3e-5, 0.0, 3e-5), (8e-6, inf, 0.0, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.BACK, (3e-5, 2e-5, 0.0), (8e-6, 2e-5, -inf, inf)),
-    (ao.TanSun(1e9, 1e-5, 0.4), march.APART, (3e-5, 2e-5, 0.0), (-inf, 8e-6, -inf, inf)),
-    (ao.Thornton(1e9, 1e-5), march.FORWARD, (0.0, 0.0, 0.0), (0.0, 1e-5, 0.0, inf)),
-    (ao.Thornton(1e9, 1e-5), march.FORWARD, (1e-5, 0.0, 1.1e-5), (0.0, inf, 0.0, inf)),
-    (ao.Stronge(1e9, 1e-5), march.FORWARD, (1e-5, 0.0, 1e-5), (0.0, 84e-5, 0.0, inf)),
+    (ao.Linear(1e9), library.FORWARD, (), (0.0, inf, -inf, inf)),
+    (ao.Linear(1e9), library.APART, (), (-inf, 0.0, -inf, inf)),
+    (ao.HuntCrossley(1e9, 0.5), library.FORWARD, (0.25,), (0.0, inf, -4.0, inf)),
+    (ao.HuntCrossley(1e9, 0.5), library.CUT, (0.25,), (0.0, inf, -inf, -4.0)),
+    (ao.TanSun(1e9, 1e-5, 0.4), library.FORWARD, (3e-5, 0.0, 2e-5), (8e-6, 3e-5, 0.0, inf)),
+    (ao.TanSun(1e9, 1e-5, 0.4), library.FORWARD, (3e-5, 0.0, 3e-5), (8e-6, inf, 0.0, inf)),
+    (ao.TanSun(1e9, 1e-5, 0.4), library.BACK, (3e-5, 2e-5, 0.0), (8e-6, 2e-5, -inf, inf)),
+    (ao.TanSun(1e9, 1e-5, 0.4), library.APART, (3e-5, 2e-5, 0.0), (-inf, 8e-6, -inf, inf)),
+    (ao.Thornton(1e9, 1e-5), library.FORWARD, (0.0, 0.0, 0.0), (0.0, 1e-5, 0.0, inf)),
+    (ao.Thornton(1e9, 1e-5), library.FORWARD, (1e-5, 0.0, 1.1e-5), (0.0, inf, 0.0, inf)),
+    (ao.Stronge(1e9, 1e-5), library.FORWARD, (1e-5, 0.0, 1e-5), (0.0, 84e-5, 0.0, inf)),
 ]
 
 
@@ -243,17 +248,17 @@ def test_a_law_with_memory_goes_through_its_branches() -> None:
     """Loading, turning, unloading, reloading from the turning point, and back along the curve."""
     law, memory, change = ao.Thornton(1e9, 1e-5), doubles([0.0] * 8), built().part_next_branch
     at = law_at(law)
-    assert change(at, march.APART, HIGH, 0.0, 1.0, memory) == march.FORWARD
-    assert change(at, march.FORWARD, SLOW, 4e-5, 0.0, memory) == march.BACK
+    assert change(at, library.APART, HIGH, 0.0, 1.0, memory) == library.FORWARD
+    assert change(at, library.FORWARD, SLOW, 4e-5, 0.0, memory) == library.BACK
     assert memory[:2] == [4e-5, 4e-5]
-    assert change(at, march.BACK, LOW, 0.0, -1.0, memory) == march.APART
-    assert change(at, march.APART, HIGH, 0.0, 1.0, memory) == march.BACK  # it retraces
-    assert change(at, march.BACK, HIGH, 4e-5, 1.0, memory) == march.FORWARD
+    assert change(at, library.BACK, LOW, 0.0, -1.0, memory) == library.APART
+    assert change(at, library.APART, HIGH, 0.0, 1.0, memory) == library.BACK  # it retraces
+    assert change(at, library.BACK, HIGH, 4e-5, 1.0, memory) == library.FORWARD
     law, memory = ao.HuntCrossley(1e9, 0.5), doubles([0.0] * 8)
-    assert change(law_at(law), march.APART, HIGH, 0.0, 2.0, memory) == march.FORWARD
+    assert change(law_at(law), library.APART, HIGH, 0.0, 2.0, memory) == library.FORWARD
     assert memory[:2] == pytest.approx(law.touch(2.0))
-    assert change(law_at(law), march.FORWARD, SLOW, 1e-5, -9.0, memory) == march.CUT
-    assert change(law_at(law), march.CUT, FAST, 1e-5, 0.0, memory) == march.FORWARD
+    assert change(law_at(law), library.FORWARD, SLOW, 1e-5, -9.0, memory) == library.CUT
+    assert change(law_at(law), library.CUT, FAST, 1e-5, 0.0, memory) == library.FORWARD
 
 
 def blow(duration: float) -> tuple[ao.Scene, float]:
@@ -329,7 +334,7 @@ def test_a_row_that_hardly_pushes_counts_as_a_thousandth_of_the_heaviest() -> No
 def test_energies_are_those_of_the_modes() -> None:
     x = np.random.default_rng(1).normal(size=(7, 2, OMEGA.size))
     expected = 0.5 * ((OMEGA * x[:, 0]) ** 2 + x[:, 1] ** 2).sum(axis=1)
-    np.testing.assert_allclose(march.energies(x, OMEGA), expected, rtol=1e-12)
+    np.testing.assert_allclose(library.energies(x, OMEGA), expected, rtol=1e-12)
 
 
 def test_the_march_is_a_collocation_of_order_four() -> None:
@@ -340,7 +345,7 @@ def test_the_march_is_a_collocation_of_order_four() -> None:
     )
     set_initial_forces(made)
     s = made.system
-    found = engine.run(s, 1e-4, 1e-7, fine=made.contact_time_estimate / 200)
+    found = march.run(s, 1e-4, 1e-7, fine=made.contact_time_estimate / 200)
     errors = []
     for count in (8, 16):
         q, v, f = s.q.copy(), s.v.copy(), 0.0
@@ -378,7 +383,7 @@ def test_a_gap_that_bends_makes_a_damped_force_jump() -> None:
         "omega": none, "decay": none, "beta": one, "R": 0 * one, "breaks": breaks, "q": none,
         "loads": np.zeros((101, 1)), "offsets": gaps[:, None], "v": np.array([2.0]),
     }  # fmt: skip
-    found = engine.run(system([law], **given), end, 1e-6, fine=1e-6)
+    found = march.run(system([law], **given), end, 1e-6, fine=1e-6)
     rates = np.append(np.diff(gaps) / np.diff(breaks), 0.0)
     state = law.touch(2.0)
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import assemble_scene
-from antiosc.simulation.reference_ivp import SceneIVP
-from antiosc.simulation.scene import set_initial_forces
-from antiosc.simulation.states import forces, locate
+from antiosc.engine import library
+from antiosc.impact.assembly import assemble_scene
+from antiosc.impact.reference_ivp import SceneIVP
+from antiosc.impact.scene import set_initial_forces
+from antiosc.impact.states import forces, locate
 from audited_scenes import SCENES, checked
 
 
@@ -37,7 +37,7 @@ def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
     set_initial_forces(made)
     longest = min(made.contact_time_estimate, duration) / 4
     other = SceneIVP("DOP853", 1e-7, made.system, made.laws, longest).run(duration, 1000, 10_000)
-    assert other.answer == march.DONE
+    assert other.answer == library.DONE
     assert (other.touches, len(other.events)) == (found.run.touches, len(found.run.events))
     at = 1e-3 * duration
     np.testing.assert_allclose(other.events[:, 0], found.run.events[:, 0], rtol=0, atol=at)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.closed_form import UniformBeam, free_free
+from antiosc.models.closed_form import UniformBeam, free_free
 from scenes import hertz_impact
 
 

@@ -10,11 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import assemble_scene
-from antiosc.simulation.march import engine
-from antiosc.simulation.march.engine import run
-from antiosc.simulation.states import forces, locate
+from antiosc.engine import library, march
+from antiosc.engine.march import run
+from antiosc.impact.assembly import assemble_scene
+from antiosc.impact.states import forces, locate
 from direct import beam, force_error, free_modes, physical
 from march_builds import built
 
@@ -164,9 +163,9 @@ def test_sweeps_and_newtons_method_agree(
     scene, duration, _ = posed()
     made = assemble_scene(scene, duration)
     runs = []
-    for library in (built(), built("SWEEPS=0")):
-        monkeypatch.setattr(march, "library", library)
-        monkeypatch.setattr(engine, "_kept", [])
+    for compiled in (built(), built("SWEEPS=0")):
+        monkeypatch.setattr(library, "library", compiled)
+        monkeypatch.setattr(march, "_kept", [])
         runs.append(run(made.system, duration / 2, 1e-3, fine=made.contact_time_estimate / 200))
     a, b = runs
     assert a.touches > 0

@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import expm
 
 import antiosc as ao
-from antiosc.simulation.march.stability import clear_step, growth_rate, margin
-from antiosc.simulation.march.system import System
-from antiosc.simulation.reference import SCENE_STEPS, Step, StepLoads
+from antiosc.engine.stability import clear_step, growth_rate, margin
+from antiosc.engine.system import System
+from antiosc.impact.reference import SCENE_STEPS, Step, StepLoads
 
 # a heavy mass on a soft structure whose light residual mass has its mode far above the others
 MODEL = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
@@ -147,7 +147,7 @@ def test_average_acceleration_and_midpoint_have_no_windows(method, r, monkeypatc
         integrator = SCENE_STEPS[method](system, laws, 1.0)
         # what the midpoint rule's potential would be with a spring that pulls: its mean force
         monkeypatch.setattr(
-            "antiosc.simulation.reference.Quotient.solve",
+            "antiosc.impact.reference.Quotient.solve",
             lambda self, free, alpha, s=1 / (1 / k + r): (
                 s * (self.before + free) / 2 / (1 + s * alpha / 2)
             ),

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation import reference, truncation
-from antiosc.simulation.error_budget import (
+from antiosc.engine import library
+from antiosc.engine.march import Run
+from antiosc.impact import reference, truncation
+from antiosc.impact.error_budget import (
     SAFETY_BEAM,
     RepeatedImpact,
     _softer_and_stiffer,
     model_errors,
 )
-from antiosc.simulation.march.engine import Run
 
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
 
@@ -65,12 +65,12 @@ class Runs:
         force = np.sin(np.pi * t)[:, None] * (1 + size**2)
         return Run(
             time=t, force=force, depth=force, states=None, events=np.zeros((0, 4)),
-            answer=self.answers[k] if k < len(self.answers) else march.DONE,
+            answer=self.answers[k] if k < len(self.answers) else library.DONE,
             steps=round(10 / size), attempts=1, touches=1, highest=1.0,
         )  # fmt: skip
 
 
-GREW, DONE = march.GREW, march.DONE
+GREW, DONE = library.GREW, library.DONE
 
 
 def settings(tol: float, max_steps: int, max_contacts: int = 1000) -> reference.Settings:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.truncation import _stiffness_deficit, truncation_share
+from antiosc.impact.truncation import _stiffness_deficit, truncation_share
 
 BALL = ao.RigidMass(0.05, 1.0)
 LAW = ao.Hertz(1e9)

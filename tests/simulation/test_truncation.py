@@ -11,9 +11,8 @@ import pytest
 from scipy import sparse
 
 import antiosc as ao
-from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
-from antiosc.simulation import truncation
-from antiosc.simulation.truncation import (
+from antiosc.impact import truncation
+from antiosc.impact.truncation import (
     WARN_SHARE,
     _block_gauss,
     _gauss,
@@ -21,6 +20,7 @@ from antiosc.simulation.truncation import (
     truncation_error,
     truncation_share,
 )
+from antiosc.models.closed_form import cantilever, free_free, pinned_free, pinned_pinned
 from scenes import BEAM, HERTZ, case_two
 
 QUANTITIES = ("peak_force", "impulse", "contact_time")

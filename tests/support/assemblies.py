@@ -15,7 +15,7 @@ from antiosc.fem.assembly.overlaps import Facets
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 
 E, NU, RHO = 70e9, 0.3, 2700.0
 SOLID = ao.Solid(E, NU, RHO)

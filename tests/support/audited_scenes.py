@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 import antiosc as ao
-from antiosc.contact import State
+from antiosc.engine.contact import State
 from direct import chain, free_modes
 from march_audit import Audit, audited
 from scene_cases import LAWS, ball, plate, rod_between_walls, stops

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import antiosc as ao
-from antiosc.simulation.states import forces, locate
+from antiosc.impact.states import forces, locate
 from paths import demo
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ import antiosc as ao
 import parts
 from antiosc.base.errors import AntioscWarning
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 
 SOLID = ao.Solid(**parts.STEEL)
 PLANE = ao.Solid(**parts.STEEL, plane="strain", thickness=0.02)

@@ -11,7 +11,7 @@ from typing import Any
 from weakref import finalize
 from xml.etree import ElementTree as ET
 
-from antiosc.base import march
+from antiosc.engine import library
 
 LOG2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p)
 LOG3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
@@ -38,7 +38,7 @@ class Fmu:
             for each in self.description.findall("ModelVariables/*")
         }
         self.variables["time"] = 0  # which version 2 does not list
-        place = march.platform() if self.version == 3 else "linux64"
+        place = library.platform() if self.version == 3 else "linux64"
         (binary,) = (folder / "binaries" / place).glob("*.so")
         self.library = ctypes.CDLL(str(binary))
         self.token = self.description.attrib[("guid", "instantiationToken")[self.version - 2]]

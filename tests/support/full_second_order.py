@@ -19,7 +19,7 @@ from antiosc.fem.elements.shell import Sheet, frames, section_fields, strains_of
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 
 
 class Full:

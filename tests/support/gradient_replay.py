@@ -14,8 +14,8 @@ from numpy.polynomial.polynomial import polyval
 from scipy.linalg import expm
 
 import law_formulas
-from antiosc.base import march
-from antiosc.simulation.march.engine import Run
+from antiosc.engine import library
+from antiosc.engine.march import Run
 
 LOW, HIGH, SLOW, FAST = range(4)
 FULLY = 84.0
@@ -104,15 +104,15 @@ def _mixed(name: str, p: np.ndarray) -> np.ndarray:
 
 
 def _loading(kind: int, p: np.ndarray, d: complex) -> complex:
-    if kind == march.TABLE:
+    if kind == library.TABLE:
         return _cubic(p[5:], int(p[2].real), d)
     k, y = p[0], p[1]
-    if kind == march.THORNTON and d.real > y.real:
+    if kind == library.THORNTON and d.real > y.real:
         return k * np.sqrt(y) * (1.5 * d - 0.5 * y)
-    if kind == march.STRONGE and d.real > y.real:
+    if kind == library.STRONGE and d.real > y.real:
         s = 2 * d / y - 1
         return k * y**1.5 * s * (1 + np.log(s if s.real < 2 * FULLY - 1 else 2 * FULLY - 1) / 3.3)
-    if kind == march.ELASTIC_PLASTIC and d.real > y.real:
+    if kind == library.ELASTIC_PLASTIC and d.real > y.real:
         return k * y**0.5 * d * polyval((y / d) ** 0.25, _mixed("PRESSING", p))
     return k * d**1.5
 
@@ -127,17 +127,17 @@ def _cubic(x: np.ndarray, n: int, at: complex) -> complex:
 
 def _permanent(kind: int, p: np.ndarray, m: complex) -> complex:
     y = p[1]
-    if kind == march.TABLE:
+    if kind == library.TABLE:
         return y * m
     if m.real <= y.real:
         return 0j
-    if kind == march.THORNTON:
+    if kind == library.THORNTON:
         return m * (1 - _loading(kind, p, m) / (p[0] * m**1.5))
-    if kind == march.YANG_SUN:
+    if kind == library.YANG_SUN:
         return m * (1 - (y / m) ** 0.4)
-    if kind == march.TAN_SUN:
+    if kind == library.TAN_SUN:
         return p[2] * (m - y)
-    if kind == march.ELASTIC_PLASTIC:
+    if kind == library.ELASTIC_PLASTIC:
         root = (y / m) ** 0.25
         return m * (1 - root**2 * polyval(root, _mixed("RECOVERY", p)))
     s = 2 * m / y - 1
@@ -151,59 +151,59 @@ def _permanent(kind: int, p: np.ndarray, m: complex) -> complex:
 
 
 def _shape(kind: int, p: np.ndarray, x: complex, back: bool, deepest: complex) -> complex:
-    if kind == march.TABLE:
+    if kind == library.TABLE:
         return _cubic(p[int(p[4].real) :], int(p[3].real), x)
-    if kind == march.ELASTIC_PLASTIC and deepest.real > p[1].real:
+    if kind == library.ELASTIC_PLASTIC and deepest.real > p[1].real:
         return np.exp((1.25 + 0.25 * np.sqrt(p[1] / deepest)) * np.log(x))
-    return x ** (2.5 if back and kind in (march.YANG_SUN, march.TAN_SUN) else 1.5)
+    return x ** (2.5 if back and kind in (library.YANG_SUN, library.TAN_SUN) else 1.5)
 
 
 def force(s: Inputs, branch: int, d: complex, rate: complex, memory: np.ndarray) -> complex:
     """Force of a branch of a law."""
     kind, p = s.kind, s.law
-    if branch not in (march.FORWARD, march.BACK):
+    if branch not in (library.FORWARD, library.BACK):
         return 0j
-    if kind == march.LINEAR:
+    if kind == library.LINEAR:
         return p[0] * d
-    if d.real <= (-1e-8 if kind == march.TABLE else 0):  # a table's curve has a kink at 0
+    if d.real <= (-1e-8 if kind == library.TABLE else 0):  # a table's curve has a kink at 0
         return 0j
-    if kind == march.HERTZ and p[1].real > 0:
+    if kind == library.HERTZ and p[1].real > 0:
         root = (p[0] ** 2 * d**3) ** (1 / 6) + 0j  # of F^(1/3)
         a = p[0] ** (-2 / 3)
         for _ in range(60):
             root -= ((a - p[1] * root) * root**2 - d) / ((2 * a - 3 * p[1] * root) * root)
         return root**3
-    if kind in (march.HERTZ, march.POWER, march.DAMPED):
-        n = 1.5 if kind == march.HERTZ else p[1]
+    if kind in (library.HERTZ, library.POWER, library.DAMPED):
+        n = 1.5 if kind == library.HERTZ else p[1]
         whole = p[0] * np.exp(n * np.log(d))
-        return whole * (1 + memory[0] * rate) if kind == march.DAMPED else whole
+        return whole * (1 + memory[0] * rate) if kind == library.DAMPED else whole
     deepest, turn = memory[:2]
-    elastic = kind == march.TABLE and p[0] == 1
-    if branch == march.FORWARD and (elastic or d.real >= deepest.real):
+    elastic = kind == library.TABLE and p[0] == 1
+    if branch == library.FORWARD and (elastic or d.real >= deepest.real):
         return _loading(kind, p, d)
     low = _permanent(kind, p, deepest)
     if d.real <= low.real:
         return 0j
     top, start = _loading(kind, p, deepest), deepest
-    if branch == march.BACK and turn.real < deepest.real:
+    if branch == library.BACK and turn.real < deepest.real:
         top *= _shape(kind, p, (turn - low) / (deepest - low), False, deepest)
         start = turn
-    return top * _shape(kind, p, (d - low) / (start - low), branch == march.BACK, deepest)
+    return top * _shape(kind, p, (d - low) / (start - low), branch == library.BACK, deepest)
 
 
 def _remembers(kind: int) -> bool:
-    return march.THORNTON <= kind <= march.TABLE
+    return library.THORNTON <= kind <= library.TABLE
 
 
 def _bound(s: Inputs, branch: int, exit: int, memory: np.ndarray) -> complex:
     """Indentation or rate at which a branch ends."""
     if exit >= SLOW:
-        return -1 / memory[0] if s.kind == march.DAMPED else 0j
+        return -1 / memory[0] if s.kind == library.DAMPED else 0j
     if not _remembers(s.kind):
         return 0j
-    if exit == LOW or branch == march.APART:
+    if exit == LOW or branch == library.APART:
         return _permanent(s.kind, s.law, memory[0]) if memory[0].real > 0 else 0j
-    if branch == march.BACK:
+    if branch == library.BACK:
         return memory[1]
     if memory[2].real < memory[0].real:
         return memory[0]
@@ -218,12 +218,12 @@ def _remembered(
     after = before.copy()
     after[2] = row[12]
     exit, branch = int(row[2]), int(row[5])
-    if s.kind == march.DAMPED and branch == march.APART:
+    if s.kind == library.DAMPED and branch == library.APART:
         speed = rate if rate.real > s.slowest else s.slowest + 0j
         after[1] = max(speed, before[1], key=np.real)
         after[0] = s.law[2] / max(speed, 0.01 * after[1], key=np.real)
-    elif _remembers(s.kind) and branch == march.APART:
-        after[1] = before[0] if int(row[9]) == march.BACK else 0j
+    elif _remembers(s.kind) and branch == library.APART:
+        after[1] = before[0] if int(row[9]) == library.BACK else 0j
     elif _remembers(s.kind):
         if exit == SLOW:
             after[1] = d
@@ -237,7 +237,7 @@ def replay(s: Inputs, run: Run) -> Steps:
     assert run.exits is not None
     edges, tables = run.time[::2], _tables(s)
     n, q, v, f0 = edges.size - 1, s.q.astype(complex), s.v.astype(complex), 0j
-    branch, memory = march.APART, np.zeros(3, dtype=complex)
+    branch, memory = library.APART, np.zeros(3, dtype=complex)
     out, t, exits = Steps(q, v, [0j], [0j]), 0j, list(run.exits)
     at_end, before = (0j, 0j), None
     for k in range(n + 1):
@@ -255,7 +255,7 @@ def replay(s: Inputs, run: Run) -> Steps:
                 out.time[-1] = t
             memory = _remembered(s, row, d, rate, memory)
             branch = int(row[9])
-            if branch not in (march.FORWARD, march.BACK):
+            if branch not in (library.FORWARD, library.BACK):
                 f0 = 0j
         if k == n:
             break
@@ -323,7 +323,7 @@ def _solved(
         by[stage, 1] -= s.R * slopes[stage]
     base[0, 1] += 0 if before is None else s.R * before / 4
     f = np.array([f0, *forces])
-    for _ in range(4 if branch in (march.FORWARD, march.BACK) else 0):
+    for _ in range(4 if branch in (library.FORWARD, library.BACK) else 0):
         rest, slope = np.empty(2, dtype=complex), np.empty((2, 2), dtype=complex)
         for stage in range(2):
             d, rate = base[stage] + by[stage] @ f
@@ -335,7 +335,7 @@ def _solved(
             slope[stage] = -(by_d * by[stage, 0, 1:] + by_rate * by[stage, 1, 1:])
             slope[stage, stage] += 1
         f[1:] -= np.linalg.solve(slope, rest)
-    if branch not in (march.FORWARD, march.BACK):
+    if branch not in (library.FORWARD, library.BACK):
         f[1:] = 0
     state = free + np.einsum("akj,k->aj", pushed, to_parabola @ f)
     d, rate = base[1] + by[1] @ f

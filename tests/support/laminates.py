@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from antiosc.closed_form import SupportedLaminate
 from antiosc.fem.elements import stacked
+from antiosc.models.closed_form import SupportedLaminate
 
 
 def navier(layers, S=None):

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.base import march
-from antiosc.simulation.assembly import Assembly, assemble_scene
-from antiosc.simulation.march.engine import Run, run
-from antiosc.simulation.march.system import System
-from antiosc.simulation.scene import set_initial_forces
+from antiosc.engine import library
+from antiosc.engine.march import Run, run
+from antiosc.engine.system import System
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.scene import set_initial_forces
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def audited(
     made = assemble_scene(scene, duration)
     set_initial_forces(made)
     found = run(made.system, duration, share, fine=made.contact_time_estimate / 200, step=step)
-    assert found.answer == march.DONE
+    assert found.answer == library.DONE
     _check_times(made.system, found, duration, step or 1.0)
     steps = Steps(made.system, found)
     _check_motion(steps, tol)
@@ -200,7 +200,7 @@ def _closed(found: Run, c: int, pressed: bool) -> list[tuple[int, int, float]]:
     spans: list[tuple[int, int, float]] = []
     for t, _, piece, fast in found.events[found.events[:, 1] == c]:
         node = int(np.flatnonzero(starts == t)[0])
-        if piece == march.APART:
+        if piece == library.APART:
             spans.append((first, node, speed))
             first = -1
         else:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.base import march
-from antiosc.simulation.march.system import System
+from antiosc.engine import library
+from antiosc.engine.system import System
 from paths import ROOT, SUPPORT
 
 _PARTS: dict[str, tuple[Any, ...]] = {
@@ -44,7 +44,7 @@ def built(*defines: str) -> Any:
     units = [SUPPORT / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
     command = [*library.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
     subprocess.run(command, check=True)
-    found = march.load(out, out.parent)
+    found = library.load(out, out.parent)
     for name, (result, *arguments) in _PARTS.items():
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments
@@ -60,12 +60,12 @@ class Stepper:
         size = self.library.aom_memory_size(byref(given.system))
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.at = c_void_p()
-        options = march.Options(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000, 1)
+        options = library.Options(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000, 1)
         made = self.library.aom_create(
             byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.at)
         )
-        assert made == march.DONE
-        assert self.library.aom_start(self.at, byref(given.system), byref(options)) == march.DONE
+        assert made == library.DONE
+        assert self.library.aom_start(self.at, byref(given.system), byref(options)) == library.DONE
 
 
 def doubles(values: Sequence[float]) -> Any:

@@ -24,7 +24,7 @@ import numpy as np
 
 import antiosc as ao
 from antiosc import closed_form, contact, plotting
-from antiosc.closed_form import zener
+from antiosc.models.closed_form import zener
 from paths import DECKS
 
 MODULES = {

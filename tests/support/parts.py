@@ -20,7 +20,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.platform.compiled_forms import compiler
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 
 Array = NDArray[np.float64]
 Marker = Callable[[Array], NDArray[np.bool_]]

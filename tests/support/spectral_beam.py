@@ -1,7 +1,7 @@
 """An independent beam for tests: Timoshenko's K and M in Legendre polynomials, two segments.
 
-It shares nothing with `antiosc.closed_form`: no characteristic equation, no wave numbers. Each
-segment carries w and the rotation as polynomials, so the lowest modes converge exponentially.
+It shares nothing with `antiosc.models.closed_form`: no characteristic equation, no wave numbers.
+Each segment carries w and the rotation as polynomials, so the lowest modes converge exponentially.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import Legendre, legendre
 from scipy.linalg import eigh, null_space, solve
 
-from antiosc.closed_form import UniformBeam
+from antiosc.models.closed_form import UniformBeam
 
 
 class SpectralBeam:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.closed_form import StruckBeam, UniformBeam
+from antiosc.models.closed_form import StruckBeam, UniformBeam
 
 ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
 SLENDER = UniformBeam.timoshenko(**ARTICLE, nu=0.3)

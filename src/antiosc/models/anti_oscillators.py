@@ -28,11 +28,11 @@ from antiosc.base import checks
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import ReprMixin, engineering
-from antiosc.contact.curvature import CURVED
-from antiosc.contact.surfaces import Surface, matter_of
+from antiosc.engine.contact.curvature import CURVED
+from antiosc.engine.contact.surfaces import Surface, matter_of
+from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models import model_file, parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
-from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.models.driving_point import with_rigid_slide
 from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.model_file import ReducedMatrices, reduced_matrices
@@ -277,7 +277,7 @@ class AntiOscillators(ReprMixin, Parameters):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        from antiosc.base.charts import plot_model
+        from antiosc.plot.charts import plot_model
 
         return plot_model(self, path)
 

@@ -21,7 +21,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
-from antiosc.contact.surfaces import Surface
+from antiosc.engine.contact.surfaces import Surface
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import Stretch

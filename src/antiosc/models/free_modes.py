@@ -344,8 +344,8 @@ def _lanczos(
 ) -> tuple[Array, Array, Array]:
     """The n Ritz values of T from the start T phi in the inner product of A; as `_eigenpairs`.
 
-    As `antiosc.fem.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av, and
-    without one b'v = 0.
+    As `antiosc.reduce.extraction.krylov`; a massless residual compliance r adds (b'v)^2/r to v'Av,
+    and without one b'v = 0.
     """
     y = b / A
     soft = massless > 0

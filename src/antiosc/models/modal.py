@@ -23,7 +23,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, warn
 from antiosc.base.texts import FieldsRepr, ReprMixin
-from antiosc.models.damping import DampingMatrix, FirstOrder, first_order
+from antiosc.engine.damping import DampingMatrix, FirstOrder, first_order
 from antiosc.models.motion import Inertia, Motion, unit_vector, unit_vectors
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.

@@ -34,10 +34,10 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.archives import Arrays
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import FieldsRepr
+from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.io.dof_map import component_of
 from antiosc.io.matrices import matrix_formats, write_matrix_market
 from antiosc.models.body import ModelInfo
-from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters

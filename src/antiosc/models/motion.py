@@ -28,10 +28,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.base import checks, march
+from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotConvergedError
 from antiosc.base.texts import FieldsRepr, ReprMixin
+from antiosc.engine import library
 
 #: Share of a body's inertia below which it has none about an axis.
 INERTIALESS = 1e-9
@@ -212,8 +213,8 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
         return np.array([k0 / m0]), np.array([[1 / np.sqrt(m0)]])
     size = n + (m0 > 0)
     given, x, shape = np.array([m, poles], dtype=float), np.empty(size), np.empty((n + 1, size))
-    at, to_x, to_shape = map(march.address, (given, x, shape))
-    lost = march.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
+    at, to_x, to_shape = map(library.address, (given, x, shape))
+    lost = library.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
     if lost or not (np.isfinite(x).all() and np.isfinite(shape).all()):
         raise NotConvergedError(
             f"{lost or size} of {size} free frequencies have not converged; masses or frequencies"

@@ -28,8 +28,8 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import InputError
+from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models.body import Body, ModelInfo
-from antiosc.models.damping import DampingMatrix, in_coordinates
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 from antiosc.models.stretch import Stretch

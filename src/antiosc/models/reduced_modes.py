@@ -21,7 +21,7 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.models.damping import DampingMatrix, in_coordinates
+from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import arrow_modes, unit_vector
 from antiosc.models.parameters import Parameters

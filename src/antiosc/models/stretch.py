@@ -6,7 +6,7 @@ motion following statically, the energy beyond the linear one is
     U(a) = Σ H_kij a_k a_i a_j/3 + Σ G_kijl a_k a_i a_j a_l/4,
     f_k = Σ H_kij a_i a_j + Σ G_kijl a_i a_j a_l,
 
-H and G symmetric in all their indices (`antiosc.fem.extraction.stretching` finds them).
+H and G symmetric in all their indices (`antiosc.reduce.extraction.stretching` finds them).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
+from antiosc.engine.stretch import stretch_energy, stretch_forces
 
 Count = int | Literal["auto"]
 
@@ -80,7 +81,7 @@ class Stretch(ReprMixin):
 
     def forces(self, a: Array) -> Array:
         """Modal forces (n, m) [N/kg^1/2] at amplitudes (n, m) [m kg^1/2]."""
-        two, three = _forces(self.quadratic, self.cubic, a)
+        two, three = stretch_forces(self.quadratic, self.cubic, a)
         return two + three
 
     def energy(self, a: Array) -> Array:
@@ -132,20 +133,6 @@ def _turned(tensor: Array, turn: Array) -> Array:
     for _ in range(tensor.ndim):
         tensor = tensor.reshape(len(turn), -1).T @ turn
     return tensor
-
-
-def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
-    """Energies (n,) [J] of the forces at amplitudes (n, m)."""
-    two, three = _forces(quadratic, cubic, a)
-    return np.asarray(np.sum((two / 3 + three / 4) * a, axis=1))
-
-
-def _forces(quadratic: Array, cubic: Array, a: Array) -> tuple[Array, Array]:
-    """The quadratic and the cubic forces (n, m) at amplitudes (n, m)."""
-    n, m = a.shape
-    products = (a[:, :, None] * a[:, None, :]).reshape(n, m * m)
-    stiffness = (products @ cubic.reshape(m * m, m * m).T).reshape(n, m, m)
-    return products @ quadratic.reshape(m, m * m).T, (stiffness @ a[:, :, None])[:, :, 0]
 
 
 def checked_count(stretch: object) -> Count | Literal[False]:

@@ -1,6 +1,6 @@
-// The march in WebAssembly: an impact of two bodies, posed as antiosc.simulation.two_bodies does.
+// The march in WebAssembly: an impact of two bodies, posed as antiosc.impact.two_bodies does.
 
-// csrc/antiosc_march.h; antiosc.contact.base.TAKEN
+// csrc/antiosc_march.h; antiosc.engine.contact.base.TAKEN
 const LINEAR = 0, HERTZ = 2, ELASTIC_PLASTIC = 8, TAKEN = 0.7;
 const NUMBERS = ["answer", "peak_force", "impulse", "contact_time", "restitution", "contacts",
   "touching", "first", "last", "force_error", "peak_error", "lasting", "n_nodes", "time", "force",

@@ -309,7 +309,7 @@ class Page {
   }
 }
 
-// Relative differences of two impacts, each at least half the largest: antiosc.simulation.quantities.
+// Relative differences of two impacts, each at least half the largest: antiosc.impact.quantities.
 function differences(one, other, names) {
   const off = Object.fromEntries(names.map((name) => {
     const a = one[name], b = other[name];

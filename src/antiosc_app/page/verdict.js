@@ -1,4 +1,4 @@
-// What is said of the present impact, as antiosc.simulation.histories.verdict says it of a computed one.
+// What is said of the present impact, as antiosc.impact.histories.verdict says it of a computed one.
 
 const FAST = 300; // m/s: faster blows are not those of this program
 

@@ -25,7 +25,7 @@ import numpy as np
 
 import antiosc
 from antiosc.base import checks
-from antiosc.contact.base import ContactLaw
+from antiosc.engine.contact.base import ContactLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import as_damping
 
@@ -290,10 +290,10 @@ CHECKS: dict[str, Check] = {
     "density": _of("kg/m³"),
     "filter": _among("antiosc_studies.drops.fall:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
-    "method": _among("antiosc.simulation.reference:METHODS"),
+    "method": _among("antiosc.impact.reference:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "order": functools.partial(checks.choice, options=(1, 2)),
-    "quantity": _among("antiosc.results.probe:PROBED_QUANTITIES"),
+    "quantity": _among("antiosc.fields.probe:PROBED_QUANTITIES"),
     "times": checks.nonempty,
     "tol": lambda name, value: checks.tolerance(value, name),
     "unit": _by("antiosc.io.neutral:UnitSystem.of"),

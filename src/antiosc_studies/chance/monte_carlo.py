@@ -25,8 +25,8 @@ from antiosc.base.errors import (
 )
 from antiosc.base.files import atomic_file, check_readable
 from antiosc.base.progress import counting
-from antiosc.maps.results import ImpactMap
-from antiosc.simulation.batch import check_executor, completed_calls, rows_of, simulate_many
+from antiosc.impact.batch import check_executor, completed_calls, rows_of, simulate_many
+from antiosc.strikes.map_results import ImpactMap
 from antiosc_studies.chance.sample import Sample
 
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, FieldsRepr, Result
+from antiosc.plot.charts import figure_or_path, panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

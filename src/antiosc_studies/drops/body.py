@@ -23,17 +23,17 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
-from antiosc.contact import ContactLaw
-from antiosc.contact.curvature import CURVED, LINE, PLANE, Curvature
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.curvature import CURVED, LINE, PLANE, Curvature
+from antiosc.impact.bodies import RigidBody, Sphere
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.bodies import RigidBody, Sphere
 from antiosc_studies.drops.corners import columns, missing
 from antiosc_studies.drops.lines import Cylinder, cylinders
 from antiosc_studies.drops.skin import SMOOTH, THIN, Skin, hull, skin_of
 
 if TYPE_CHECKING:
-    from antiosc.fem.site import Site
     from antiosc.fem.structure.structure import Structure
+    from antiosc.reduce.site import Site
     from antiosc_studies.drops.layer import LayerContact
 
 
@@ -243,9 +243,9 @@ def _elastic(
     """The free modes of a structure and the points of its hull."""
     from scipy.spatial import cKDTree
 
-    from antiosc.fem.extraction.eigenmodes import ModeSolver
-    from antiosc.fem.fields import source
     from antiosc.fem.structure.structure import refuse_dampers
+    from antiosc.recovery import source
+    from antiosc.reduce.extraction.eigenmodes import ModeSolver
 
     if structure.comm.size > 1:
         raise InputError("a drop runs on one rank; start it without mpirun.")
@@ -316,7 +316,7 @@ def _residual(
     which: IntArray,
 ) -> tuple[Array, Array, Array]:
     """Shapes, residual compliances and radii of patches at vertices of the hull `own`."""
-    from antiosc.fem.site import functionals
+    from antiosc.reduce.site import functionals
 
     chosen = own[which]
     sites = [_site(skin, k, corner) for k in chosen.tolist()]
@@ -342,7 +342,7 @@ def _residual(
 
 def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple[float, float]:
     """Principal radii [m] of a vertex, of a smooth place of a solid from the surface around it."""
-    from antiosc.fem.site.curvature import curvature_at
+    from antiosc.reduce.site.curvature import curvature_at
 
     if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
         return skin.radii(which, corner)
@@ -355,7 +355,7 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
 
 def _site(skin: Skin, which: int, corner: float) -> Site:
     """The site of a vertex: a patch on a solid, of the size of its radius on edges and corners."""
-    from antiosc.fem.site import Site
+    from antiosc.reduce.site import Site
 
     normal = skin.normals[which]
     push = -normal if normal.any() else np.array([0.0, 0.0, 1.0])

@@ -18,24 +18,24 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
-from antiosc.models.modal import SiteModes
-from antiosc.models.motion import Inertia, ModalState
-from antiosc.simulation.assembly import Assembly, assemble_scene
-from antiosc.simulation.bodies import Obstacle
-from antiosc.simulation.histories import SceneHistory
-from antiosc.simulation.histories.energy import impulses
-from antiosc.simulation.histories.results import COMPLETED, STOPPED
-from antiosc.simulation.march.convergence import FINE as FINEST
-from antiosc.simulation.march.engine import Run, run as march_once
-from antiosc.simulation.march.system import Kept, System
-from antiosc.simulation.scene import (
+from antiosc.engine.convergence import FINE as FINEST
+from antiosc.engine.march import Run, run as march_once
+from antiosc.engine.system import Kept, System
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.bodies import Obstacle
+from antiosc.impact.histories import SceneHistory
+from antiosc.impact.histories.energy import impulses
+from antiosc.impact.histories.results import COMPLETED, STOPPED
+from antiosc.impact.scene import (
     Scene,
     check_range,
     integrate_exact,
     set_initial_forces as begin,
 )
-from antiosc.simulation.scene_parts import Contact
-from antiosc.simulation.states import forces, integrated_states, interpolated, locate
+from antiosc.impact.scene_parts import Contact
+from antiosc.impact.states import forces, integrated_states, interpolated, locate
+from antiosc.models.modal import SiteModes
+from antiosc.models.motion import Inertia, ModalState
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Setting, law_at

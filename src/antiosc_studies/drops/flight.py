@@ -17,8 +17,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from antiosc.base import march
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.engine import library
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.floor import Ground
 
@@ -203,7 +203,7 @@ class State:
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
     """Displacements and velocities (n, J) of free damped modes at times (n,) since the start."""
     if np.any(decay >= omega):  # over-damped ones
-        P, W, S = march.responses(omega, decay, t[:, None])[:3]
+        P, W, S = library.responses(omega, decay, t[:, None])[:3]
         return P * q + S * p, W * p - omega**2 * S * q
     fast = np.sqrt(omega**2 - decay**2)
     phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)

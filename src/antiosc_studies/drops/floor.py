@@ -13,12 +13,12 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
-from antiosc.contact import ContactLaw, Gonthier, Power
-from antiosc.contact.choice import choose
-from antiosc.contact.curvature import Curvature
-from antiosc.contact.surfaces import RIGID, Matter, Surface, matter_of
+from antiosc.engine.contact import ContactLaw, Gonthier, Power
+from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.curvature import Curvature
+from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
+from antiosc.engine.damping import StackedModes
 from antiosc.models.body import LinearBody, checked_body
-from antiosc.models.damping import StackedModes
 from antiosc.models.modal import ModalBody, SiteModes
 from antiosc.models.motion import ModalState
 

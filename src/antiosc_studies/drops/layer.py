@@ -189,7 +189,7 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     """Of a mesh: its surface, without the triangles between round vertices."""
     from scipy.spatial import cKDTree
 
-    from antiosc.fem.fields import source
+    from antiosc.recovery import source
 
     assert body.structure is not None
     assert body.basis is not None

@@ -1,7 +1,7 @@
 """Lines along which a part may land, as a cylinder on its side.
 
-A straight line of contact is one law of the whole line (`antiosc.contact.line`), shared by stations
-along it by their lengths. The stations are the nodes of a Gauss-Lobatto rule on the axis, each a
+A straight line of contact is one law of the whole line (`antiosc.engine.contact.line`), shared by
+stations along it by their lengths. The stations are the nodes of a Gauss-Lobatto rule on the axis, each a
 ball of the cylinder's radius, so that the line rolls with the part and the force does not depend on
 the mesh. They touch where the axis is level; otherwise the part lands on an end, as a point.
 
@@ -22,10 +22,10 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import engineering
-from antiosc.contact import Tabulated
-from antiosc.contact.curvature import LINE, Curvature
-from antiosc.contact.geometry import effective_modulus
-from antiosc.contact.line import line_curve
+from antiosc.engine.contact import Tabulated
+from antiosc.engine.contact.curvature import LINE, Curvature
+from antiosc.engine.contact.geometry import effective_modulus
+from antiosc.engine.contact.line import line_curve
 
 if TYPE_CHECKING:
     from antiosc_studies.drops.body import FreeBody
@@ -214,7 +214,7 @@ def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
 
 def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
     """The straight lines of the surface of a solid; own: numbers of the points in the skin."""
-    from antiosc.fem.site.curvature import curvature_at
+    from antiosc.reduce.site.curvature import curvature_at
 
     assert body.structure is not None
     found, left = [], own[skin.lines[own] & (skin.half[own] == 0)]
@@ -263,7 +263,7 @@ def _cylinder(
     material, centre = skin.materials[at], middle - body.centre
     if np.isnan(material).any():
         return None
-    from antiosc.fem.fields import source
+    from antiosc.recovery import source
 
     structure: Any = body.structure
     nodes, _, moved = source(structure).at_nodes(structure, body.basis)
@@ -315,7 +315,7 @@ def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
 
 def _compliance(body: FreeBody, one: Cylinder) -> float:
     """What the part gives way along a line beyond its modes and a half-space [m/N]."""
-    from antiosc.fem.site import Site, functionals
+    from antiosc.reduce.site import Site, functionals
 
     structure: Any = body.structure
     assert body.basis is not None

@@ -11,9 +11,9 @@ import numpy as np
 
 from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.charts import figure_or_path, new_figure
 from antiosc.base.errors import InputError
-from antiosc.base.surfaces import LIGHT
+from antiosc.plot.charts import figure_or_path, new_figure
+from antiosc.plot.surfaces import LIGHT
 from antiosc_studies.drops.body import skin_of
 from antiosc_studies.drops.flight import State
 

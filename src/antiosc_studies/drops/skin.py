@@ -140,7 +140,7 @@ def of_points(points: Array) -> Skin:
 
 def of_mesh(part: MeshedStructure) -> Skin:
     """The surface of one mesh."""
-    from antiosc.fem.site.map_sites import surface
+    from antiosc.reduce.site.map_sites import surface
 
     ground = surface(part, None)
     x, normals, count = ground.points, ground.normals, ground.elements.shape[1]

@@ -12,14 +12,14 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr, engineering
-from antiosc.contact import ContactLaw, ElasticPlastic, Hertz
-from antiosc.contact.choice import Choice
-from antiosc.contact.dent import Dent
-from antiosc.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
-from antiosc.contact.surfaces import Matter, matter_of
-from antiosc.results.margin import HertzContact
-from antiosc.simulation.bodies import GRAVITY
-from antiosc.simulation.law_error import error_of_peak
+from antiosc.engine.contact import ContactLaw, ElasticPlastic, Hertz
+from antiosc.engine.contact.choice import Choice
+from antiosc.engine.contact.dent import Dent
+from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
+from antiosc.engine.contact.surfaces import Matter, matter_of
+from antiosc.fields.margin import HertzContact
+from antiosc.impact.bodies import GRAVITY
+from antiosc.impact.law_error import error_of_peak
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight, State

@@ -1,6 +1,6 @@
 """`find_impact`: the place and the strength of a blow from the signals of sensors.
 
-The structure's free modes give the model of every candidate place (`antiosc.maps.impact_map`). A
+The structure's free modes give the model of every candidate place (`antiosc.strikes.impact_map`). A
 scan with half-sine pulses (`scan`) finds the places at which a search begins; Gauss–Newton in
 logarithms (`fit`) finds the blow. Errors of the model are unknowns of known size: a relative change
 of each natural frequency, and of each mode's share in each signal. The bars contain them.
@@ -20,20 +20,20 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Result
-from antiosc.contact import ContactLaw, Hertz
+from antiosc.engine.contact import ContactLaw, Hertz
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.maps.impact_map import ABOVE, FreeSites, Where, free_sites, on_plane
+from antiosc.impact.auto_contact import AUTO, AnyLaw
+from antiosc.impact.bodies import RigidMass
+from antiosc.impact.histories import History
 from antiosc.models.free_modes import residual
 from antiosc.models.modal import Damping, as_damping
-from antiosc.simulation.auto_contact import AUTO, AnyLaw
-from antiosc.simulation.bodies import RigidMass
-from antiosc.simulation.histories import History
+from antiosc.plot.charts import figure_or_path, panels
+from antiosc.strikes.impact_map import ABOVE, FreeSites, Where, free_sites, on_plane
 from antiosc_studies.find.forward import Struck, Surface, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, of_shapes, recording
 from antiosc_studies.find.search import POOR, Fit, Scan, most_probable, scan

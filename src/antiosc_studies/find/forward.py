@@ -8,14 +8,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
-from antiosc.contact import ContactLaw, ElasticPlastic, Linear
+from antiosc.engine.contact import ContactLaw, ElasticPlastic, Linear
+from antiosc.impact.bodies import RigidMass
+from antiosc.impact.histories import History
+from antiosc.impact.reference import Settings
+from antiosc.impact.scene import simulate_impact
+from antiosc.impact.two_bodies import Impact
 from antiosc.models.body import ModalModel
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.bodies import RigidMass
-from antiosc.simulation.histories import History
-from antiosc.simulation.reference import Settings
-from antiosc.simulation.scene import simulate_impact
-from antiosc.simulation.two_bodies import Impact
 from antiosc_studies.find.recording import Recording
 
 #: Sites from which a value is interpolated, of surfaces and of lines.

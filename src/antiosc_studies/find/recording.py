@@ -18,10 +18,11 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
-from antiosc.fem.fields import source
-from antiosc.fem.recovery import place
-from antiosc.fem.site import Reach, point_of
+from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.structure.structure import Structure
+from antiosc.recovery import source
+from antiosc.recovery.place import place
+from antiosc.reduce.site import point_of
 from antiosc_studies.measured.tables import (
     MOTIONS,
     TIMES,

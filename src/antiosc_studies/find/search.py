@@ -18,7 +18,7 @@ from scipy import fft
 
 from antiosc.base._types import Array
 from antiosc.base.progress import counting
-from antiosc.simulation.histories import History
+from antiosc.impact.histories import History
 from antiosc_studies.find.forward import Blow, Chart, Seen, Struck
 from antiosc_studies.measured.fit import covariance, lowered
 

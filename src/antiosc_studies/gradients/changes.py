@@ -2,7 +2,7 @@
 
 By the parameters that a body was given; by the bodies themselves, the change of a goal between two
 sets of them to first order. Where damping couples the modes, the march gives the derivatives by its
-first-order modes (`antiosc.models.damping`), and these are found anew at a small change of each
+first-order modes (`antiosc.engine.damping`), and these are found anew at a small change of each
 parameter: differences of the modes, not of runs.
 """
 
@@ -18,24 +18,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from antiosc.base import march
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.contact import ContactLaw
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.damping import DampingMatrix, from_factors
+from antiosc.engine.march import Slopes
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.impact.bodies import Impactor, RigidMass, Sphere
+from antiosc.impact.error_budget import SAFETY
+from antiosc.impact.histories import History
+from antiosc.impact.scene import set_initial_forces
+from antiosc.impact.scene_parts import Contact, SceneParts
+from antiosc.impact.states import integrated_states
+from antiosc.impact.truncation import TRUNCATION_SAFETY, softest_model
+from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Motion
-from antiosc.simulation.assembly import Assembly, assemble_scene
-from antiosc.simulation.bodies import Impactor, RigidMass, Sphere
-from antiosc.simulation.error_budget import SAFETY
-from antiosc.simulation.histories import History
-from antiosc.simulation.march.engine import Slopes
-from antiosc.simulation.scene import set_initial_forces
-from antiosc.simulation.scene_parts import Contact, SceneParts
-from antiosc.simulation.states import integrated_states
-from antiosc.simulation.truncation import TRUNCATION_SAFETY, softest_model
-from antiosc.simulation.two_bodies import Impact, assemble_pair
 from antiosc_studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]
@@ -208,8 +208,8 @@ def through_start(found: Recorded, by: Slopes) -> Slopes:
 
 def _slopes(law: Any, depth: float) -> tuple[float, Array]:
     """Derivatives of the force of a new contact at rest, by indentation and by parameters."""
-    by_parameters = np.zeros(march.LAW_SLOPES)
-    march.library.aom_law_slopes(addressof(law.kernel[0]), depth, march.address(by_parameters))
+    by_parameters = np.zeros(library.LAW_SLOPES)
+    library.library.aom_law_slopes(addressof(law.kernel[0]), depth, library.address(by_parameters))
     return float(law.tangent(depth, 0.0, law.touch(0.0))[0]), by_parameters
 
 
@@ -260,7 +260,7 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
     total = sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
         total += float(slope @ (leading(new) - leading(old)))
-        if old.kernel[0].kind == march.TABLE and old is not new:  # type: ignore[attr-defined]
+        if old.kernel[0].kind == library.TABLE and old is not new:  # type: ignore[attr-defined]
             raise NotDifferentiableError(
                 "there are no derivatives by the curves of a table: make it outside of build."
             )
@@ -298,9 +298,9 @@ def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
 def leading(law: ContactLaw) -> Array:
     """The parameters that the march has derivatives by, then 0."""
     kind, values = law.kernel[0].kind, law.parameters()  # type: ignore[attr-defined]
-    count = {march.TABLE: 0, march.HERTZ: 1}.get(kind, march.LAW_SLOPES - 1)
+    count = {library.TABLE: 0, library.HERTZ: 1}.get(kind, library.LAW_SLOPES - 1)
     first = values[: min(count, len(values) - 1)]
-    found = np.zeros(march.LAW_SLOPES)
+    found = np.zeros(library.LAW_SLOPES)
     found[: len(first)] = first
     found[-1] = law.compliance  # type: ignore[attr-defined]
     return found
@@ -380,7 +380,7 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
     """Runs beside which a gradient shows its errors, and what each makes of the model.
 
     Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
-    may have (`antiosc.simulation.truncation`), and the model corrected for its mesh.
+    may have (`antiosc.impact.truncation`), and the model corrected for its mesh.
     """
     budget = hit.budget if isinstance(hit, History) else None
     model = hit.assembly.scene.bodies.get("structure") if budget is not None else None

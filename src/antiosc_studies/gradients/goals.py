@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.base import checks, march
+from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.histories import History
-from antiosc.simulation.march.engine import Run
-from antiosc.simulation.states import (
+from antiosc.engine import library
+from antiosc.engine.march import Run
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.histories import History
+from antiosc.impact.states import (
     forces,
     integrated_starts,
     locate,
@@ -24,6 +24,7 @@ from antiosc.simulation.states import (
     starts,
     states,
 )
+from antiosc.models.anti_oscillators import AntiOscillators
 
 TINY = float(np.finfo(float).tiny)
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
@@ -118,7 +119,7 @@ class Seeds:
     def arrays(self, width: int) -> tuple[NDArray[np.void], Array]:
         """The readings as the march takes them, in the order of their steps."""
         ordered = sorted(self.readings, key=lambda reading: reading[0][0])
-        places = np.array([place for place, _, _ in ordered], dtype=march.READING)
+        places = np.array([place for place, _, _ in ordered], dtype=library.READING)
         weights = [weight for _, weight, _ in ordered]
         return places, np.reshape(weights, (len(ordered), width)).astype(float)
 
@@ -202,7 +203,7 @@ def _tops(found: Recorded, c: int) -> Array:
     """The largest force of a contact in each step."""
     run = found.run
     steps = np.arange(run.time.size // 2)
-    return march.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
+    return library.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
 
 
 def _other_peaks(tops: Array, k: int, near: float) -> NDArray[np.intp]:
@@ -248,9 +249,9 @@ def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
         step, which, before, after = int(row[0]), int(row[1]), int(row[5]), int(row[9])
         if which != c:
             continue
-        if before == march.APART:
+        if before == library.APART:
             begin, parted = step, False
-        elif after == march.APART and begin is not None:
+        elif after == library.APART and begin is not None:
             if step > begin:
                 spans.append((begin, step))
             begin, parted = None, True

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base import checks, march
+from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import figure_or_path, panels
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, value_text
-from antiosc.contact import ContactLaw
-from antiosc.simulation.march import engine
+from antiosc.engine import library, march
+from antiosc.engine.contact import ContactLaw
+from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.changes import (
     Taken,
     Values,
@@ -258,7 +258,7 @@ def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
-    from antiosc.results.fields import checked_shapes  # loads dolfinx
+    from antiosc.fields.fields import checked_shapes  # loads dolfinx
     from antiosc_studies.gradients.of_part import (
         SAME_PART,
         SHRUNK,
@@ -305,7 +305,7 @@ def _of_part(
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
-def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: engine.Slopes) -> dict[str, Values]:
+def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: march.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; of driven scenes none."""
     result: dict[str, Values] = {}
     for name, body in found.bodies.items():
@@ -329,7 +329,7 @@ def _closing(found: Recorded, name: str) -> float:
     return float(rows[0] @ found.system.v[span]) if len(rows) else 0.0
 
 
-def _contacts(found: Recorded, slopes: engine.Slopes) -> dict[tuple[str, str], Values]:
+def _contacts(found: Recorded, slopes: march.Slopes) -> dict[tuple[str, str], Values]:
     result: dict[tuple[str, str], Values] = {}
     for c, (pair, law) in enumerate(zip(contact_ends(found), found.laws, strict=True)):
         values = _by_law(law, slopes.laws[c])
@@ -342,7 +342,7 @@ def _contacts(found: Recorded, slopes: engine.Slopes) -> dict[tuple[str, str], V
 
 def _by_law(law: ContactLaw, by: Array) -> Values:
     """Derivatives by the parameters of a law, by name; a table's are not parameters."""
-    if law.kernel[0].kind == march.TABLE:  # type: ignore[attr-defined]
+    if law.kernel[0].kind == library.TABLE:  # type: ignore[attr-defined]
         return {}
     names = [each.name for each in fields(law) if each.init]  # type: ignore[arg-type]
     values = {name: float(by @ _by_field(law, name)) for name in names if name != "compliance"}

@@ -16,10 +16,10 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Result
-from antiosc.simulation.auto_contact import law_of
-from antiosc.simulation.histories import History
-from antiosc.simulation.scene import simulate
-from antiosc.simulation.two_bodies import Impact, assemble_pair
+from antiosc.impact.auto_contact import law_of
+from antiosc.impact.histories import History
+from antiosc.impact.scene import simulate
+from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc_studies.gradients.changes import changed
 from antiosc_studies.gradients.goals import GOALS, Sampled
 from antiosc_studies.gradients.of_run import derived

@@ -26,18 +26,18 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Completed
+from antiosc.engine import march
+from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.extraction.extract import ErrorOption, extract
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import compat
-from antiosc.fem.site import Site, functional
-from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
+from antiosc.fields.fields import checked_shapes
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix, in_coordinates
-from antiosc.results.fields import checked_shapes
-from antiosc.simulation.march import engine
+from antiosc.reduce.extraction.extract import ErrorOption, extract
+from antiosc.reduce.site import Site, functional
+from antiosc.reduce.site.sites import located
 from antiosc_studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
 from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds
 from antiosc_studies.gradients.of_run import by_modes, derived, model_name, shown_goal
@@ -139,7 +139,7 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
-def part_chain(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> Chain:
+def part_chain(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) -> Chain:
     """The chain to the part of a model."""
     by = by_modes(found, wanted, slopes, name)
     if by is None:
@@ -406,7 +406,7 @@ class DesignMap(Completed):
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
         material lowers the goal, red: it raises it.
         """
-        from antiosc.base.surfaces import draw_design
+        from antiosc.plot.surfaces import draw_design
 
         faces, gather = self.meshed.faces, self.meshed.comm.allgather
         corners = np.concatenate(gather(faces.corners))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from antiosc.base import checks, march
+from antiosc.base import checks
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.contact.base import is_compiled
+from antiosc.engine import library, march
+from antiosc.engine.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.march import engine
 from antiosc_studies.gradients.changes import ByModes, Taken, first_order_weights, through_start
 from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds, next_peak, recorded, seeds
 
@@ -44,10 +44,10 @@ def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | Non
 def _derived(found: Recorded, wanted: Seeds) -> Taken:
     places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
     weights, s = first_order_weights(found, weights), found.system.marched
-    slopes, grazing, answer = engine.gradient(
+    slopes, grazing, answer = march.gradient(
         s, found.run, found.states(), places, weights, wanted.force, wanted.time
     )
-    if answer != march.DONE or not grazing > GRAZING:
+    if answer != library.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."
@@ -57,7 +57,7 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
     return found, wanted, slopes
 
 
-def settled(found: Recorded, slopes: engine.Slopes) -> engine.Slopes:
+def settled(found: Recorded, slopes: march.Slopes) -> march.Slopes:
     """The derivatives with what the forces and the rest at the start have of them."""
     closed = found.scene.preload or found.system.pressed.any()
     return through_start(found, slopes) if closed else slopes
@@ -89,7 +89,7 @@ def contact_ends(found: Recorded) -> list[tuple[str, str]]:
     return [(contact.a, contact.b) for contact in found.scene.contacts]
 
 
-def by_modes(found: Recorded, wanted: Seeds, slopes: engine.Slopes, name: str) -> ByModes | None:
+def by_modes(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) -> ByModes | None:
     """Derivatives by the modes of a body of one site; None of others."""
     s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
     k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes

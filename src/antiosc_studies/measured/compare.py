@@ -14,10 +14,10 @@ from scipy.optimize import minimize_scalar
 
 from antiosc.base import checks
 from antiosc.base._types import Array
-from antiosc.base.charts import figure_or_path, legend, panels
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import Completed
+from antiosc.plot.charts import figure_or_path, legend, panels
 from antiosc_studies.measured.tables import table
 
 if TYPE_CHECKING:

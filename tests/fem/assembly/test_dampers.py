@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 from assemblies import BEAM, dense, free_dofs, line
 
 

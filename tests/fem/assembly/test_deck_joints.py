@@ -11,7 +11,7 @@ import scipy.linalg
 import antiosc as ao
 from abaqus_decks import column
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 from assemblies import compliances
 
 pytestmark = [

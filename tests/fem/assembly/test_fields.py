@@ -12,8 +12,8 @@ import scipy.sparse
 import antiosc as ao
 from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.joint import Rows
-from antiosc.results.fields import shapes_of
-from antiosc.simulation.histories import amplitudes
+from antiosc.fields.fields import shapes_of
+from antiosc.impact.histories import amplitudes
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from static_loads import quiet
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.extraction.eigenmodes import ModeSolver
+from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from assemblies import stiffness
 from mpi import run_ranks
 from paths import DECKS

@@ -12,8 +12,8 @@ import scipy.optimize
 
 import antiosc as ao
 import every_joint
-from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.assembly.pins import element
+from antiosc.models.closed_form.plates import SupportedPlate
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 from paths import ROOT

@@ -7,12 +7,12 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
-from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements import stacked
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
+from antiosc.models.closed_form.plates import SupportedPlate
 from laminates import navier, uniform
 from mpi import START, one_and_several
 from paths import demo

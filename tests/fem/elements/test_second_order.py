@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.fields import mesh_fields
+from antiosc.recovery import mesh_fields
 from sheets import sheet
 
 RADIUS, RISE = 0.1, 2e-3

@@ -12,13 +12,13 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.closed_form.plates import SupportedPlate
 from antiosc.fem.elements.shell import CUBIC, QUADRATIC, _dropped_of_cubics
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
+from antiosc.models.closed_form.plates import SupportedPlate
+from antiosc.reduce.site import functional
 from assemblies import compliances
 from sheets import (
     CELLS,

@@ -9,11 +9,11 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.error import model_errors
-from antiosc.fem.error.model_errors import estimator, layers, mean_gaps
-from antiosc.fem.error.solid import STRAIN_PLACES, stiffness
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
+from antiosc.reduce.error import model_errors
+from antiosc.reduce.error.model_errors import estimator, layers, mean_gaps
+from antiosc.reduce.error.solid import STRAIN_PLACES, stiffness
 from parts import CELLS, STEEL, box, named, plate
 from sheets import sheet
 

@@ -12,7 +12,9 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.error.bisection import (
+from antiosc.fem.platform import compat
+from antiosc.io.request import GRADING
+from antiosc.reduce.error.bisection import (
     COARSEST,
     DIVIDED,
     FINEST,
@@ -24,7 +26,7 @@ from antiosc.fem.error.bisection import (
     ratios,
     refined,
 )
-from antiosc.fem.error.remeshing import (
+from antiosc.reduce.error.remeshing import (
     LINES,
     graded_sizes,
     largest,
@@ -33,8 +35,6 @@ from antiosc.fem.error.remeshing import (
     thickness_of,
     wished_sizes,
 )
-from antiosc.fem.platform import compat
-from antiosc.io.request import GRADING
 from mpi import one_and_several, run_ranks
 from parts import STEEL, box, gmsh_cube, plate
 from sheets import rectangle
@@ -141,8 +141,8 @@ def test_coarse_curved_cells_do_not_cut_cylinders_off():
 SCRIPT = """
     import json, numpy as np
     from antiosc.fem.platform import compat
-    from antiosc.fem.error.bisection import refined
-    from antiosc.fem.error.remeshing import measures
+    from antiosc.reduce.error.bisection import refined
+    from antiosc.reduce.error.remeshing import measures
     from parts import box
     mesh = box((3, 2, 2), (0.3, 0.2, 0.2), "tetrahedron")
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)
@@ -304,7 +304,7 @@ def test_a_mesh_file_is_a_source(cell, divided, tmp_path):
 ERRORS = """
     import json, warnings, numpy as np
     import antiosc as ao
-    from antiosc.fem.error.model_errors import estimator
+    from antiosc.reduce.error.model_errors import estimator
     from mpi4py import MPI
     from parts import STEEL, box, plate
     from sheets import sheet

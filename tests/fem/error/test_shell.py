@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.error.shell import (
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.structure import on_mesh
+from antiosc.impact.error_budget import (
+    COARSE_SHELL,
+    SAFETY,
+    SAFETY_COARSE,
+    SHELL,
+)
+from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.reduce.error.shell import (
     SheetRecovery,
     ShellErrors,
     StrainsOfSheets,
@@ -16,16 +26,6 @@ from antiosc.fem.error.shell import (
     section_forces,
     smooth_pieces,
 )
-from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.platform import compat
-from antiosc.fem.structure.structure import on_mesh
-from antiosc.simulation.error_budget import (
-    COARSE_SHELL,
-    SAFETY,
-    SAFETY_COARSE,
-    SHELL,
-)
-from antiosc.simulation.histories.parts import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
 
 import antiosc as ao
-from antiosc.fem.extraction import oscillators, site_shapes
-from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import error_bound, site_models
 from antiosc.models.motion import with_rigid_mode
+from antiosc.reduce.extraction import oscillators, site_shapes
+from antiosc.reduce.extraction.eigenmodes import Modes
 from chains import loose_chains
 from loose_bodies import (
     check_bounds,
@@ -135,11 +135,11 @@ def _row(n: int) -> np.ndarray:
 
 
 def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
-    from antiosc.fem.extraction import eigenmodes
+    from antiosc.reduce.extraction import eigenmodes
 
     monkeypatch.setattr(eigenmodes, "DENSE", 0)
     monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
-    monkeypatch.setattr(sys.modules["antiosc.fem.extraction.extract"], "SEARCHED", 1)
+    monkeypatch.setattr(sys.modules["antiosc.reduce.extraction.extract"], "SEARCHED", 1)
     K = scipy.linalg.block_diag(_row(3), _row(200))  # the site sees the first row only
     structure = ao.Structure.from_matrices(K, np.eye(203))
     site = ao.Site(dof=0)

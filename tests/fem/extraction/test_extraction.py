@@ -12,12 +12,12 @@ import scipy.sparse
 
 import antiosc as ao
 import parts
-from antiosc.fem.extraction import SiteShapes, eigenmodes, site_shapes
-from antiosc.fem.extraction.eigenmodes import DENSE, ModeSolver
-from antiosc.fem.extraction.oscillators import left_out
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.reduce.extraction import SiteShapes, eigenmodes, site_shapes
+from antiosc.reduce.extraction.eigenmodes import DENSE, ModeSolver
+from antiosc.reduce.extraction.oscillators import left_out
+from antiosc.reduce.site import functional
 from extraction_cases import CASES, LEFT, ON_TOP, SOLID, extract, free_part, load, quiet
 from marks import FREE_ON_PURPOSE
 

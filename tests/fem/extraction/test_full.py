@@ -10,10 +10,10 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.closed_form import StruckBeam, UniformBeam
-from antiosc.fem.extraction.superposition import DENSE_MANY
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.models.closed_form import StruckBeam, UniformBeam
+from antiosc.reduce.extraction.superposition import DENSE_MANY
+from antiosc.reduce.site import functional
 from marks import FREE_ON_PURPOSE
 
 pytestmark = FREE_ON_PURPOSE

@@ -12,7 +12,7 @@ import parts
 from antiosc.fem.elements.weak_form import restricted
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 from assemblies import dense, free_dofs
 
 SECTION = ao.Section.rectangle(0.01, 0.02)

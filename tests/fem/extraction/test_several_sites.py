@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 from chains import loose_chains, receptance
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box, line

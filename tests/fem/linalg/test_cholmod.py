@@ -17,12 +17,12 @@ import scipy.sparse.linalg
 
 import antiosc as ao
 import parts
-from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.linalg import cholmod, compliance, solver_choice
 from antiosc.fem.linalg.algebra import sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure import given_matrices
+from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from antiosc_app import info
 
 
@@ -35,8 +35,8 @@ def chain(n: int) -> scipy.sparse.csr_matrix:
 @pytest.fixture
 def forgotten():
     """Nothing that was found of the library before, nor afterwards."""
-    yield cholmod.library.cache_clear(), cholmod.refusal.cache_clear()
-    cholmod.library.cache_clear()
+    yield cholmod.loaded_cholmod.cache_clear(), cholmod.refusal.cache_clear()
+    cholmod.loaded_cholmod.cache_clear()
     cholmod.refusal.cache_clear()
 
 
@@ -230,7 +230,7 @@ def test_a_library_that_is_not_as_known_is_left_to_petsc(
     """The same models as with the direct calls, and `antiosc info` says why."""
     kind, direct = called_directly
     assert kind is solver_choice.OnOneRank
-    cholmod.library.cache_clear()
+    cholmod.loaded_cholmod.cache_clear()
     cholmod.refusal.cache_clear()
     change(monkeypatch)
     kind, through = results()
@@ -362,8 +362,8 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
 
 
 def test_a_petsc_without_cholmod_is_refused(monkeypatch):
-    cholmod.library.cache_clear()
+    cholmod.loaded_cholmod.cache_clear()
     monkeypatch.setattr(cholmod.ctypes, "CDLL", lambda *_: object())
     with pytest.raises(ao.MissingDependencyError, match="built without CHOLMOD"):
         Cholesky(grid(2))
-    cholmod.library.cache_clear()
+    cholmod.loaded_cholmod.cache_clear()

@@ -13,10 +13,10 @@ import antiosc as ao
 pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
-from antiosc.fem.fields import mesh_fields
 from antiosc.fem.platform import compat
 from antiosc.io.facets import SIDES, areas, cleaned, oriented, volumes
 from antiosc.io.polygons import triangles_of
+from antiosc.recovery import mesh_fields
 from antiosc_app.live_meshes import surface
 
 pytestmark = pytest.mark.fem

@@ -16,7 +16,7 @@ from scipy.integrate import trapezoid
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 from assemblies import dense, free_dofs
 
 LENGTH, Z = 0.5, (0, 0, 1)

@@ -11,14 +11,14 @@ import antiosc as ao
 import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
-from antiosc.fem.fields import mesh_fields
-from antiosc.fem.fields.mesh_fields import interior_angle
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.recovery import Place
-from antiosc.fem.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
 from antiosc.fem.structure.structure import on_mesh
-from antiosc.results.deformed import deformed
+from antiosc.fields.deformed import deformed
+from antiosc.recovery import mesh_fields
+from antiosc.recovery.mesh_fields import interior_angle
+from antiosc.recovery.place import Place
+from antiosc.recovery.tensors import PointsInCells, SheetAxes, evaluator, middle_strains
 from sheets import sheet as mapped
 from static_loads import held
 

@@ -11,8 +11,8 @@ import parts
 from antiosc.base.stresses import extreme_principal
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
-from antiosc.results import peaks
+from antiosc.fields import peaks
+from antiosc.reduce.site import functional
 from mpi import START, one_and_several
 from parts import unreduced
 from static_loads import quiet

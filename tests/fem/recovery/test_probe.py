@@ -9,10 +9,11 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.recovery import Place
-from antiosc.fem.site import Reach, functional
+from antiosc.fem.mesh.reach import Reach
+from antiosc.recovery import mesh_fields
+from antiosc.recovery.place import Place
+from antiosc.reduce.site import functional
 from parts import unreduced
 from sheets import RIB, SHEET, grouped, rectangle
 from static_loads import quiet

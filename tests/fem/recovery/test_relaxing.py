@@ -17,11 +17,12 @@ import antiosc as ao
 import parts
 import sheets
 from antiosc.fem.elements.weak_form import restricted
-from antiosc.fem.fields import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.platform import compat
-from antiosc.fem.recovery import Place
-from antiosc.fem.site import Reach, functional
+from antiosc.recovery import mesh_fields
+from antiosc.recovery.place import Place
+from antiosc.reduce.site import functional
 from assemblies import dense, free_dofs
 
 pytestmark = pytest.mark.filterwarnings("ignore:an edge cuts the patch")  # of a sheet's end

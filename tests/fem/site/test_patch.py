@@ -20,9 +20,9 @@ import parts
 from antiosc.fem.mesh import soundness
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional, sites
-from antiosc.fem.site.map_sites import surface
-from antiosc.fem.site.sites import patches
+from antiosc.reduce.site import functional, sites
+from antiosc.reduce.site.map_sites import surface
+from antiosc.reduce.site.sites import patches
 
 SIZE = np.array([0.04, 0.04, 0.02])
 TOP = (0.02, 0.02, 0.02)

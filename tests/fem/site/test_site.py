@@ -12,9 +12,9 @@ import antiosc as ao
 import parts
 from antiosc.fem.mesh import surface
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
-from antiosc.fem.site.sites import located, warn_of_doubts
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.reduce.site import functional
+from antiosc.reduce.site.sites import located, warn_of_doubts
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 import antiosc as ao
 import parts
 from antiosc import fem
-from antiosc.fem.site import functional
+from antiosc.reduce.site import functional
 from mpi import run_ranks
 
 N, STIFF = 8, 1e4

@@ -14,8 +14,8 @@ from antiosc import PointMass, Spring
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.site import functional
 from antiosc.fem.structure import support
+from antiosc.reduce.site import functional
 from marks import FREE_ON_PURPOSE
 from mpi import START, one_and_several, run_ranks
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet

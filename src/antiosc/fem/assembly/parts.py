@@ -22,6 +22,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, shown
 from antiosc.base.errors import InputError, name_list, without_warnings
+from antiosc.engine.damping import DampingMatrix
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh, local_groups
@@ -39,7 +40,6 @@ from antiosc.fem.structure import (
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.damping import DampingMatrix
 from antiosc.models.model_file import reduced_matrices
 
 #: Most dofs: its matrices are dense.

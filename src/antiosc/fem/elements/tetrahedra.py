@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from petsc4py import PETSc
 
-from antiosc.base import march
 from antiosc.base._types import Array, IntArray
+from antiosc.engine import library
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.petsc_algebra import multiply, watch
@@ -99,7 +99,7 @@ class Tetrahedra:
         u = np.array(compat.with_ghosts(self._space, x)[:, 0], dtype=x.dtype)
         u[self._fixed] = 0.0
         out = np.zeros_like(u)
-        places = march.address(u), march.address(out)
+        places = library.address(u), library.address(out)
         cells, product = self._in_double if x.dtype == np.float64 else self._in_single
         product(byref(cells), stiffness, mass, *places)
         result = compat.ghosts_added(self._space, out[:, None])[:, 0]
@@ -110,16 +110,16 @@ class Tetrahedra:
         return np.asarray(result, dtype=x.dtype)
 
     @cached_property
-    def _in_double(self) -> tuple[march.Tetra, Callable[..., None]]:
-        cells = march.Tetra(len(self._nodes), *map(march.address, (self._nodes, self._data)))
-        return cells, march.library.aom_tetra_product_double
+    def _in_double(self) -> tuple[library.Tetra, Callable[..., None]]:
+        cells = library.Tetra(len(self._nodes), *map(library.address, (self._nodes, self._data)))
+        return cells, library.library.aom_tetra_product_double
 
     @cached_property
-    def _in_single(self) -> tuple[march.Tetra, Callable[..., None]]:
+    def _in_single(self) -> tuple[library.Tetra, Callable[..., None]]:
         self._single = self._data.astype(np.float32)
-        places = march.address(self._nodes), march.address(self._single)
-        cells = march.Tetra(len(self._nodes), *places)
-        return cells, march.library.aom_tetra_product_float
+        places = library.address(self._nodes), library.address(self._single)
+        cells = library.Tetra(len(self._nodes), *places)
+        return cells, library.library.aom_tetra_product_float
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal blocks of kK + mM, (rows of this rank, 3)."""

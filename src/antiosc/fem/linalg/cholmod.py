@@ -11,8 +11,8 @@ times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 
 The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
-(SuiteSparse 7.10) as far as they are declared here. `library` compares the version, and every
-default that CHOLMOD sets at its start, before anything else is called.
+(SuiteSparse 7.10) as far as they are declared here. `loaded_cholmod` compares the version,
+and every default that CHOLMOD sets at its start, before anything else is called.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ import scipy.sparse
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.base import march
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
 from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads, one_thread
+from antiosc.engine import library
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)
@@ -141,7 +141,7 @@ class Factor(ctypes.Structure):
 
 
 @cache
-def library() -> ctypes.CDLL:
+def loaded_cholmod() -> ctypes.CDLL:
     """CHOLMOD's functions; MissingDependencyError if its version is not known here."""
     lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
     if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
@@ -263,7 +263,7 @@ class _Memory:
     def __init__(self) -> None:
         self.factor = POINTER(Factor)()  # null
         self.work: list[c_void_p] = []
-        self.lib = library()
+        self.lib = loaded_cholmod()
         self.common = Common()
         self.lib.cholmod_l_start(byref(self.common))
         self.work = [c_void_p() for _ in range(3)]  # X, Y and E of cholmod_l_solve2
@@ -494,15 +494,15 @@ class SinglePrecision:
         self._order = factor.permutation.copy()
         self._lists = [np.array(one, np.int64) for one in (L.start, L.row, L.rows, L.value)]
         self._values = L.values.astype(np.float32)
-        places = [*(march.address(one) for one in self._lists), march.address(self._values)]
-        self._supernodes = march.Supernodes(len(L.start) - 1, *places)
+        places = [*(library.address(one) for one in self._lists), library.address(self._values)]
+        self._supernodes = library.Supernodes(len(L.start) - 1, *places)
         self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
 
     def solve(self, b: Array) -> Array:
         """A⁻¹b of a vector (n,)."""
         x = b[self._order].astype(np.float32)
-        places = march.address(x), march.address(self._own)
-        march.library.aom_supernodes_solve(ctypes.byref(self._supernodes), *places)
+        places = library.address(x), library.address(self._own)
+        library.library.aom_supernodes_solve(ctypes.byref(self._supernodes), *places)
         result = np.empty(len(b))
         result[self._order] = x
         return result
@@ -535,4 +535,6 @@ def refusal() -> str:
         right &= np.allclose(factor.solve(A), np.eye(len(A)), rtol=1e-12, atol=1e-12)
     except AntioscError as error:
         return str(error)
-    return "" if right else f"CHOLMOD {'.'.join(map(str, version(library())))} factors wrongly."
+    return (
+        "" if right else f"CHOLMOD {'.'.join(map(str, version(loaded_cholmod())))} factors wrongly."
+    )

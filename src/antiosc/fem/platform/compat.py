@@ -22,10 +22,10 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc.base import march
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import MeshError
 from antiosc.base.process import processor_features, threads
+from antiosc.engine import library
 from antiosc.fem.platform.compiled_forms import compiler
 
 if TYPE_CHECKING:
@@ -590,13 +590,13 @@ def quadratic(
         vectors, np.ascontiguousarray(weights),
     )  # fmt: skip
     sizes = nodes.shape[1], coefficients.shape[1], int(entries[0]), entries.size, count
-    cells = march.Cells(kernel, *sizes, *map(march.address, arrays))
+    cells = library.Cells(kernel, *sizes, *map(library.address, arrays))
     room = coefficients.shape[1] + 3 * nodes.shape[1] + count * entries.size
 
     def summed(begin: int, end: int) -> None:
         memory = np.empty(room)
-        places = march.address(memory), march.address(total)
-        march.library.aom_cell_sums(addressof(cells), begin, end, *places)
+        places = library.address(memory), library.address(total)
+        library.library.aom_cell_sums(addressof(cells), begin, end, *places)
 
     ends = np.linspace(0, total.size, min(threads(), total.size) + 1).astype(int).tolist()
     with ThreadPoolExecutor() as pool:

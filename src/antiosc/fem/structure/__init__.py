@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array, Box, IntArray, Matrix
 from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
+from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.fem.linalg import algebra, solver_for
 from antiosc.fem.linalg.algebra import (
     by_strains,
@@ -34,7 +35,6 @@ from antiosc.fem.linalg.algebra import (
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.prestress import Preload
 from antiosc.io.dof_map import DofMap
-from antiosc.models.damping import DampingMatrix, from_factors
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:

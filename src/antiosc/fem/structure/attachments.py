@@ -33,7 +33,6 @@ from antiosc.base.checks import (
     text,
 )
 from antiosc.base.errors import InputError
-from antiosc.closed_form.soil import soil_cone
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
@@ -42,6 +41,7 @@ from antiosc.fem.mesh.surface import ClosestPoint, closest
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.io.dof_map import COMPONENTS
+from antiosc.models.closed_form.soil import soil_cone
 
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3

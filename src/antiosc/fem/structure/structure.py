@@ -88,7 +88,7 @@ class Structure(ReprMixin):
     mass : float
         Total mass, kg.
     dimensions : (float, float, float)
-        Length, width and thickness of the part, m, as `antiosc.striking.advice` wants them.
+        Length, width and thickness of the part, m, as `antiosc.strikes.advice` wants them.
     rigid_modes : ndarray (rows of this rank, r)
         M-orthonormal rigid-body modes that the supports leave.
     shift : float

@@ -1,0 +1,40 @@
+"""Contact laws: the force between two bodies as a function of their indentation."""
+
+from antiosc.engine.contact.base import ContactLaw, State
+from antiosc.engine.contact.laws import (
+    ElasticPlastic,
+    Flores,
+    Gonthier,
+    Hertz,
+    HuntCrossley,
+    Hysteretic,
+    LankaraniNikravesh,
+    Linear,
+    Power,
+    Stronge,
+    Tabulated,
+    TanSun,
+    Thornton,
+    YangSun,
+    restitution_of,
+)
+
+__all__ = [
+    "ContactLaw",
+    "ElasticPlastic",
+    "Flores",
+    "Gonthier",
+    "Hertz",
+    "HuntCrossley",
+    "Hysteretic",
+    "LankaraniNikravesh",
+    "Linear",
+    "Power",
+    "State",
+    "Stronge",
+    "Tabulated",
+    "TanSun",
+    "Thornton",
+    "YangSun",
+    "restitution_of",
+]

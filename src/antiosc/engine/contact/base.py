@@ -1,0 +1,389 @@
+"""The contract of a contact law.
+
+`delta` [m] is the indentation, `rate` [m/s] its time derivative. A law is a frozen dataclass of
+parameters, so that one object can be used in any number of simulations at once. The history of a
+contact (the deepest indentation, the speed of approach) is stored in `state`, a tuple of floats.
+
+1.  `touch(speed, state)` gives the state at first touch (`state` None) or when bodies that had
+    parted meet again; `speed` >= 0 is the closing speed.
+2.  `force` is >= 0 [N] and 0 for delta <= `origin(state)`. For a fixed state and rate it does not
+    fall as delta grows, nor for a fixed delta as the rate grows: an implicit step has one root.
+3.  `tangent` gives the partial derivatives of `force` by delta [N/m] and rate [N s/m].
+4.  `advance` is called after each accepted step, in order of time, and returns the new state.
+5.  `origin(state)` [m] is where unloading ends and where contact starts again: 0, or the permanent
+    indentation.
+6.  `energy(delta, state)` [J] is what the contact can still give back; `lost(state)` [J] what it
+    has turned into plastic work so far; `damping` [N] is the part of the force that depends on the
+    rate, so that damping * rate is the power lost besides. Over a closed cycle the work done on the
+    contact equals `lost` plus the damping's work.
+7.  `implicit` solves force and a linear relation between force and motion together. The base class
+    does it for any law that keeps rules 2 and 3; a law overrides it where a closed form is quicker.
+
+`Compiled` is the base of laws whose functions are kernels of the march's C library
+(`csrc/laws.c`): a subclass gives the kind and the parameters, the formulas stand in C alone.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from ctypes import addressof, byref, c_double
+from dataclasses import fields
+from functools import cached_property, lru_cache
+from typing import ClassVar, TypeGuard
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.checks import Checked
+from antiosc.base.errors import NotConvergedError
+from antiosc.engine import library
+
+State = tuple[float, ...]
+
+#: Share of a force within which rounding may keep its iteration from settling.
+FORCE_ROUNDING = 1e-9
+
+
+class ContactLaw(ABC):
+    """Base of all contact laws: see the module's seven rules."""
+
+    #: the force depends on the rate of indentation
+    rate_dependent: ClassVar[bool] = False
+    #: the force depends on the path, so that `advance` matters
+    has_memory: ClassVar[bool] = False
+    #: compliance [m/N] of a patch that the law leaves to the structure
+    compliance: float = 0.0
+
+    @cached_property
+    def valid_force(self) -> float:
+        """Largest force [N] for which the law's own theory holds."""
+        return float("inf")
+
+    def without(self, compliance: float) -> ContactLaw:
+        """This law minus `compliance` [m/N]: F = f(delta + compliance F).
+
+        For a structure whose own compliance contains that of the half-space under its patch.
+        """
+        return Without(self, compliance)
+
+    @abstractmethod
+    def force(self, delta: float, rate: float, state: State) -> float:
+        """Contact force [N], >= 0."""
+
+    @abstractmethod
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        """Partial derivatives of the force by delta [N/m] and by rate [N s/m]."""
+
+    @abstractmethod
+    def energy(self, delta: float, state: State) -> float:
+        """Recoverable energy [J] of the contact at this indentation."""
+
+    def energies(self, delta: Array, state: State) -> Array:
+        """`energy` at many indentations (n,) of one state."""
+        return np.array([self.energy(d, state) for d in delta.tolist()])
+
+    def touch(self, speed: float, state: State | None = None) -> State:
+        """State at first touch (`state` None) or at a further one, closing at `speed` [m/s]."""
+        return () if state is None else state
+
+    def advance(self, delta: float, rate: float, state: State) -> State:
+        """State after a step that ended at this indentation and rate."""
+        return state
+
+    def origin(self, state: State) -> float:
+        """Indentation [m] at which the bodies part and touch again."""
+        return 0.0
+
+    def lost(self, state: State) -> float:
+        """Energy [J] lost by hysteresis since the state was new."""
+        return 0.0
+
+    def damping(self, delta: float, rate: float, state: State) -> float:
+        """Rate-dependent part of the force [N]."""
+        return 0.0
+
+    def out_of_range(self, peak: float, radius: float | None) -> str:
+        """Why a peak force above `valid_force` cannot be trusted and what to do; `radius` [m] is
+        that of the structure's patch, if any."""
+        if not self.compliance:
+            return (
+                f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
+            )
+        enough = self.enough_radius(peak, radius)
+        if enough is None:
+            remedy = "use a larger patch radius"
+        else:
+            remedy = f"extract with a site radius of at least {enough:.3g} m (now {radius:g} m)"
+        return (
+            f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, up to which"
+            f" {self.theory} without the patch's own compliance holds (contact radius below 0.58"
+            f" of the patch radius); {remedy}"
+        )
+
+    def enough_radius(self, peak: float, radius: float | None) -> float | None:
+        """Radius [m] of a patch for a peak force above `valid_force`; None: no patch, or no help.
+
+        The patch's compliance goes with 1/radius, the contact's at most with 1/F^growth.
+        """
+        if radius is None or not self.compliance:
+            return None
+        return 1.05 * radius * (peak / self.valid_force) ** self.growth
+
+    #: the contact radius grows with this power of the force, or less
+    growth: ClassVar[float] = 0.5
+
+    @property
+    def theory(self) -> str:
+        """Name of the law in a sentence."""
+        return f"{type(self).__name__}'s law"
+
+    def potential(self, delta: float, state: State) -> float:
+        """Work [J] of the rate-independent force from the origin, up to a constant of the state.
+
+        Along a step that starts in `state` the work is the difference of two potentials, whether
+        or not the step ends on virgin ground.
+        """
+        reached = self.advance(delta, 0.0, state)
+        return self.energy(delta, reached) + self.lost(reached)
+
+    def implicit(
+        self,
+        delta: float,
+        alpha: float,
+        rate: float,
+        alpha_rate: float,
+        state: State,
+        guess: float = 0.0,
+    ) -> float:
+        """The force F [N] that satisfies F = force(delta - alpha F, rate - alpha_rate F).
+
+        `delta` and `rate` are those with F = 0; `alpha` [m/N] and `alpha_rate` [m/(N s)] >= 0 are
+        their decrease per unit force. `guess` is the initial guess of the force.
+        """
+        high = self.force(delta, rate, state)
+        if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):
+            return max(high, 0.0)
+        low, trial, step = 0.0, min(max(guess, 0.0), high), high
+        for _ in range(200):
+            d, r = delta - alpha * trial, rate - alpha_rate * trial
+            excess = trial - self.force(d, r, state)
+            if excess == 0.0:
+                return trial
+            if excess > 0.0:
+                high = trial
+            else:
+                low = trial
+            by_delta, by_rate = self.tangent(d, r, state)
+            new = trial - excess / (1.0 + alpha * by_delta + alpha_rate * by_rate)
+            if not low < new < high:
+                new = 0.5 * (low + high)
+            if abs(new - trial) <= 2e-15 * abs(new) or new in (low, high):
+                return new
+            step, trial = abs(new - trial), new
+        if step > FORCE_ROUNDING * abs(trial):
+            raise NotConvergedError(
+                f"the force at the indentation {delta:g} m has not converged after 200 steps:"
+                f" {low:g} to {high:g} N remain; check that the law rises with the indentation."
+            )
+        return trial
+
+
+#: Share of a law's own flexibility that the compliance of a patch may take.
+TAKEN = 0.7
+
+
+class Without(ContactLaw):
+    """A law of the caller's minus the compliance [m/N] of a patch; the rate is that of delta.
+
+    Beyond `valid_force` the compliance takes less, so that a run can complete.
+    """
+
+    def __init__(self, law: ContactLaw, compliance: float) -> None:
+        self.law, self.compliance = law, compliance
+        self.rate_dependent, self.has_memory = law.rate_dependent, law.has_memory  # type: ignore[misc]
+
+    def __repr__(self) -> str:
+        return f"{self.law!r}.without({self.compliance:g})"
+
+    @property
+    def theory(self) -> str:
+        return self.law.theory
+
+    @cached_property
+    def valid_force(self) -> float:
+        law, state = self.law, self.law.touch(0.0)
+        low, high = 1e-30, 1e30
+        for _ in range(80):
+            middle = (low * high) ** 0.5
+            if self.compliance * law.tangent(middle, 0.0, state)[0] <= TAKEN:
+                low = middle
+            else:
+                high = middle
+        end = law.force(low, 0.0, state) if low < 1e29 else float("inf")
+        return min(law.valid_force, end)
+
+    def _whole(self, delta: float, rate: float, state: State) -> float:
+        """The indentation with that of the patch."""
+        law, low = self.law, delta
+        share = 2 / 3 * TAKEN  # of the depth beyond the origin
+        room = share / (1 - share) * max(delta - law.origin(state), 0.0)
+        high = delta + room
+        for _ in range(100):
+            middle = delta + min(self.compliance * law.force(low, rate, state), room)
+            by_delta = self.compliance * law.tangent(low, rate, state)[0]
+            step = (middle - low) / (1 - by_delta) if by_delta < 1 else high - low
+            new = min(low + step, high)
+            if abs(new - low) <= 1e-15 * abs(new):
+                return new
+            low = new
+        return low
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        return self.law.force(self._whole(delta, rate, state), rate, state)
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        by_delta, by_rate = self.law.tangent(self._whole(delta, rate, state), rate, state)
+        kept = max(1 - self.compliance * by_delta, 1 - TAKEN)
+        return by_delta / kept, by_rate / kept
+
+    def energy(self, delta: float, state: State) -> float:
+        whole = self._whole(delta, 0.0, state)
+        force = self.law.force(whole, 0.0, state)
+        return self.law.energy(whole, state) - 0.5 * force * (whole - delta)
+
+    def touch(self, speed: float, state: State | None = None) -> State:
+        return self.law.touch(speed, state)
+
+    def advance(self, delta: float, rate: float, state: State) -> State:
+        return self.law.advance(self._whole(delta, rate, state), rate, state)
+
+    def origin(self, state: State) -> float:
+        return self.law.origin(state)
+
+    def lost(self, state: State) -> float:
+        return self.law.lost(state)
+
+    def damping(self, delta: float, rate: float, state: State) -> float:
+        return self.force(delta, rate, state) - self.force(delta, 0.0, state)
+
+
+_ThreeDoubles = c_double * 3
+
+
+class Compiled(Checked, ContactLaw):
+    """Base of the laws that the library knows."""
+
+    #: the library's number of the law
+    kind: ClassVar[int]
+    #: numbers of the state
+    size: ClassVar[int] = 0
+    #: parameters as the library takes them, where they are not the fields; without compliance
+    _parameters: list[float] | None = None
+
+    def parameters(self) -> list[float]:
+        """Parameters as the library takes them: the compliance of a patch is the last."""
+        # a subclass of the caller may have more fields
+        law = next(each for each in type(self).__mro__ if "kind" in vars(each))
+        names = [one.name for one in fields(law) if one.name != "compliance"]
+        own = self._parameters or [getattr(self, name) for name in names]
+        return [*own, self.compliance]
+
+    @cached_property
+    def valid_force(self) -> float:
+        return float(library.library.aom_law_reach(self._at)) if self.compliance else float("inf")
+
+    @cached_property
+    def kernel(self) -> tuple[library.Law, Array]:
+        """The law as the library takes it, and the numbers that it points to."""
+        numbers = np.array(self.parameters(), dtype=float)
+        return library.Law(self.kind, numbers.size, library.address(numbers), None), numbers
+
+    @cached_property
+    def _at(self) -> int:
+        return addressof(self.kernel[0])
+
+    def __getstate__(self) -> dict[str, object]:
+        return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        out = _ThreeDoubles()
+        library.library.aom_law_force(self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), out)
+        return out[0]
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        out = _ThreeDoubles()
+        library.library.aom_law_force(self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), out)
+        return out[1], out[2]
+
+    def energy(self, delta: float, state: State) -> float:
+        out = c_double()
+        at = byref(c_double(delta)), _ThreeDoubles(*state[:3]), byref(out)
+        library.library.aom_law_energies(self._at, 1, *at)
+        return out.value
+
+    def potential(self, delta: float, state: State) -> float:
+        return super().potential(delta, state) if self.has_memory else self.energy(delta, state)
+
+    def energies(self, delta: Array, state: State) -> Array:
+        depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
+        library.library.aom_law_energies(
+            self._at,
+            depth.size,
+            library.address(depth),
+            _ThreeDoubles(*state[:3]),
+            library.address(out),
+        )
+        return out
+
+    def forces_at_rest(self, delta: Array, state: State) -> Array:
+        """Forces (n,) [N] at indentations (n,) [m] that do not change."""
+        depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
+        library.library.aom_law_forces(
+            self._at,
+            depth.size,
+            library.address(depth),
+            _ThreeDoubles(*state[:3]),
+            library.address(out),
+        )
+        return out
+
+    def loading_work(self, delta: float) -> float:
+        """Work [J] of loading a new contact up to delta."""
+        return float(library.library.aom_law_loading_work(self._at, delta))
+
+    def touch(self, speed: float, state: State | None = None) -> State:
+        if not self.size:
+            return ()
+        now = _ThreeDoubles(*(state or ())[:3])
+        library.library.aom_law_touch(self._at, speed, state is None, now)
+        return tuple(now[: self.size])
+
+    def advance(self, delta: float, rate: float, state: State) -> State:
+        if not self.has_memory:
+            return state
+        now = _ThreeDoubles(*state[:3])
+        library.library.aom_law_advance(self._at, delta, now)
+        return tuple(now)
+
+    def origin(self, state: State) -> float:
+        if not self.has_memory:
+            return 0.0
+        return float(library.library.aom_law_origin(self._at, _ThreeDoubles(*state[:3])))
+
+    def lost(self, state: State) -> float:
+        return state[2] if self.has_memory else 0.0
+
+    def damping(self, delta: float, rate: float, state: State) -> float:
+        if not self.rate_dependent:
+            return 0.0
+        return self.force(delta, rate, state) - self.force(delta, 0.0, state)
+
+
+def is_compiled(law: ContactLaw) -> TypeGuard[Compiled]:
+    """Whether the C library has this law; a subclass defined elsewhere may override methods."""
+    return _is_compiled_type(type(law))
+
+
+@lru_cache(maxsize=64)
+def _is_compiled_type(kind: type) -> bool:
+    return issubclass(kind, Compiled) and kind.__module__.startswith("antiosc.engine.contact.")

@@ -1,0 +1,216 @@
+"""Which law a contact needs, from both surfaces: one function with one decision.
+
+| surfaces | law | source |
+|---|---|---|
+| a laminate | `YangSun` | S. H. Yang, C. T. Sun, ASTM STP 787 (1982) |
+| both flat, a of the smaller | `Linear`, 2 E* a | Johnson, (3.36) |
+| a straight line | `line_law` of its length | `antiosc.engine.contact.line` |
+| curved, a known loss | `Gonthier`, Hertz's stiffness | Multibody Syst. Dyn. 11 (2004) |
+| curved, a yield strength | `ElasticPlastic`, Hertz up to yield | that law's docstring |
+| curved, none | `Hertz`, elliptic where curvatures differ | Johnson, 4.1-4.2 |
+
+K. L. Johnson, Contact Mechanics, Cambridge 1985. The law does not depend on the speed: it is valid
+below and above yield. Of two materials that yield the weaker one counts, and the other one takes
+part as its strength comes near to it (`_elastic_share`); an elliptic contact yields as the
+`equivalent_circle`. An edge or a corner is as round as its surface says, whose radius then is an
+assumption that no bar covers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import acos, degrees, exp, inf, pi, sqrt
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering
+from antiosc.engine.contact.base import ContactLaw
+from antiosc.engine.contact.curvature import PLANE, SHARP
+from antiosc.engine.contact.geometry import (
+    effective_modulus,
+    equivalent_circle,
+    hertz_stiffness,
+    relative_of_curvatures,
+)
+from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Linear, YangSun
+from antiosc.engine.contact.line import line_law
+from antiosc.engine.contact.surfaces import RIGID, Matter, Surface
+
+#: Loss factor from which a contact of a material that does not yield is damped: below it the
+#: restitution exp(-pi loss/2) is above 0.97.
+LOSSY = 0.02
+#: A relative curvature below this share of the other one is none: the contact is a line.
+NO_CURVATURE = 1e-9
+#: Strength over that of the weaker side from which a side stays elastic: the mean pressure grows to
+#: 2.8 of the one, and the other yields at 1.07 of its own (benchmarks/elastoplastic).
+STRONGER = 2.6
+#: The same to about 100 yield indentations; between 1 and this the share is as the root: within
+#: 1.5 % of forces of finite elements at 1.2 and 1.5 (unlike.csv; 3 and 5 % linear to `STRONGER`).
+APART = 1.6
+
+#: What is not known of contacts that are not at a point, and of laminates.
+FLAT = "the pressure of flat faces, which are never quite parallel"
+LINES = "when a contact along a line yields"
+LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A law, and why it was chosen.
+
+    Attributes
+    ----------
+    law : of the contact.
+    kind : of contact, in words.
+    soft : the material that yields first; None where neither does.
+    unknown : what its error depends on and is not known; "" if all is known.
+    shares : the least and the largest `elastic_share` that may be meant; None: it is exact.
+    error : relative, of the force by an ellipse that a circle stands for.
+    """
+
+    law: ContactLaw
+    kind: str
+    soft: Matter | None = None
+    unknown: str = ""
+    shares: tuple[float, float] | None = None
+    error: float = 0.0
+
+    @property
+    def reason(self) -> str:
+        """Why this law: a sentence without its dot."""
+        if self.soft is None or self.soft.yield_strength is None:
+            return self.kind
+        name, strength = self.soft.name or "the weaker side", self.soft.yield_strength
+        return f"{self.kind}: {name} has a yield strength of {engineering(strength, 'Pa')}"
+
+
+@lru_cache(maxsize=4096)
+def choose(one: Surface, other: Surface, restitution: float | None = None) -> Choice:
+    """The law of the contact of two surfaces.
+
+    Parameters
+    ----------
+    one, other : Surface
+    restitution : float, optional
+        That of the contact itself, if it is known.
+
+    Raises
+    ------
+    InputError
+        Two rigid surfaces; surfaces that fit into each other; flat ones of unknown size.
+    """
+    matters = one.matter, other.matter
+    elastic = sorted((m for m in matters if not m.rigid), key=lambda m: m.E)
+    if not elastic:
+        raise InputError(
+            "two rigid surfaces have no law of contact: give one of them a material, or the law."
+        )
+    first, *rest = elastic
+    second = rest[0] if rest else RIGID
+    modulus = _modulus(first.E, first.nu, second.E, second.nu)
+    A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
+    doubt = _doubt(one, other)
+    straight = all(0.0 in surface.curvatures for surface in (one, other))
+    if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
+        if one.kind == other.kind == PLANE:
+            return _flat(one, other, modulus)
+        raise InputError(
+            f"the surfaces fit into each other (relative curvatures {2 * A:g} and {2 * B:g} 1/m), "
+            "which is no contact at a point: give the law of the contact."
+        )
+    if A <= NO_CURVATURE * B:
+        return _line(one, other, modulus, B)
+    shape = "" if A == B else ", elliptic"
+    soft = min(matters, key=_strength)
+    laminate = next((m for m in matters if m.critical is not None), None)
+    if laminate is not None and laminate.critical is not None:
+        stiffness = hertz_stiffness(modulus, A, B)
+        return Choice(YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE)
+    if restitution is None and first.brittle and first.loss >= LOSSY:
+        restitution = exp(-pi * first.loss / 2)
+    if restitution is not None and restitution < 1:
+        kind = f"elastic{shape}, with the restitution {restitution:.3g}"
+        return Choice(Gonthier(hertz_stiffness(modulus, A, B), restitution), kind, None, doubt)
+    if soft.yield_strength is None:
+        return Choice(Hertz(hertz_stiffness(modulus, A, B)), f"elastic{shape}", None, doubt)
+    circle = equivalent_circle(modulus, A, B)
+    share, shares = _elastic_share(soft, matters[soft is matters[0]], modulus)
+    law = ElasticPlastic(circle.modulus, circle.radius, soft.yield_strength, soft.nu, share)
+    return Choice(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error)
+
+
+@lru_cache(maxsize=256)
+def _modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
+    return effective_modulus(E1, nu1, E2, nu2)
+
+
+def _strength(matter: Matter) -> float:
+    return inf if matter.yield_strength is None else matter.yield_strength
+
+
+def _elastic_share(
+    soft: Matter, other: Matter, modulus: float
+) -> tuple[float, tuple[float, float] | None]:
+    """Share of the flexibility of what stays elastic, and what it may be.
+
+    None of it where both sides are as strong: by symmetry the contact then is that of a rigid ball;
+    all of the other side where that is stronger by `APART`, which is sure from `STRONGER` on.
+    """
+    whole = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
+    ratio = _strength(other) / _strength(soft)
+    if whole == 0.0 or ratio >= STRONGER:
+        return whole, None
+    share = whole * min(sqrt((ratio - 1) / (APART - 1)), 1.0)
+    return share, (0.0, whole) if ratio > 1 else None
+
+
+def _angle(one: Surface, other: Surface) -> float:
+    """Between the first principal directions of both surfaces [degree]; 0 where one is not
+    known."""
+    if one.along is None or other.along is None:
+        return 0.0
+    cosine = abs(sum(a * b for a, b in zip(one.along, other.along, strict=True)))
+    return degrees(acos(min(cosine, 1.0)))
+
+
+def _doubt(one: Surface, other: Surface) -> str:
+    """What the error of a law depends on and is not known."""
+    for surface in (one, other):
+        if surface.kind in SHARP:
+            radius = engineering(1 / surface.curvatures[1], "m")
+            return f"the radius of the {surface.kind}, taken as {radius} (give radius=)"
+    if not (one.matter.known and other.matter.known):
+        return "the contact's law (give yield_strength, or material=)"
+    return ""
+
+
+def _flat(one: Surface, other: Surface, modulus: float) -> Choice:
+    """Two flat faces: a rigid punch on the half-space of both, of the smaller radius."""
+    sizes = [s.radius for s in (one, other) if s.radius is not None]
+    if not sizes:
+        raise InputError(
+            "two flat surfaces, and neither has a radius: give that of the site's patch, the "
+            "tip_radius of what strikes, or the law of the contact."
+        )
+    reason = f"flat faces over a radius of {engineering(min(sizes), 'm')}"
+    return Choice(Linear(2 * modulus * min(sizes)), reason, None, FLAT)
+
+
+def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
+    """A contact along a line, whose gap is B y^2."""
+    length = min(one.length, other.length)
+    if checks.is_infinite(length):
+        raise InputError(
+            "the surfaces touch along a line whose length is not known: give the law of the "
+            "contact, as antiosc.engine.contact.line.line_law(E*, R, length)."
+        )
+    reason = f"a line of {engineering(length, 'm')}"
+    return Choice(line_law(modulus, 1 / (2 * B), length), reason, None, LINES)
+
+
+def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
+    """Hertz's largest pressure [Pa] of an elastic contact that takes as much work as this law up to
+    an indentation [m]."""
+    elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
+    return 2 * law.modulus / pi * sqrt(elastic / law.radius)

@@ -1,0 +1,196 @@
+"""What touches: material and shape of a surface, from which the law of a contact follows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from math import inf, isinf
+from typing import Any
+
+from antiosc.base import checks, materials
+from antiosc.base.errors import InputError
+from antiosc.engine.contact.curvature import CURVED, PLANE
+
+
+@dataclass(frozen=True)
+class Matter:
+    """The material of a surface in contact, SI units.
+
+    Attributes
+    ----------
+    E, nu : Young's modulus [Pa], inf if rigid; Poisson's ratio.
+    yield_strength : [Pa]; None: not known, or the material is `brittle`.
+    yield_range : lowest and highest that it may be [Pa]; None: it is exact.
+    rate : D [1/s] and q of Cowper and Symonds, or None; a third number is the strength [Pa] that
+        grows so, in place of the yield strength.
+    brittle : it cracks, crushes or stretches before it yields.
+    loss : loss factor.
+    critical : indentation from which a laminate is damaged [m]; None: no laminate.
+    name : of a material by name.
+    """
+
+    E: float
+    nu: float = 0.3
+    yield_strength: float | None = None
+    yield_range: tuple[float, float] | None = None
+    rate: tuple[float, ...] | None = None
+    brittle: bool = False
+    loss: float = 0.0
+    critical: float | None = None
+    name: str = ""
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it does not deform."""
+        return isinf(self.E)
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known when it yields, or that it does not."""
+        return self.rigid or self.brittle or self.yield_strength is not None
+
+    def strengths_at(self, strain_rate: float) -> tuple[float, float]:
+        """Lowest and highest yield strength [Pa] that it may have at a strain rate [1/s].
+
+        The lowest is that of slow tests; the highest that of the range, or of the rate where this
+        is more: S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University
+        Applied Mathematics Report 28 (1957). 0 of a material that does not yield.
+        """
+        usual = self.yield_strength or 0.0
+        low, high = self.yield_range or (usual, usual)
+        if self.rate is None:
+            return low, high
+        D, q, *grows = self.rate
+        static = grows[0] if grows else usual
+        return low, max(high, static * (1 + (strain_rate / D) ** (1 / q)))
+
+
+RIGID = Matter(inf)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface where it is touched.
+
+    Attributes
+    ----------
+    matter : its material.
+    curvatures : principal curvatures [1/m], ascending; < 0: hollow; of an edge or a corner those
+        of the radius that is assumed.
+    error : how far they may be off [1/m].
+    kind : "plane", "line", "curved", "edge" or "corner", as of a `Curvature`.
+    length : of the straight line along which a "line" extends [m].
+    along : (3,) unit vector of the first principal direction; None: not known, or none.
+    radius : of the patch over which it is touched [m]; None: a point.
+    """
+
+    matter: Matter
+    curvatures: tuple[float, float] = (0.0, 0.0)
+    error: float = 0.0
+    kind: str = PLANE
+    length: float = inf
+    along: tuple[float, float, float] | None = None
+    radius: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The surface as JSON values."""
+        matter, own = asdict(self.matter), asdict(self)
+        own["matter"] = {key: value for key, value in matter.items() if value is not None}
+        return {key: value for key, value in own.items() if value is not None}
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Surface:
+        """The surface that `as_dict` wrote; InputError for another table."""
+        try:
+            own = {key: _tuple(value) for key, value in given.items()}
+            matter = {key: _tuple(value) for key, value in given["matter"].items()}
+            found = cls(**own | {"matter": Matter(**matter)})
+            checks.array("curvatures", found.curvatures, (2,))
+            checks.nonnegative("error", found.error)
+            return replace(found, matter=_checked(found.matter))
+        except (InputError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"the surface of a site is damaged: {error}.") from None
+
+
+def ball(matter: Matter, radius: float) -> Surface:
+    """The surface of a ball of this radius [m]."""
+    return Surface(matter, (1 / radius, 1 / radius), kind=CURVED)
+
+
+def matter_of(
+    material: object,
+    E: float | None = None,
+    nu: float | None = None,
+    yield_strength: float | None = None,
+) -> Matter | None:
+    """The material of a name or an object with constants, with others in their place.
+
+    None where neither a material nor E is given. InputError for a material with directions.
+    """
+    if material is None:
+        if E is None:
+            return None
+        found = Matter(E, 0.3 if nu is None else nu)
+    elif isinstance(material, Matter):
+        found = material
+    elif isinstance(material, str):
+        found = _named(material)
+    else:
+        found = _of_object(material)
+    given = {"E": E, "nu": nu}
+    changed: dict[str, Any] = {
+        key: value
+        for key, value in given.items()
+        if value is not None and value != getattr(found, key)
+    }
+    if yield_strength is not None:
+        strength = checks.positive("yield_strength", yield_strength, "Pa")
+        if strength != found.yield_strength:
+            changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
+            changed["rate"] = found.rate and found.rate[:2]
+    return replace(found, **changed) if changed else found
+
+
+def density_of(material: object) -> float:
+    """Density [kg/m^3] of a material by its name, or of an object that has one."""
+    if isinstance(material, str):
+        return materials.record(material).rho
+    rho = getattr(material, "rho", None)
+    if rho is None:
+        raise InputError(f"the density of {checks.shown(material)} is not known: give rho or mass.")
+    return checks.positive("rho", rho, "kg/m^3")
+
+
+@lru_cache(maxsize=64)
+def _named(name: str) -> Matter:
+    return _of_object(materials.record(name))
+
+
+def _of_object(material: object) -> Matter:
+    """The constants of a `Solid`, a `Shell`, a `Beam` or a record."""
+    E, nu = getattr(material, "E", None), getattr(material, "nu", None)
+    if not isinstance(E, int | float) or not isinstance(nu, int | float):
+        shown = getattr(material, "name", "") or checks.shown(material)
+        raise InputError(
+            "material must be the name of a material without directions, or one such as "
+            f"Solid(E, nu, rho); got {shown}."
+        )
+    names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name")
+    return Matter(E, nu, **{name: getattr(material, name) for name in names})
+
+
+def _checked(matter: Matter) -> Matter:
+    """The matter of a file, whose numbers may be anything."""
+    checks.poisson(matter.nu)
+    for name in ("E", "yield_strength", "critical"):
+        value = getattr(matter, name)
+        if value is not None and not checks.is_rigid(value):
+            checks.positive(name, value)
+    if matter.yield_range is not None:
+        checks.array("yield_range", matter.yield_range, (2,))
+    return matter
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value

@@ -1,0 +1,532 @@
+"""Damping that couples the modes of a body: matrices of dashpots, branches, first-order modes.
+
+With coordinates x, stiffness K and mass M of the body,
+
+    M x'' + C x' + K x + sum_k G_k (x - z_k) = f,        tau_k z_k' = x - z_k,
+
+C and G_k symmetric and positive semidefinite: a branch is a spring G_k in series with a dashpot
+tau_k G_k (Maxwell), several in parallel are a Prony series. In s = i omega they add
+
+    s C + sum_k G_k s tau_k/(1 + s tau_k)
+
+to the dynamic stiffness, whose real part on every x is >= 0: the body gives back no more than it
+was given, whatever coordinates it is reduced to.
+
+First-order modes: a body whose damping couples its free modes, as pairs of poles.
+
+In the free modes q of the body without damping, with rates v, factors D = L0' L0 and G_k = L_k' L_k
+of its damping, and the states xi_k = L_k z_k of its branches,
+
+    q' = v,   v' = -(Omega^2 + sum G_k) q - D v + sum L_k' xi_k + f,   xi_k' = (L_k q - xi_k)/tau_k,
+
+or y' = A y + e f. With J = [[D, 1, 0], [1, 0, 0], [0, 0, tau]] both J and J A are symmetric and
+J e = (1, 0, 0): the eigenvectors Y of A are orthogonal in J, and with Y'JY = 1 the receptance is
+sum Y_q Y_q'/(s - lambda). Two conjugate poles, or a slower real one of positive and a faster one of
+negative Y'JY, are one mode of real numbers (a, b),
+
+    a' = b + c_b f,      b' = -w^2 a - 2 d b + (c_a - 2 d c_b) f,      u = c_a a + c_b b,
+
+that has the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, so that its
+responses are those of an oscillator; c_b = 0 for an undamped one. With T = [[2 d, 1], [1, 0]] of
+all modes and S the shapes (c_a, c_b) of all states, S'JS = T, y = S (a, b), (a, b) = T^-1 S'J y. A
+real pole without a partner has one without a share.
+
+P. Lancaster, *Lambda-Matrices and Vibrating Systems*, 1966; A. Veletsos, C. Ventura, *Earthquake
+Eng. Struct. Dyn.* 14 (1986) 217.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array, BoolArray, ComplexArray, Numbers
+from antiosc.base.errors import AccuracyError, InputError
+from antiosc.base.texts import ReprMixin
+
+#: Asymmetry and negative eigenvalues, of a unit diagonal, that are rounding.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DampingMatrix(ReprMixin):
+    """Damping that couples the modes of a model, exact in the march however strong it is.
+
+    Parameters
+    ----------
+    matrix : array_like, shape (n, n)
+        C [N s/m], symmetric, positive semidefinite. In a model of one site the coordinates are
+        the displacement of the site, the amplitudes of the N constraint modes of unit mass (of
+        positive inertia sqrt(m_i) against the site), then the hidden rigid-body motions; of
+        several sites the displacements u (p,) in place of the first.
+    branches : sequence of (matrix (n, n), float)
+        Stiffness G [N/m], like C, and relaxation time tau > 0 [s] of each Maxwell branch.
+
+    Raises
+    ------
+    InputError
+        For matrices that are not symmetric and positive semidefinite, which add energy.
+
+    Notes
+    -----
+    K. Park, W. Schapery, *Int. J. Solids Struct.* 36 (1999) 1653 (Prony series); the march solves
+    it in first-order modes (`antiosc.engine.damping`).
+    """
+
+    matrix: Array
+    branches: Sequence[tuple[Array, float]] = ()
+    factor: Array = field(init=False)
+    factors: tuple[tuple[Array, float], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        factor = _factor("matrix", self.matrix, None)
+        found = []
+        for branch in checks.instance("branches", self.branches, (list, tuple), "a list"):
+            if not isinstance(branch, list | tuple) or len(branch) != 2:
+                raise InputError(
+                    f"branches must list pairs (matrix, tau); got {checks.shown(branch)}."
+                )
+            own = _factor("the matrix of a branch", branch[0], factor.shape[1])
+            found.append((own, checks.positive("tau", branch[1], "s")))
+        _store_factors(self, factor, found)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [("matrix", f"{self.matrix.shape}"), ("branches", f"{len(self.branches)}")]
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.factor.shape[1])
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """What it adds to the dynamic stiffness at circular frequencies (...) [rad/s]: (..., n, n).
+
+        The harmonic motion is exp(i omega t).
+        """
+        s = 1j * checks.spectrum("omega", omega)[..., None, None]
+        total = s * self.matrix
+        for G, tau in self.branches:
+            total = total + G * (s * tau / (1 + s * tau))
+        return np.asarray(total)
+
+    def as_dict(self) -> dict[str, object]:
+        """Arguments of `from_factors` as JSON values, and the number of coordinates."""
+        return {
+            "n": self.n,
+            "factor": self.factor.tolist(),
+            "branches": [[L.tolist(), tau] for L, tau in self.factors],
+        }
+
+
+def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
+    """Damping of C = factor' factor, factor (r, n), and of branches likewise: semidefinite."""
+    found = object.__new__(DampingMatrix)
+    _store_factors(found, factor, branches)
+    return found
+
+
+def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
+    """Transform damping to the coordinates y of x = turn y, turn (n, m)."""
+    return from_factors(damping.factor @ turn, [(L @ turn, tau) for L, tau in damping.factors])
+
+
+def _store_factors(
+    of: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, float]]
+) -> None:
+    checks.store(
+        of,
+        factor=factor,
+        factors=tuple(branches),
+        matrix=checks.read_only(factor.T @ factor),
+        branches=tuple((checks.read_only(L.T @ L), tau) for L, tau in branches),
+    )
+
+
+def _factor(name: str, matrix: object, size: int | None) -> Array:
+    """L (r, n) of matrix = L'L; InputError for what is not symmetric and semidefinite."""
+    found = checks.array(name, matrix, (size, size))
+    if found.shape[0] != found.shape[1]:
+        raise InputError(f"{name} must be square; got shape {found.shape}.")
+    scale = np.sqrt(np.maximum(found.diagonal(), 0.0))
+    unit, uneven = checks.scaled_symmetric(found, scale)
+    values, vectors = np.linalg.eigh(unit)
+    least = float(values.min(initial=0.0))
+    if uneven > ROUNDING or least < -ROUNDING or np.any(found[scale == 0]):
+        raise InputError(
+            f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
+            f" its least eigenvalue is {least:.2g} of its diagonal: it would add energy."
+        )
+    real = values > 1e-15 * len(values)
+    return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
+
+
+#: Share of the largest damping of a mode below which a mode has none.
+UNDAMPED = 1e-24
+#: The same, of a combination of rigid-body motions.
+UNDAMPED_RIGID = 1e-12
+#: Poles closer than this, relatively, are one repeated pole.
+REPEATED = 1e-10
+#: Distance of neighbouring real poles, relatively, below which they are of one cluster.
+CLUSTERED = 0.05
+#: Share of the largest singular value of a branch's factor below which it has no spring.
+SPRINGLESS = 1e-9
+#: Errors of the receptance, relative: one that serves, and the largest.
+EXACT, INEXACT = 1e-7, 1e-4
+#: Relative change of a damping whose poles fall together.
+DAMPING_CHANGE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class FirstOrder:
+    """The first-order modes of a body.
+
+    Attributes
+    ----------
+    omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
+    at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
+    deceleration : (J, 2 I) what the damping takes from their accelerations.
+    inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
+    at_springs : of each branch (J, 2 I) the displacements q - z of its spring by (a, b).
+    """
+
+    omega: Array
+    decay: Array
+    at_q: Array
+    at_v: Array
+    deceleration: Array
+    inverse: Array
+    at_springs: Sequence[Array]
+
+    def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
+        """b'(...)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
+        s = 1j * omega[..., None]
+        size = self.omega.size
+        ca, cb = self.at_q[:, :size].T @ b, self.at_q[:, size:].T @ b
+        over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
+        rest = ca - 2 * self.decay[:, None] * cb
+        a = over[..., None] * (cb * s[..., None] + ca)
+        rate = over[..., None] * (rest * s[..., None] - (self.omega**2)[:, None] * cb)
+        return np.asarray(ca.T @ a + cb.T @ rate)
+
+
+@dataclass(eq=False)
+class StackedModes:
+    """The modes of several bodies, of which some have first-order modes.
+
+    Attributes
+    ----------
+    parts : omega and decay of the free modes of each body, its first-order modes, and their states
+        (2, I) at the start, where known.
+    omega, decay : (I,) of the modes that are integrated, body by body.
+    """
+
+    parts: Sequence[tuple[Array, Array, FirstOrder | None, Array | None]]
+
+    def __post_init__(self) -> None:
+        own = [
+            (w, d) if first is None else (first.omega, first.decay) for w, d, first, _ in self.parts
+        ]
+        self.omega = np.concatenate([w for w, _ in own])
+        self.decay = np.concatenate([d for _, d in own])
+        self.free = sum(w.size for w, *_ in self.parts)
+
+    def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
+        """Free modes, integrated modes, decay and first-order modes of each body."""
+        j = i = 0
+        for w, d, first, _ in self.parts:
+            size = w.size if first is None else first.omega.size
+            yield slice(j, j + w.size), slice(i, i + size), d, first
+            j, i = j + w.size, i + size
+
+    def rows(self, values: Array) -> Array:
+        """Project values (n, J) on the displacements of the free modes to the states: (n, 2 I)."""
+        size = self.omega.size
+        found = np.zeros((len(values), 2, size))
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[:, 0, own] = values[:, free]
+            else:
+                projected = values[:, free] @ first.at_q
+                found[:, :, own] = projected.reshape(-1, 2, first.omega.size)
+        return found.reshape(len(values), 2 * size)
+
+    def state_gradient(self, by_q: Array, by_v: Array) -> Array:
+        """Derivatives (n, 2 I) by the states (a, b), from those by q and v (n, J)."""
+        found = self.rows(by_q).reshape(-1, 2, self.omega.size)
+        for free, own, _, first in self._spans():
+            if first is None:
+                found[:, 1, own] += by_v[:, free]
+            else:
+                projected = by_v[:, free] @ first.at_v
+                found[:, :, own] += projected.reshape(-1, 2, first.omega.size)
+        return found.reshape(len(by_q), 2 * self.omega.size)
+
+    def begun(self, by_a: Array, by_b: Array) -> Array:
+        """Derivatives (J,) by the initial displacements, from those by the (a, b) of `state`."""
+        found = np.zeros(self.free)
+        for free, own, _, first in self._spans():
+            both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
+            found[free] = both[: free.stop - free.start]
+        return found
+
+    @property
+    def spans(self) -> list[slice]:
+        """The integrated modes of each body."""
+        return [own for _, own, _, _ in self._spans()]
+
+    def state(self, q: Array, v: Array) -> Array:
+        """(2, I) of displacements and velocities (J,) of the free modes."""
+        found = np.zeros((2, self.omega.size))
+        for (free, own, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
+            if begun is not None:
+                found[:, own] = begun
+            elif first is None:
+                found[0, own], found[1, own] = q[free], v[free]
+            elif q[free].any() or v[free].any():
+                state = np.concatenate((q[free], v[free]))
+                found[:, own] = (first.inverse @ state).reshape(2, -1)
+        return found
+
+    def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
+        """Displacements and velocities of the free modes (n, J), and what brakes them."""
+        q, v, deceleration = (np.empty((len(a), self.free)) for _ in range(3))
+        for free, own, d, first in self._spans():
+            if first is None:
+                q[:, free], v[:, free], deceleration[:, free] = (
+                    a[:, own],
+                    b[:, own],
+                    2 * d * b[:, own],
+                )
+                continue
+            both = np.hstack([a[:, own], b[:, own]])
+            q[:, free], v[:, free] = both @ first.at_q.T, both @ first.at_v.T
+            deceleration[:, free] = both @ first.deceleration.T
+        return q, v, deceleration
+
+    def springs(self, a: Array, b: Array) -> list[list[Array]]:
+        """Displacements (n, J) of the spring of each branch, body by body."""
+        return [
+            []
+            if first is None
+            else [np.hstack([a[:, own], b[:, own]]) @ each.T for each in first.at_springs]
+            for _, own, _, first in self._spans()
+        ]
+
+    @property
+    def undamped(self) -> BoolArray:
+        """Whether each free mode (J,) is undamped."""
+        own = [d == 0 if f is None else ~f.deceleration.any(axis=1) for _, d, f, _ in self.parts]
+        return np.concatenate(own)
+
+
+def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
+    """The first-order modes of free modes (J,) with this damping in them.
+
+    A double pole is no mode: such damping is changed by its NUDGE. AccuracyError where rounding
+    leaves no such modes.
+    """
+    least, best = np.inf, None
+    for change in (0.0, DAMPING_CHANGE, -DAMPING_CHANGE):
+        root = np.sqrt(1 + change)
+        nudged = from_factors(
+            root * damping.factor, [(root * L, tau) for L, tau in damping.factors]
+        )
+        with np.errstate(all="ignore"):
+            found = _first_order_modes(omega, nudged)
+            off = _receptance_error(found, omega, damping)
+        if off < least:
+            least, best = off, found
+        if least <= EXACT:
+            break
+    if best is None or least > INEXACT:
+        raise AccuracyError(
+            f"the first-order modes of the damped model are off by {least:.2g} (limit {INEXACT:g}):"
+            " rounding does not tell their poles apart; change the damping by a per cent."
+        )
+    return best
+
+
+def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
+    J = omega.size
+    turn = np.eye(J)
+    rigid = np.flatnonzero(omega == 0)
+    slow = damping.matrix + sum((t * G for G, t in damping.branches), np.zeros(1))
+    values, turn[np.ix_(rigid, rigid)] = np.linalg.eigh(slow[np.ix_(rigid, rigid)])
+    own = np.sum((damping.factor @ turn) ** 2, axis=0)
+    own += sum((tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J))
+    touched = own > UNDAMPED * own.max(initial=0.0)
+    touched[rigid] = values > UNDAMPED_RIGID * own.max(initial=0.0)
+    coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
+    own_damping = in_coordinates(damping, turn[:, coupled])
+    w, d, S, JS, braked, stretched = _modes(omega[coupled], own_damping)
+    k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
+    first = np.concatenate((np.arange(free), both + np.arange(free)))
+    second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
+    states, dual = np.zeros((2 * J, 2 * both)), np.zeros((2 * J, 2 * both))
+    for half in range(2):  # of undamped modes a is the displacement, b its rate
+        states[half * J + alone, first[half * free : (half + 1) * free]] = 1.0
+        dual[half * J + alone, first[(1 - half) * free : (2 - half) * free]] = 1.0
+        states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
+        dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
+    deceleration = np.zeros((J, 2 * both))
+    deceleration[np.ix_(coupled, second)] = braked
+    springs, row = [], 0
+    for L, _ in own_damping.factors:
+        moved, end = np.zeros((J, 2 * both)), row + len(L)
+        moved[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
+        springs.append(moved)
+        row = end
+    whole = scipy.linalg.block_diag(turn, turn)
+    w, d = np.append(omega[alone], w), np.append(np.zeros(free), d)
+    states, dual = whole @ states, whole @ dual
+    upper, lower = np.split(dual.T, 2)  # T^-1 of them
+    inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
+    return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse, springs)
+
+
+def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
+    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, decelerations, L q - xi of branches.
+
+    All modes are damped.
+
+    The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
+    skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
+    """
+    k, moving = omega.size, np.flatnonzero(omega)
+    L = np.vstack([np.zeros((0, k)), *(own for own, _ in damping.factors)])
+    tau = np.concatenate([np.zeros(0), *(np.full(len(own), t) for own, t in damping.factors)])
+    e = moving.size
+    q, v, y = slice(0, e), slice(e, e + k), slice(e + k, e + k + tau.size)
+    A = np.zeros((y.stop, y.stop))
+    A[q, v] = np.diag(omega)[moving]
+    A[v, q], A[v, v], A[v, y] = -A[q, v].T, -damping.matrix, -L.T
+    A[y, v], A[y, y] = L, -np.diag(1 / tau)
+    sign = np.concatenate((-np.ones(e), np.ones(k), -np.ones(tau.size)))
+    poles, Z = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
+    poles, Z = poles.astype(complex), Z.astype(complex)
+    for cluster in _real_clusters(poles):
+        poles[cluster], Z[:, cluster] = _in_subspace(A, sign, poles[cluster], Z[:, cluster])
+    Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
+    Y[:k], Y[k : 2 * k] = Z[v] / poles, Z[v]
+    Y[moving] = Z[q] / omega[moving, None]
+    Y[2 * k :] = L @ Y[:k] - Z[y]
+    found: list[tuple[float, float, Array, Array]] = []
+    plus: list[tuple[float, Array]] = []
+    minus: list[tuple[float, Array]] = []
+    for group in _groups(poles):
+        pole = poles[group].mean()
+        gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
+        if pole.imag > 0:
+            # sqrtm of SciPy before 1.11 may return long doubles, which inv refuses
+            root = scipy.linalg.sqrtm(gram).astype(complex) if len(group) > 1 else np.sqrt(gram)
+            for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
+                turned = column * np.sqrt(2j * z.imag)
+                rate, real = turned.imag / z.imag, min(float(z.real), 0.0)
+                found.append((abs(z), -real, turned.real - real * rate, rate))
+        elif pole.imag == 0:
+            values, vectors = np.linalg.eigh(gram.real)
+            own = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
+            for value, column in zip(values, own.T, strict=True):
+                (plus if value > 0 else minus).append((min(float(pole.real), 0.0), column))
+    for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
+        column = np.zeros(len(Y))
+        column[j], column[2 * k :] = 1.0, L[:, j]
+        deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
+        plus.append((0.0, column / np.sqrt(deceleration)))
+    found += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
+    w, d = np.array([one[0] for one in found]), np.array([one[1] for one in found])
+    shapes = [one[2] for one in found] + [one[3] for one in found]
+    S = np.array(shapes).reshape(2 * w.size, len(Y)).T
+    relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
+    JS = np.vstack([relaxed, S[:k]])  # xi = L q
+    stretched = L @ S[:k] - S[2 * k :]
+    deceleration = damping.matrix @ S[k : 2 * k] + L.T @ stretched
+    return w, d, S[: 2 * k], JS, deceleration, stretched
+
+
+def _real_clusters(poles: Numbers) -> list[list[int]]:
+    """Indices of real poles so near to each other that rounding mixes their modes."""
+    real = np.flatnonzero(np.abs(poles.imag) <= CLUSTERED * np.abs(poles))
+    order = real[np.argsort(poles[real].real)]
+    value = poles[order].real
+    ends = np.flatnonzero(np.diff(value) > CLUSTERED * np.abs(value[:-1])) + 1
+    return [each.tolist() for each in np.split(order, ends) if each.size > 1]
+
+
+def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
+    """The poles and modes of a cluster from its invariant subspace, which is well conditioned.
+
+    In it Z' sign Z = Y'JAY is of one sign: the modes are those of a symmetric matrix. Otherwise
+    the poles and modes are returned as they are.
+    """
+    low, high = poles.real.min() * (1 + CLUSTERED / 2), poles.real.max() * (1 - CLUSTERED / 2)
+
+    def inside(re: complex, im: float = 0.0) -> bool:
+        pole = re + 1j * im
+        return bool(abs(pole.imag) <= CLUSTERED * abs(pole) and low <= pole.real <= high)
+
+    T, basis, size = scipy.linalg.schur(A, sort=inside)
+    basis = basis[:, :size]
+    values, turn = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
+    if size != poles.size or values[0] * values[-1] <= 0:
+        return poles, Z
+    scale = np.sqrt(np.abs(values))
+    reduced = turn.T @ T[:size, :size] @ turn * scale[:, None] / scale
+    found, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
+    return found + 0j, basis @ (turn / scale @ vectors) + 0j
+
+
+def _groups(poles: Numbers) -> list[list[int]]:
+    """Indices of equal poles; real and complex ones apart."""
+    groups: list[list[int]] = []
+    for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
+        for group in reversed(groups[-8:]):
+            near = abs(poles[i] - poles[group[0]]) <= REPEATED * abs(poles[i])
+            if near and (poles[i].imag == 0) == (poles[group[0]].imag == 0):
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
+
+
+def _pairs(
+    plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
+) -> list[tuple[float, float, Array, Array]]:
+    """(w, d, c_a, c_b) of real poles: each negative one with the nearest slower positive one."""
+    found: list[tuple[float, float, Array, Array]] = []
+    rest = sorted(plus, key=lambda one: one[0])  # the fastest first
+
+    def add(slow: float, fast: float, one: Array, other: Array) -> None:
+        root = np.sqrt(slow - fast)
+        sign = -1.0 if one @ other < 0 else 1.0
+        rate = (one - sign * other) * root / (slow - fast)
+        found.append((np.sqrt(slow * fast), -(slow + fast) / 2, one * root - slow * rate, rate))
+
+    for fast, column in sorted(minus, key=lambda one: -one[0]):  # the slowest first
+        slower = next((i for i, one in enumerate(rest) if one[0] > fast), None)
+        if slower is None:
+            add(fast / 2, fast, np.zeros(column.size), column)
+        else:
+            slow, own = rest.pop(slower)
+            add(slow, fast, own, column)
+    for slow, column in rest:
+        add(slow, 2 * slow if slow < 0 else -fastest, column, np.zeros(column.size))
+    return found
+
+
+def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
+    """Error of the receptance of the modes at a real s, relative; inf where it is no number."""
+    positive = modes.omega[modes.omega > 0]
+    s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
+    at = np.array(-1j * s)
+    exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(at).real)
+    found = modes.receptance(np.eye(omega.size), at).real
+    scale = np.sqrt(exact.diagonal())
+    off = float(np.abs((found - exact) / np.outer(scale, scale)).max(initial=0.0))
+    return off if np.isfinite(off) else np.inf

@@ -1,0 +1,109 @@
+"""Static equilibrium of a scene: where it rests before anything moves.
+
+With F(delta) the forces of the laws at rest, the equilibrium is the minimum of the potential
+
+    sum omega^2 q^2/2 - load q + W(beta q - gap),
+
+W convex: the contacts' potentials in series with the residual compliance. Newton's method with a
+regularisation that vanishes (Levenberg) finds it, or moves off without end where there is none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.system import System
+
+_ITERATIONS = 400
+
+
+def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
+    """Modal displacements (J,) and contact forces (p,) at rest under the loads at t = 0.
+
+    InputError where the loads have no equilibrium.
+    """
+    p = len(laws)
+    states = [law.touch(0.0) for law in laws]
+    beta, load, gap = system.beta[:p], system.loads[0], system.offsets[0, :p]
+    square = system.omega**2
+    rigid = square == 0
+    q, force = np.zeros(load.size), np.zeros(p)
+    size = float(np.abs(load).max())
+    if size == 0.0 and not np.any(-gap > 0):
+        return q, force
+    # an elastic mode's own deflection is the first guess
+    q[~rigid] = load[~rigid] / square[~rigid]
+    typical = np.abs(beta).max() ** 2
+    stiff = max(float(square.max(initial=0.0)), typical)
+    damp = 1e-6 * stiff
+    W, force, slope = _pressed(laws, states, beta @ q - gap, system.R[:p, :p], force)
+    value = 0.5 * square @ q**2 - load @ q + W
+    for _ in range(_ITERATIONS):
+        residual = load - square * q - beta.T @ force
+        scale = size + float(np.abs(beta.T @ force).max())
+        if np.abs(residual).max() <= 1e-12 * scale:
+            return q, force
+        H = np.diag(square) + beta.T @ slope @ beta
+        while True:
+            step = np.linalg.solve(H + damp * np.eye(q.size), residual)
+            new = q + step
+            W, pressed, bend = _pressed(laws, states, beta @ new - gap, system.R[:p, :p], force)
+            after = 0.5 * square @ new**2 - load @ new + W
+            if after <= value + 1e-14 * abs(value):
+                break
+            damp *= 10
+            if damp > 1e30 * stiff:
+                break
+        stalled = np.abs(step).max() <= 1e-15 * np.abs(new).max()
+        q, force, slope, value = new, pressed, bend, after
+        if stalled and np.abs(residual).max() <= 1e-8 * scale:
+            return q, force
+        damp = max(damp / 10, 1e-18 * stiff)
+        if np.abs(q).max() > 1e12:
+            break
+    free = np.flatnonzero(np.abs(residual) > 1e-9 * scale)
+    raise InputError(
+        f"the scene has no static equilibrium to start from: {free.size} of its motions stay out of"
+        f" balance under gravity and loads, no contact or support holds them. Support the bodies,"
+        f" add contacts, or start without preload."
+    )
+
+
+def closed(system: System, laws: list[ContactLaw]) -> Array:
+    """Contact forces (p,) at the start, without any motion of what has mass."""
+    p = len(laws)
+    free = system.beta[:p] @ system.q - system.offsets[0, :p]
+    if not (free > 0).any():
+        return np.zeros(p)
+    return _pressed(laws, system.begun(), free, system.R[:p, :p], np.zeros(p))[1]
+
+
+def _pressed(
+    laws: list[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
+) -> tuple[float, Array, Array]:
+    """Potential, forces (p,) and their derivative (p, p) of the contacts at approaches `free`.
+
+    F = law(free - R F), by Gauss and Seidel's sweeps: R is a compliance, the laws are monotone.
+    """
+    p = len(laws)
+    force = guess.copy() if np.any(R) else np.zeros(p)
+    for _ in range(1000):
+        change = 0.0
+        for c, law in enumerate(laws):
+            rest = float(free[c] - R[c] @ force + R[c, c] * force[c])
+            new = law.implicit(rest, float(R[c, c]), 0.0, 0.0, states[c], float(force[c]))
+            change = max(change, abs(new - force[c]))
+            force[c] = new
+        if change <= 1e-14 * float(np.abs(force).max()) or not np.any(R):
+            break
+    delta = free - R @ force
+    slopes = np.array(
+        [law.tangent(float(delta[c]), 0.0, states[c])[0] for c, law in enumerate(laws)]
+    )
+    W = sum(law.potential(float(delta[c]), states[c]) for c, law in enumerate(laws))
+    W += 0.5 * float(force @ R @ force)
+    D = np.diag(slopes)
+    return float(W), force, np.linalg.solve(np.eye(p) + D @ R, D)

@@ -1,0 +1,117 @@
+"""The contact laws as the march takes them: its own by their parameters, others by callbacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from ctypes import addressof
+from math import isfinite, isnan
+from typing import TYPE_CHECKING
+
+from antiosc.base.errors import AntioscError, InputError
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.base import is_compiled
+
+if TYPE_CHECKING:
+    from ctypes import _Pointer, c_double
+
+    Doubles = _Pointer[c_double]
+
+
+class OwnLaw:
+    """A law of the user's own: what the march calls, and the error that stopped it, if any."""
+
+    def __init__(self, law: ContactLaw) -> None:
+        self.law = law
+        self.size = len(law.touch(1.0))
+        if self.size > library.MEMORY - 2:
+            raise InputError(
+                f"the state of a contact law may hold up to {library.MEMORY - 2} numbers;"
+                f" {type(law).__name__}.touch returns {self.size}."
+            )
+        self.error: BaseException | None = None
+        functions = (
+            library.FORCE(self._force),
+            library.TOUCHED(self._touch),
+            library.ADVANCE(self._advance),
+            library.WORK(self._work),
+        )
+        self.kernel = library.UserLaw(None, self.size, law.rate_dependent, *functions)
+
+    def _force(self, _: object, delta: float, rate: float, state: Doubles, out: Doubles) -> int:
+        def values() -> Iterator[float]:
+            now = tuple(state[: self.size])
+            yield self.law.force(delta, rate, now)
+            yield from self.law.tangent(delta, rate, now)
+
+        return self._filled(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
+
+    def _touch(self, _: object, speed: float, first: int, state: Doubles, origin: Doubles) -> int:
+        before = None if first else tuple(state[: self.size])
+        return self._state(f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, before)
+
+    def _advance(
+        self, _: object, delta: float, rate: float, state: Doubles, origin: Doubles
+    ) -> int:
+        where = f"advance at {delta:g} m and {rate:g} m/s"
+        now = tuple(state[: self.size])
+        return self._state(where, state, origin, self.law.advance, delta, rate, now)
+
+    def _work(self, _: object, speed: float, delta: float, work: Doubles) -> int:
+        def values() -> Iterator[float]:
+            yield self.law.potential(delta, self.law.touch(speed))
+
+        return self._filled(f"potential at {delta:g} m", values, work)
+
+    def _state(
+        self,
+        where: str,
+        state: Doubles,
+        origin: Doubles,
+        new: Callable[..., tuple[float, ...]],
+        *arguments: object,
+    ) -> int:
+        """1 if the new state, or its origin, fails; else 0 and both are stored."""
+        found: list[float] = []
+
+        def values() -> Iterator[float]:
+            found.extend(new(*arguments))
+            yield from found
+
+        failed = self._filled(where, values, state, lambda x: not isnan(x))
+        return failed or self._filled(where, lambda: iter([self.law.origin(tuple(found))]), origin)
+
+    def _filled(
+        self,
+        where: str,
+        values: Callable[[], Iterator[float]],
+        out: Doubles,
+        sound: Callable[[float], bool] = isfinite,
+    ) -> int:
+        """0 if the law's values were stored in `out`; 1 if it failed: the march returns at once."""
+        try:
+            for i, value in enumerate(values()):
+                if not sound(value):
+                    raise ValueError(f"it returns {value}")
+                out[i] = value
+        except Exception as error:
+            told = f"{type(self.law).__name__}: {where} failed, {type(error).__name__}: {error}."
+            self.error = error if isinstance(error, AntioscError) else InputError(told)
+            self.error.__cause__ = None if self.error is error else error
+        except BaseException as error:  # Ctrl-C: raised once the march has returned
+            self.error = error
+        return int(self.error is not None)
+
+
+def packed(law: ContactLaw) -> tuple[library.Law, object]:
+    """A law as the march takes it, and what keeps its numbers and functions alive."""
+    if is_compiled(law):
+        return law.kernel
+    own = OwnLaw(law)
+    return library.Law(library.USER, 0, None, addressof(own.kernel)), own
+
+
+def raise_error(own: object) -> None:
+    """Raise the error of a law of the user's own, if it failed; `own` as `packed` gives it."""
+    if isinstance(own, OwnLaw) and own.error is not None:
+        raise own.error

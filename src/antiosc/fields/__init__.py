@@ -1,0 +1,1 @@
+"""Fields of a history: probes, peaks, margins, reactions, spectra, pictures and files."""

@@ -1,0 +1,418 @@
+"""Displacement fields of a body, computed from its model after an impact, and support reactions.
+
+The modal form of the body (`ModalBody`) defines the sum of its shapes, for anti-oscillators Article
+(8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `write_series` evaluates the sum at all nodes for some
+times, in files that ParaView opens (`antiosc.fields.probe`: at one point for all times).
+
+A motion g of the whole mesh that is a unit rigid motion on the dofs of one support, zero on those
+of the others, and in static equilibrium elsewhere (K_ff g_f = −K_fs g_s) does no work on the
+stiffness. The virtual work of all forces on it is the reaction of that support,
+
+    R = gᵀM u'' − gᵀb F,
+
+the mode-acceleration form: it contains the whole quasi-static reaction, whatever the number of
+modes in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the
+force and the inertia of the reduced motion balance to rounding. The ground end of a spring is
+released as a support is; dampers and branches do the work gᵀ(C u' + G ε) besides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import array, instance, nonempty, path as checked_path
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.process import one_thread
+from antiosc.base.texts import ReprMixin
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields import second_order
+from antiosc.fields.pictures import SavedFields
+from antiosc.impact import histories
+from antiosc.impact.histories import AnyHistory, History
+from antiosc.impact.histories.parts import BodyHistory
+from antiosc.models.modal import superposed
+from antiosc.recovery import source
+from antiosc.recovery.relaxation import branches_of_materials, other_damping
+from antiosc.recovery.series import Frames, listing, write_frames, write_vtx
+from antiosc.reduce.extraction import beside_rigid
+from antiosc.reduce.site import Site
+
+#: Share of the mass shaken by the ground below which a model's fields are not those of the part.
+LEAST_CARRIED = 0.5
+
+#: Ratios of stiffness and of mass of a structure and of a model on its shapes from which they do
+#: not belong together. A model that is corrected for its mesh is softer, and as heavy.
+MISMATCH = 1.5, 1.01
+
+
+def history_key(history: AnyHistory) -> tuple[object, ...]:
+    """Data of a history that must agree on all ranks, with rounded numbers."""
+    if isinstance(history, BodyHistory):
+        return "body", history.placed.name, f"{history.time[-1]:.6g}"
+    of = list(history.assembly.bodies) if history.named else history.model
+    return of, history.status, f"{history.time[-1]:.6g}"
+
+
+@collective(history=history_key)
+@one_thread()
+def write_series(
+    structure: Structure,
+    history: History,
+    path: str | Path,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Path:
+    """Write the displacement field as a series that ParaView opens.
+
+    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) where dolfinx has ADIOS2. The sag of
+    a held body under its own weight is not in it.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History
+    path : str or Path
+        The `.pvd` file (the ending is added where it is missing); the frames go beside it as
+        `<name>_0000.vtu` and on. With the ending `.bp` that folder, of a structure of one mesh;
+        each rank writes its own part there.
+    times : array_like (n,), optional
+        Times in s; default: 40 evenly over the history.
+    body : str
+        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
+        the only one that has shapes).
+
+    Returns
+    -------
+    Path
+        Of the `.pvd`. If the run is killed meanwhile, it is absent, or lists a whole series.
+    """
+    one_folder = checked_path("path", path).suffix.lower() == ".bp"
+    target = checked_path("path", path) if one_folder else listing(path)
+    own = shapes_of(structure, history, body)
+    if times is None:
+        times = np.linspace(history.time[0], history.time[-1], 40)
+    at = nonempty("times", times)
+    if one_folder:
+        write_vtx(target, structure, own, at, histories.amplitudes(history, at, body))
+        return target
+    points, cells, shapes = source(structure).at_nodes(structure, own)
+    factors = histories.amplitudes(history, at, body)
+
+    def write() -> None:
+        frames = Frames(points, cells)
+        write_frames(target, frames, at, (shapes @ a for a in factors))
+
+    on_root(structure.comm, write)
+    return target
+
+
+@collective(history=history_key)
+@one_thread()
+def save_fields(
+    structure: Structure,
+    history: History,
+    path: str | Path,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Path:
+    """Write the displacements of all nodes at many times to one compact file.
+
+    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it
+    without the finite-element packages, too.
+
+    Parameters
+    ----------
+    structure, history, body
+        As for `write_series`.
+    path : str or Path
+        The `.npz` file.
+    times : array_like (n,), optional
+        Increasing times in s; default: those of the history.
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; times that do not increase; a
+        file that cannot be written.
+    """
+    target = checked_path("path", path)
+    own = shapes_of(structure, history, body)
+    at = np.unique(history.time) if times is None else nonempty("times", times)
+    points, cells, shapes = source(structure).at_nodes(structure, own)
+    factors = histories.amplitudes(history, at, body)
+    on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
+    return target
+
+
+@collective(history=history_key)
+@one_thread()
+def skin(
+    structure: Structure, history: History, time: float, *, body: str = "structure"
+) -> tuple[Array, IntArray, Array]:
+    """Surface of a part and its motion at one time, the same on all ranks.
+
+    Points (P, 3) [m]; indices of the corners of faces (F, 3 or 4), in order around the face: outer
+    faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at `time` [s].
+    InputError for a model without shapes or of another structure, and for a mesh of lines.
+    """
+    own = shapes_of(structure, history, body)
+    points, faces, shapes = source(structure).surface(structure, own)
+    moved = shapes @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
+    outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
+    return outer
+
+
+@collective(history=history_key)
+@one_thread()
+def nodal_motion(
+    structure: Structure, history: History, time: float, *, body: str = "structure"
+) -> Array:
+    """Displacements (P, 3) [m] at one time of the points that `peak_field` has."""
+    own = shapes_of(structure, history, body)
+    _, cells, shapes = source(structure).at_nodes(structure, own)
+    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    moved = shapes[used] @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
+    found: Array = structure.comm.bcast(moved, root=0)
+    return found
+
+
+def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
+    """Shapes of the body on the rows of this rank, columns side by side.
+
+    Of a body that stretches the second-order displacements of pairs of its modes follow.
+    """
+    shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
+    second = histories.stretch_shapes(history, body)
+    if second is not None:
+        shapes = np.column_stack([shapes, second])
+    if isinstance(history, History) and history.assembly.scene.base is not None:
+        _warn_if_mass_missing(structure, history, body)
+    return shapes
+
+
+def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
+    """Warn if the ground shakes mass that the shapes of the model do not represent."""
+    weight, base = histories.modes_of(history, body).weight, history.assembly.scene.base
+    if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
+        return
+    if weight is None or weight.ndim == 1:  # one direction, along which the ground moves
+        return
+    motion = np.abs(base.accelerations).max(axis=0)
+    for i in np.flatnonzero(motion > 0.01 * motion.max()):
+        load = structure.uniform_inertia(np.eye(3)[i])
+        if load is None:
+            return
+        # what the ground shakes: the inertia of rigid motions that leave out what is held
+        motions = structure.matrices.rigid_motions
+        pushed = dot(structure.comm, motions, load)
+        inertia = dot(structure.comm, motions, multiply(structure.M, motions))
+        shaken = float(pushed @ np.linalg.lstsq(inertia, pushed, rcond=None)[0])
+        held = float(np.sum(weight[:, i] ** 2))
+        if held < LEAST_CARRIED * shaken:
+            along = "xyz"[i]
+            message = (
+                f"the ground shakes {shaken:.3g} kg along {along}, and the model carries "
+                f"{held / shaken:.0%} of it: contact forces are right, fields far from the sites "
+                f"are not; name a site whose direction is {along} as well, or raise n."
+            )
+            on_root(structure.comm, partial(warn, message, AccuracyWarning))
+
+
+def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
+    """Factors (n, B (1 + branches)) of columns of stress, as `with_branches` has them."""
+    springs = histories.spring_amplitudes(history, times, body)
+    own = [springs[k] for k in branches_of_materials(structure, len(springs))]
+    return np.hstack([histories.amplitudes(history, times, body), *own])
+
+
+def checked_shapes(
+    structure: Structure, history: AnyHistory, body: str, limits: tuple[float, float]
+) -> tuple[Array, ...]:
+    """Blocks of the shapes of the body, which are those of the structure within these ratios."""
+    instance("structure", structure, Structure, "a Structure")
+    kinds = (History, BodyHistory)
+    instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    own = histories.modes_of(history, body)
+    assert own.basis is not None
+    rows = structure.rows
+    fits = all(len(block) == rows for block in own.basis)
+    if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
+        raise InputError(
+            f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
+            "was extracted from another structure."
+        )
+    factors, count = histories.unit_energy_factors(own)
+    of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
+    for x, (matrix, what, limit) in zip(superposed(own.basis, factors), of_kinds, strict=True):
+        ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
+        if count and not 1 / limit < ratio < limit:
+            raise InputError(
+                f"the structure is {ratio:.6g} times as {what} on the shapes of the model as the"
+                " model: the model was extracted from another structure; give that of this run."
+            )
+    return own.basis
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reactions(ReprMixin):
+    """Forces and moments of the supports, and of springs and dampers to the ground, on a part.
+
+    Attributes
+    ----------
+    time : (n,) s.
+    force : support -> (n, 3) N, along x, y, z.
+    moment : support -> (n, 3) N m about `centre`.
+    centre : support -> (3,) mean of its nodes, m.
+    applied : (n, 3) contact forces and loads on the part, N.
+    inertia : (n, 3) rate of the momentum of the part, N.
+
+    The names of the supports are their groups, or "support 1" and on, in the order of the
+    structure's list; in an assembly those of the parts come first, as "part:group" and
+    "part:support 1". A dof that two supports hold is counted with the first. Springs, dampers and
+    footings follow with their names, "spring 1" and on; those of a deck's joints as one.
+    """
+
+    time: Array
+    force: dict[str, Array]
+    moment: dict[str, Array]
+    centre: dict[str, Array]
+    applied: Array
+    inertia: Array
+
+    @property
+    def total(self) -> Array:
+        """(n, 3) sum of all forces on the ground, N: inertia − applied."""
+        return np.asarray(sum(self.force.values()))
+
+
+@collective(history=history_key)
+@one_thread()
+def reactions(
+    structure: Structure,
+    history: History,
+    site: Site | Mapping[str, Site],
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Reactions:
+    """Reactions of every support, spring and damper: of contact forces, loads and inertia.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted: of a mesh, or an assembly.
+    history : History
+    site : Site or mapping of names to Site
+        With which the model was extracted.
+    times : array_like (n,), optional
+        Times in s; default: those of the history.
+    body : str
+        As in `probe`.
+
+    Notes
+    -----
+    They are the changes due to the impact: the weight that the supports carry at rest is not in
+    them. A footing has the force of its soil in one row. Dampers and branches have the velocities
+    and states of the model. The forces of a `Damping`, ratios of the modes, are not part of the
+    reactions: those of `Damping(alpha=…)` act on the ground without the supports. Where several
+    supports hold the two sides of a joint, the joint carries no force there: each support carries
+    what its own part brings.
+
+    Raises
+    ------
+    InputError
+        A structure that nothing holds, of given matrices or with superelements; sites that are not
+        those of the model; a model with other damping than the structure; a moving ground; gravity
+        on a part that its supports let slide.
+    """
+    checks.instance("structure", structure, Structure, "a Structure")
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
+    shapes = shapes_of(structure, history, body)
+    at = histories.times_of(history, times)
+    sites = _site_list(site)
+    matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
+    from antiosc.reduce.site.at_points import Released  # needs dolfinx
+
+    released = Released(matrices, structure.supports)
+    _check_reactions(structure, history)
+    following = _static_equilibrium(structure, released.pulled)
+    rigid = released.rigid()
+    moved, carried = released.inertia(following, rigid)
+    work, applied = released.applied(sites, rigid)
+    forces = histories.forces_of(history, at, body)
+    if len(work) != forces.shape[1]:
+        raise InputError(
+            f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
+            "give the sites with which it was extracted, in their order."
+        )
+    comm = structure.comm
+    accelerations = histories.amplitudes(history, at, body, 2)
+    found = accelerations @ dot(comm, shapes, moved) - forces @ work
+    if histories.stretch_in(history, body) is not None:
+        found += second_order.work_on(structure, history, body, shapes, released.motions, at)
+    velocities = histories.amplitudes(history, at, body, 1)
+    springs = histories.spring_amplitudes(history, at, body)
+    terms = released.damping(shapes)
+    undamped = histories.modes_of(history, body).damping is None
+    if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
+        raise InputError(other_damping("the force of a damper"))
+    for tau, by_motion in terms:
+        found += (velocities if tau is None else springs.pop(0)) @ by_motion.T
+    names = list(released.centres)
+    return Reactions(
+        time=at,
+        force={name: found[:, 6 * i : 6 * i + 3] for i, name in enumerate(names)},
+        moment={name: found[:, 6 * i + 3 : 6 * i + 6] for i, name in enumerate(names)},
+        centre=released.centres,
+        applied=forces @ applied,
+        inertia=accelerations @ dot(comm, shapes, carried),
+    )
+
+
+def _check_reactions(structure: Structure, history: History) -> None:
+    scene = history.assembly.scene
+    pulled = bool(np.any(scene.gravity))
+    if scene.base is not None:
+        raise InputError("reactions under a moving ground (Base) are not implemented.")
+    if pulled and structure.rigid_modes.shape[1]:
+        raise InputError(
+            "reactions under gravity of a part that its supports let slide are not implemented."
+        )
+
+
+def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
+    sites = list(site.values()) if isinstance(site, Mapping) else [site]
+    if not sites:
+        raise InputError("site must name at least one Site; got an empty dict.")
+    for one in sites:
+        checks.instance("site", one, Site, "a Site, or a dict {name: Site}")
+    return sites
+
+
+def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
+    """Static displacements (rows, k) of the free dofs under forces (rows, k)."""
+    fixed = structure.fixed[structure.fixed < structure.rows]
+    solver = structure.factorize()
+    found = np.zeros_like(pulled)
+    moving = structure.comm.allreduce(np.einsum("ij,ij->j", pulled, pulled)) > 0
+    if structure.rigid_modes.shape[1]:
+        for k in np.flatnonzero(moving):
+            found[:, k] = beside_rigid(structure, solver, pulled[:, k])
+    elif moving.any():
+        found[:, moving] = solver.solve_checked(pulled[:, moving])
+    found[fixed] = 0.0
+    return found

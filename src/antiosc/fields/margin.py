@@ -1,0 +1,357 @@
+"""The largest stresses of a part over a run: their share of the strength, and doubts about them.
+
+How well a mesh resolves them is seen from the jumps between cells. At a hole (P2 triangles of a
+half, a quarter and an eighth of its radius) the jumps were 4.6, 1.3 and 0.4 % of the stress, its
+error 3.2, 0.8 and 0.2 %; in a re-entrant corner of 270° they were 78, 77 and 65 % on three meshes,
+each of half the size of the one before, and the stress grew by 34 and 44 %.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.stresses import (
+    Strengths,
+    equivalent_parts,
+    exposure,
+    extreme_principal,
+    length,
+)
+from antiosc.base.texts import ReprMixin, engineering, point_text
+from antiosc.engine.contact.geometry import hertz_pressure
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields.fields import stress_amplitudes
+from antiosc.impact.histories import AnyHistory, History
+from antiosc.impact.histories.verdict import yields
+from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors, Place, layers_of
+
+#: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
+CRITERIA: dict[str, tuple[str, str]] = {
+    "yield": ("yield", "von Mises"),
+    "tsai_hill": ("failure of a ply", "Tsai–Hill"),
+    "tsai_wu": ("failure of a ply", "Tsai–Wu"),
+    "delamination": ("delamination", "interlaminar shear"),
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Margin(ReprMixin):
+    """The worst point of a part over a run: the largest stress over the strength.
+
+    The stresses are those of a linear-elastic part: beyond yield it deforms permanently, and its
+    stresses stay lower.
+
+    Attributes
+    ----------
+    criterion : "yield" (von Mises), "tsai_hill", "tsai_wu" or "delamination".
+    value : of "yield" the von Mises stress, Pa; else the exposure.
+    strength : of "yield" the yield strength, Pa; else 1.
+    point : (3,) where, m.
+    time : when, s.
+    layer, surface : of a laminate: number of the layer, from the bottom, and its surface.
+    contact : whether the contact itself yields, which the values leave out.
+    """
+
+    criterion: str
+    value: float
+    strength: float
+    point: Array
+    time: float
+    layer: int | None = None
+    surface: str | None = None
+    contact: bool = False
+
+    @property
+    def exposure(self) -> float:
+        """Stress over strength: 1 at yield or failure, proportional to the load."""
+        return self.value / self.strength
+
+    @property
+    def margin(self) -> float:
+        """Margin of safety, strength over stress minus 1; negative: yield or failure is reached."""
+        return float(np.inf) if not self.value else self.strength / self.value - 1
+
+    @property
+    def reached(self) -> bool:
+        """Whether yield or failure is reached, of a contact that yields also away from it."""
+        return self.exposure >= 1
+
+    @property
+    def sentence(self) -> str:
+        """The result in one sentence."""
+        what, name = CRITERIA[self.criterion]
+        where = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
+        if self.layer is not None:
+            where = f"in layer {self.layer} ({self.surface}) {where}"
+        verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
+        if self.criterion == "yield":
+            used = (
+                f"the largest von Mises stress, {engineering(self.value, 'Pa')} {where}, is "
+                f"{self.exposure:.3g} of the yield strength {engineering(self.strength, 'Pa')}"
+            )
+        else:
+            used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"
+        if self.contact:
+            verdict = "away from the contact, which yields"
+        return f"{verdict}: {used}; margin of safety {self.margin:.3g}"
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [(self.criterion, self.sentence)]
+
+
+def margin_of(
+    criterion: str,
+    values: Array,
+    strengths: Array,
+    points: Array,
+    times: Array,
+    places: list[Place],
+) -> Margin | None:
+    """The worst of values (S,) with strengths (S,), NaN where unknown; None where none is known."""
+    exposure = values / strengths
+    if not np.isfinite(exposure).any():
+        return None
+    k = int(np.nanargmax(exposure))
+    layer, side = places[k].layer, str(places[k].surface) if places[k].layer is not None else None
+    found = float(values[k]), float(strengths[k])
+    return Margin(criterion, *found, points[k], float(times[k]), layer, side)
+
+
+#: Surfaces of every ply at which a criterion of plies is largest: stresses in the plane are linear
+#: in a layer, the shear across it is a parabola.
+PLY_SURFACES = {
+    "tsai_hill": ("bottom", "top"),
+    "tsai_wu": ("bottom", "top"),
+    "delamination": ("bottom", "middle", "top"),
+}
+#: Criterion -> what a material needs for it.
+STRENGTH_OF = {
+    "yield": "a yield_strength, as Solid(…, yield_strength=250e6)",
+    "tsai_hill": "layers that have a strength: Layer(…, strength=Strengths(…))",
+    "tsai_wu": "layers that have a strength: Layer(…, strength=Strengths(…))",
+    "delamination": "layers that have Layer(…, strength=Strengths(…, interlaminar=…))",
+}
+#: Components (S, c, B), scalar -> largest values (S,), their times, what they may miss.
+Search = Callable[[Array, Callable[[Array], Array]], tuple[Array, Array, float | None]]
+
+
+class Maxima(NamedTuple):
+    """Largest values at all points with times, error, exposures and margin, as in a `PeakField`."""
+
+    values: Array
+    times: Array
+    error: float | None
+    exposure: Array | None = None
+    margin: Margin | None = None
+
+    def or_larger(self, other: Maxima) -> Maxima:
+        """At each point the larger of both."""
+        times = np.where(other.values > self.values, other.times, self.times)
+        margins = [one.margin for one in (self, other) if one.margin is not None]
+        worst = max(margins, key=lambda margin: margin.exposure, default=None)
+        values, error = (
+            np.maximum(self.values, other.values),
+            _larger_error(self.error, other.error),
+        )
+        return Maxima(values, times, error, values, worst)
+
+
+def _larger_error(error: float | None, other: float | None) -> float | None:
+    """The larger of two errors, or the one that is known."""
+    known = [one for one in (error, other) if one is not None]
+    return max(known, default=None)
+
+
+def plies(structure: Structure, quantity: str, part: str | None) -> list[Place | None]:
+    """Surfaces of layers at which a criterion of plies is looked at; [None] of other quantities."""
+    if quantity not in PLY_SURFACES:
+        return [None]
+    materials = source(structure).materials_of(structure, part)
+    return [
+        Place(surface, layer, local=True)
+        for layer in range(max(map(len, map(layers_of, materials)), default=0))
+        for surface in PLY_SURFACES[quantity]
+    ]
+
+
+def criteria_of(structure: Structure) -> list[str]:
+    """The quantities of `peak_field` for which materials of the structure have strengths."""
+    materials = source(structure).materials_of(structure, None)
+    own = [getattr(material, "yield_strength", None) for material in materials]
+    own += [layer.strength for material in materials for layer in layers_of(material)]
+    asked = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
+    return [
+        name for name, c in asked.items() if any(_has_strength(strength, c) for strength in own)
+    ]
+
+
+def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
+    """Keep the tensors whose material has the strength; no origins if none has."""
+    known = [_has_strength(strength, criterion) for strength, _ in found.origins]
+    own = np.array(known, dtype=bool)[found.origin]
+    arrays = found.nodes[own], found.columns[own], found.origin[own]
+    return NodeTensors(*arrays, found.origins if any(known) else [])
+
+
+def _has_strength(strength: object, criterion: str) -> bool:
+    """Whether a material's strength serves a criterion."""
+    if criterion == "delamination":
+        return getattr(strength, "interlaminar", None) is not None
+    return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
+
+
+def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -> Maxima:
+    """The largest values of tensors, with exposures and margin where strengths are known."""
+    criterion = quantity
+    if quantity in PLY_SURFACES:
+        own, then, error = _of_plies(quantity, found, search)
+        strengths = np.ones(len(own))
+    else:
+        principal = quantity in ("stress", "strain")
+        columns = found.columns if principal else equivalent_parts(found.columns)
+        own, then, error = search(columns, extreme_principal if principal else length)
+        yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
+        strengths, criterion = np.array(yields)[found.origin], "yield"
+        if principal:
+            strengths[:] = np.nan
+    exposures, margin = None, None
+    if np.isfinite(strengths).any():
+        share = np.nan_to_num(own / strengths)
+        exposures, _ = nodal_maxima(found.nodes, share, then, len(points))
+        places = [found.origins[k].place for k in found.origin]
+        margin = margin_of(criterion, own, strengths, points[found.nodes], then, places)
+        if quantity == "yield":
+            own, error = share, error and error / float(strengths.min())
+    values, when = nodal_maxima(found.nodes, own, then, len(points))
+    return Maxima(values, when, error, exposures, margin)
+
+
+def _of_plies(
+    criterion: str, found: NodeTensors, search: Search
+) -> tuple[Array, Array, float | None]:
+    """Largest exposures, their times, what they may miss: layers of equal strength together."""
+    values, when, missed = np.zeros(len(found.nodes)), np.zeros(len(found.nodes)), None
+    of_origin = [strength for strength, _ in found.origins]
+    for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
+        own = np.isin(found.origin, [k for k, s in enumerate(of_origin) if s == strength])
+        scalar = functools.partial(exposure, criterion, strength)
+        values[own], when[own], error = search(found.columns[own], scalar)
+        missed = _larger_error(missed, error)
+    return values, when, missed
+
+
+def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
+    """Return the largest value at each of `count` nodes, and its time."""
+    order = np.argsort(values, kind="stable")  # the largest is written last
+    best, time = np.zeros(count), np.zeros(count)
+    best[nodes[order]], time[nodes[order]] = values[order], when[order]
+    return best, time
+
+
+#: Largest pressure over the yield strength at which yield begins below a Hertzian contact
+#: (K. L. Johnson, *Contact Mechanics* (1985), (6.9)).
+FIRST_YIELD = 1.6
+
+
+class HertzContact(NamedTuple):
+    """A contact by Hertz's law k_H [N m^-3/2] of surfaces with E* [Pa], at its largest force.
+
+    `force` [N]; `strength` [Pa]: the yield strength of the part.
+    """
+
+    stiffness: float
+    modulus: float
+    force: float
+    strength: float
+
+    @property
+    def pressure(self) -> float:
+        """Largest pressure, Pa."""
+        return hertz_pressure(self.stiffness, self.modulus, self.force)
+
+    @property
+    def share(self) -> float:
+        """The pressure over that at first yield."""
+        return self.pressure / (FIRST_YIELD * self.strength)
+
+    def warning(self) -> str:
+        """The warning of a contact that yields; "" for one that does not."""
+        if not self.share > 1:
+            return ""
+        return (
+            f"under the contact itself the pressure is {engineering(self.pressure, 'Pa')},"
+            f" {self.share * FIRST_YIELD:.3g} times the yield strength: from {FIRST_YIELD:g} times"
+            " on it yields there, and the force of this law is too high"
+        )
+
+
+def contact_yields(history: AnyHistory) -> bool:
+    """Whether a contact of `simulate`, `strike` or a scene yields."""
+    return isinstance(history, History) and any(map(yields, history.contact_histories))
+
+
+#: Jumps over the largest stress from which the mesh does not resolve it.
+UNRESOLVED_JUMP = 0.2
+#: Interior angle in degrees from which a corner is re-entrant; fillets of three cells have 210.
+RE_ENTRANT = 215.0
+
+
+def mesh_error(
+    structure: Structure,
+    shapes: Array,
+    part: str | None,
+    history: AnyHistory,
+    times: Array,
+    body: str,
+) -> Array | None:
+    """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
+    from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
+
+    at, number = np.unique(times, return_inverse=True)
+    factors = stress_amplitudes(structure, history, at, body)[number.ravel()]
+    return stress_jumps(structure, shapes, factors, part)
+
+
+def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
+    """A sentence on the largest stress at x (3,), whose error is this share of it; "" if none."""
+    from antiosc.recovery.mesh_fields import corner_at  # needs dolfinx
+
+    angle, held = corner_at(structure, shapes, x, part)
+    if angle >= RE_ENTRANT:
+        return (
+            f"the largest stress lies in a re-entrant corner of {angle:.0f} degrees, where it grows"
+            " with every refinement of the mesh: model the fillet, or judge it at a distance"
+        )
+    if held:
+        return (
+            "the largest stress lies at a support that holds the part rigidly, where it grows with"
+            " refinements of the mesh: judge it at a distance, or model what holds the part"
+        )
+    if share >= UNRESOLVED_JUMP:
+        return (
+            f"the cells at the largest stress differ by {share:.0%} of it: the mesh does not"
+            " resolve it; make the cells there smaller"
+        )
+    return ""
+
+
+def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:
+    """The warning that the stresses of sheets have no error estimate; "" for other parts."""
+    from antiosc.recovery.mesh_fields import families  # needs dolfinx
+
+    if "sheet" not in families(structure, shapes, part):
+        return ""
+    return (
+        "the error by the mesh is not estimated for shells, and under a point load or in the disc"
+        " of the site the stress grows with refinements: compare with cells of half the size"
+    )

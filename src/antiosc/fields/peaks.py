@@ -1,0 +1,603 @@
+"""Envelopes: the largest value of a quantity at every node over a whole run, and when it occurs.
+
+Largest values over a run: at times fine enough for the fastest motion, refined at the maxima.
+
+The motion of a node is a sum of modes. Near its largest value, at t*, the value falls by no more
+than half the square of the distance from t* times what the modes can curve it, so that times with
+the step h miss at most
+
+    Σ_j W_j A_j min(2, (ω_j h)²/8),
+
+A_j the largest amplitude of the mode j in the run and W_j its value at the node with the amplitude
+1. The step is chosen by the largest of this bound over the values of the nodes. Then each node's
+highest maximum, that of the parabola through three times, is looked at closely.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc.base import checks, files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyWarning, InputError
+from antiosc.base.process import one_thread
+from antiosc.base.stresses import length
+from antiosc.base.texts import Completed, engineering, point_text as placed
+from antiosc.fem.platform import collective, warn
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields import margin
+from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
+from antiosc.fields.margin import Margin, Maxima, Search, mesh_error
+from antiosc.fields.pictures import outer_faces
+from antiosc.fields.second_order import tensors_at_nodes
+from antiosc.impact.histories import (
+    History,
+    amplitudes,
+    modal_amplitudes,
+    stretch_in,
+    times_of,
+)
+from antiosc.impact.histories.parts import BodyHistory
+from antiosc.plot.charts import figure_or_path
+from antiosc.recovery import source
+from antiosc.recovery.place import Place, place
+from antiosc.recovery.series import Frames
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from antiosc.plot.surfaces import Deformed
+
+
+#: In double or single precision.
+Reals = NDArray[np.floating[Any]]
+#: Share of a node's value that the times before refinement may miss; values below this share of
+#: the largest one count as that.
+TIME_ERROR, FLOOR = 0.01, 0.1
+#: Steps over the run, at least and at most.
+FEWEST, MOST = 500, 40_000
+#: Times that are looked at together, and parts of a step about a maximum.
+WINDOW, PARTS = 1000, 8
+#: Bytes of the values of a block of nodes at these times.
+BLOCK_BYTES = 2**26
+#: Two nodes of a history closer than this share of the run are one.
+SAME_TIME = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """Motion of a body over a run.
+
+    nodes : (n,) times of the history [s]. factors : times (k,) -> factors (k, B) of the columns.
+    omega : (J,) of the modes [rad/s]; shapes (J, B) their factors; sizes (J,) their amplitudes.
+    """
+
+    nodes: Array
+    factors: Callable[[Array], Array]
+    omega: Array
+    shapes: Array
+    sizes: Array
+
+
+def refined_maxima(
+    motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
+) -> tuple[Array, Array, float]:
+    """Largest value (S,) of a scalar of components (S, c, B), its time, and the error bound.
+
+    `scalar`: (..., c) -> (...,), a norm. Single precision finds where the values are largest.
+    """
+    step, missed = _step(motion, columns, scalar)
+    times = _sample_times(motion.nodes, step)
+    sampled, near = np.full((2, len(columns)), -np.inf), np.zeros((2, len(columns)), dtype=int)
+    single = columns.astype(np.float32)
+    for first in range(0, max(len(times) - 2, 1), WINDOW - 2):
+        t = times[first : first + WINDOW]
+        factors = motion.factors(t).astype(np.float32)
+        for block in _blocks(columns, len(t)):
+            y = _values(single[block], factors, scalar)
+            for best, k, found in zip(sampled, near, (y, _parabola_maxima(t, y)), strict=True):
+                at = found.argmax(axis=1)
+                top = found[np.arange(len(at)), at]
+                higher = np.flatnonzero(top > best[block])
+                best[block][higher], k[block][higher] = top[higher], first + at[higher]
+    values, when = _refined_near(motion, columns, scalar, times, near[0])
+    other, then = _refined_near(motion, columns, scalar, times, near[1])
+    above = other > values
+    return np.where(above, other, values), np.where(above, then, when), missed
+
+
+def sampled_maxima(
+    columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """Largest value (S,) of a scalar of components (S, c, B) at these times, and its time."""
+    values, when = np.zeros(len(columns)), np.zeros(len(columns))
+    for block in _blocks(columns, len(times)):
+        found = _values(columns[block], factors, scalar)
+        k = found.argmax(axis=1)
+        values[block], when[block] = found[np.arange(len(k)), k], times[k]
+    return values, when
+
+
+def _step(
+    motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
+) -> tuple[float, float]:
+    """Time step [s] of the search, and by how much it may underestimate a peak."""
+    every = max(1, len(motion.nodes) // FEWEST)
+    at = motion.nodes[::every]
+    values, _ = sampled_maxima(columns, motion.factors(at), at, scalar)
+    top = float(values.max(initial=0.0))
+    values = np.maximum(values, FLOOR * top)
+    # of the node where the modes curve the value most, relative to it
+    curved, weights = 0.0, np.zeros(len(motion.omega))
+    for block in _blocks(columns, len(weights)) if top else ():
+        own = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
+        bends = own @ motion.omega**2
+        worst = int(bends.argmax())
+        if bends[worst] > curved:
+            curved, weights = float(bends[worst]), own[worst]
+
+    def missed(h: float) -> float:
+        return float(weights @ np.minimum(2.0, (motion.omega * h) ** 2 / 8))
+
+    whole = float(motion.nodes[-1] - motion.nodes[0])
+    step = whole / FEWEST
+    while missed(step) > TIME_ERROR and step > whole / MOST:
+        step = max(step / 1.5, whole / MOST)
+    return step, missed(step) * top
+
+
+def _sample_times(nodes: Array, step: float) -> Array:
+    """The nodes, and even times between those that are farther apart than the step."""
+    nodes = np.unique(nodes)
+    nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * (nodes[-1] - nodes[0]))]
+    gaps = np.diff(nodes)
+    parts = np.maximum(np.ceil(gaps / step), 1).astype(int) if step else np.ones(len(gaps), int)
+    first = np.repeat(np.cumsum(parts) - parts, parts)
+    share = (np.arange(parts.sum()) - first) / np.repeat(parts, parts)
+    return np.append(np.repeat(nodes[:-1], parts) + share * np.repeat(gaps, parts), nodes[-1])
+
+
+def _parabola_maxima(t: Array, y: Array) -> Array:
+    """Values (S, n); local maxima are those of the parabola through three values."""
+    tops = y.copy()
+    if len(t) < 3:
+        return tops
+    node, k = np.nonzero((y[:, 1:-1] >= y[:, :-2]) & (y[:, 1:-1] >= y[:, 2:]))
+    before, after = np.diff(t)[k], np.diff(t)[k + 1]
+    middle = y[node, k + 1].astype(float)
+    rise, fall = (middle - y[node, k]) / before, (y[node, k + 2] - middle) / after
+    bend = (fall - rise) / (before + after)
+    slope = (fall * before + rise * after) / (before + after)
+    gain = np.divide(slope**2, -4 * bend, out=np.zeros_like(bend), where=bend < 0)
+    tops[node, k + 1] += gain
+    return tops
+
+
+def _refined_near(
+    motion: BodyMotion,
+    columns: Array,
+    scalar: Callable[[Array], Array],
+    times: Array,
+    near: IntArray,
+) -> tuple[Array, Array]:
+    """Largest values (S,) within a step of the times `near` (S,), and their times."""
+    values, when = np.zeros(len(columns)), np.zeros(len(columns))
+    order = np.argsort(near, kind="stable")
+    used, starts = np.unique(near[order], return_index=True)
+    groups = np.split(order, starts[1:])
+    share = np.linspace(0, 1, PARTS + 1)
+    before, after = times[np.maximum(used - 1, 0)], times[np.minimum(used + 1, len(times) - 1)]
+    at = times[used]
+    fine = np.concatenate(
+        (
+            before[:, None] + (at - before)[:, None] * share,
+            at[:, None] + (after - at)[:, None] * share[1:],
+        ),
+        axis=1,
+    )
+    for first in range(0, len(used), WINDOW // fine.shape[1]):
+        some = slice(first, first + WINDOW // fine.shape[1])
+        factors = motion.factors(fine[some].ravel()).reshape(*fine[some].shape, -1)
+        for own, t, group in zip(factors, fine[some], groups[some], strict=True):
+            values[group], when[group] = sampled_maxima(columns[group], own, t, scalar)
+    return values, when
+
+
+def _values(columns: Reals, factors: Reals, scalar: Callable[[Array], Array]) -> Array:
+    """Scalar (S, n) of components (S, c, B) with factors (n, B)."""
+    rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
+    return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], -1), 1, -1))
+
+
+def _blocks(columns: Array, times: int) -> Iterator[slice]:
+    """Slices of nodes whose values at so many times fit `BLOCK_BYTES`."""
+    size = max(1, int(BLOCK_BYTES / (8 * 3 * columns.shape[1] * times)))
+    return (slice(first, first + size) for first in range(0, len(columns), size))
+
+
+#: Quantity -> (what is recovered, time derivative, unit).
+PEAK_QUANTITIES = {
+    "displacement": ("motion", 0, "m"),
+    "velocity": ("motion", 1, "m/s"),
+    "acceleration": ("motion", 2, "m/s²"),
+    "von_mises": ("stress", 0, "Pa"),
+    "stress": ("stress", 0, "Pa"),
+    "strain": ("strain", 0, ""),
+    **{name: ("stress", 0, "") for name in margin.CRITERIA},
+}
+#: Share of the largest value from which what the times may miss is told.
+UNRESOLVED = 0.05
+#: Distance between two places of `PeakField.largest`, over the size of the part.
+PLACES_APART = 0.05
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeakField(Completed):
+    """The largest value of one quantity at every node of a part.
+
+    Attributes
+    ----------
+    quantity, unit : what was sought.
+    points : (P, 3) nodes of the mesh, m.
+    values : (P,) largest value at each.
+    times : (P,) when it occurs, s.
+    error : what a value may be too low by, as times that were chosen miss peaks, at most; for
+        those that were given it is not known (None).
+    exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
+        strength is known; None for other quantities, and where no material has a strength.
+    mesh_error : (P,) of the stress of solids: its estimated error by the mesh, in its unit: by how
+        much the stresses of the cells around a node differ from their mean (Zienkiewicz and Zhu);
+        0 in sheets and beams beside them, else None.
+    doubt : why the largest stress is none of the part's own: a re-entrant corner, the edge of a
+        support, too large cells; of sheets, that their error by the mesh is not estimated; ""
+        otherwise.
+    """
+
+    quantity: str
+    unit: str
+    points: Array
+    values: Array
+    times: Array
+    _cells: list[tuple[str, IntArray]] = field(repr=False)
+    error: float | None = None
+    exposure: Array | None = None
+    mesh_error: Array | None = None
+    doubt: str = ""
+    _margin: Margin | None = field(default=None, repr=False)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        value, x, t = self.largest(1)[0]
+        where = f"{placed(x)}, {engineering(t, 's')}"
+        facts = [(f"largest {self.quantity}", f"{engineering(value, self.unit, 4)} at {where}")]
+        facts += [("nodes", f"{len(self.values)}")]
+        facts += [] if self._margin is None else [("verdict", self._margin.sentence)]
+        return facts + ([("doubt", self.doubt)] if self.doubt else [])
+
+    def margin(self) -> Margin:
+        """How far the worst point is from yield, or from the failure of a ply.
+
+        Raises
+        ------
+        InputError
+            The quantity is not a stress that has a strength, or no material has one.
+        """
+        if self._margin is None:
+            raise InputError(
+                f"no margin for {self.quantity}: the material has no strength; give it one, as in "
+                "Solid(…, yield_strength=250e6) for 'von_mises', or Layer(…, strength=…) for "
+                "'tsai_wu'."
+            )
+        return self._margin
+
+    def largest(
+        self, count: int = 5, apart: float | None = None
+    ) -> list[tuple[float, Array, float]]:
+        """(value, place (3,) [m], time [s]) of the largest values, each `apart` from the others.
+
+        `apart` [m]: default 5 % of the size of the part.
+        """
+        count = checks.whole("count", count)
+        if apart is None:
+            apart = PLACES_APART * float(np.ptp(self.points, axis=0).max())
+        apart = checks.nonnegative("apart", apart, "m")
+        open_to = np.ones(len(self.values), dtype=bool)
+        found: list[tuple[float, Array, float]] = []
+        while open_to.any() and len(found) < count:
+            k = int(np.argmax(np.where(open_to, self.values, -np.inf)))
+            found.append((float(self.values[k]), self.points[k], float(self.times[k])))
+            open_to &= np.linalg.norm(self.points - self.points[k], axis=1) > apart
+        return found
+
+    def summary(self, count: int = 5) -> str:
+        """The largest values with place and time, as a table."""
+        rows = [f"largest {self.quantity}, where and when"]
+        for value, x, t in self.largest(count):
+            told = engineering(value, self.unit, 4)
+            rows.append(f"{told:>12}  {placed(x)}  {engineering(t, 's')}")
+        if self.error is not None:
+            more = engineering(self.error, self.unit)
+            rows.append(f"between the times that were looked at: up to {more} more")
+        if self.mesh_error is not None:
+            own = engineering(self.mesh_error[np.argmax(self.values)], self.unit)
+            rows.append(f"estimated error by the mesh, of the largest: {own}")
+        rows += [self.doubt] if self.doubt else []
+        if self._margin is not None:
+            rows.append(self._margin.sentence)
+        return "\n".join(rows)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, *, view: Sequence[float] | None = None
+    ) -> Figure | Path:
+        """The values on the surface of the part, the largest one marked.
+
+        `path` and `view` as for `plotting.plot_deformed`.
+        """
+        from antiosc.plot.surfaces import deformed_figure
+
+        seen_from = None if view is None else checks.array("view", view, (2,))
+        found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
+        mark = int(np.argmax(self.values))
+        return figure_or_path(
+            deformed_figure(found, view=seen_from, mark=mark, shown=path is None), path
+        )
+
+    @property
+    def label(self) -> str:
+        """The quantity with the unit in which it is drawn: MPa for Pa."""
+        unit = {"Pa": "MPa"}.get(self.unit, self.unit)
+        name = self.quantity.replace("_", " ").replace("von mises", "von Mises stress")
+        return name + (f" ({unit})" if unit else "")
+
+    def surface(self, label: str, moved: Array) -> Deformed:
+        """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
+        from antiosc.plot.surfaces import Deformed, magnification
+
+        label = checks.instance("label", label, str, "a text")
+        moved = checks.array("moved", moved, (len(self.points), 3))
+        values = (1e-6 if self.unit == "Pa" else 1.0) * self.values
+        size = float(np.linalg.norm(moved, axis=1).max())
+        factor = magnification(self.points, size)
+        label += f", motion drawn × {factor:g}" if size else ""
+        faces, there = outer_faces(self._cells), self.points + factor * moved
+        return Deformed(self.points, there, faces, values, label, float(values.max()))
+
+    def write(self, path: str | Path) -> Path:
+        """Write the values and their times to a `.vtu` file, which ParaView opens.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        target = checks.new_file("path", path)
+        if target.suffix.lower() != ".vtu":
+            target = target.with_name(f"{target.name}.vtu")
+        fields = {self.quantity: self.values, "time": self.times}
+        with files.atomic_file(target, "the field") as part:
+            part.write_bytes(Frames(self.points, self._cells).content(fields))
+        return target
+
+
+@collective(history=history_key)
+@one_thread()
+def peak_field(
+    structure: Structure,
+    history: History | BodyHistory,
+    quantity: str = "von_mises",
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+    part: str | None = None,
+    surface: str | Sequence[float] | None = None,
+    layer: int | None = None,
+    fibre: Sequence[float] | None = None,
+) -> PeakField:
+    """The largest value of a quantity at every node over the run, and its time.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History or BodyHistory
+    quantity : str
+        "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
+        "displacement", "velocity", "acceleration": the length of the vector. "yield": the
+        equivalent stress over the yield strength; "tsai_hill", "tsai_wu", "delamination": the
+        exposure of the worst ply (`Strengths`), 1 at failure, the last one by the interlaminar
+        shear stresses that are in equilibrium with the shear forces.
+    times : array_like (n,), optional
+        Times in s at which it is looked at. Default: so many that the fastest motion of the model
+        is resolved, and about each node's largest value still more; the `error` of the result tells
+        what they miss. The body of a scene's `bodies` is known at its own times alone.
+    body : str
+        As in `probe`.
+    part : str, optional
+        Of an assembly: the part that is looked at; default: all of them.
+    surface, layer : optional
+        As in `probe`; default: the larger of the top and the bottom of a sheet.
+    fibre : (y, z), optional
+        As in `probe`; default: the outline of the sections of beams, which those that are given by
+        A and I do not have.
+
+    Notes
+    -----
+    At the nodes of solids, on the surface too, strains and stresses are those of the cells there
+    (not of their Gauss points), as means of the cells of one material; in sheets and beams the
+    largest of the cells is taken. Near a point load or a re-entrant corner the values grow with
+    every refinement of the mesh: `mesh_error` and `doubt` tell it. Stresses and strains of a
+    structure with a prestress are those of the static state and of the blow together.
+
+    Raises
+    ------
+    InputError
+        As `probe`.
+
+    Warns
+    -----
+    AccuracyWarning
+        The run is too long for times that resolve all its motion.
+    """
+    checks.choice("quantity", quantity, tuple(PEAK_QUANTITIES))
+    checks.instance("structure", structure, Structure, "a Structure")
+    recovered, derivative, unit = PEAK_QUANTITIES[quantity]
+    places = _places(surface, layer, fibre)
+    if part is not None:
+        checks.text("part", part)
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    search: Search
+    factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
+    if recovered == "stress":
+        factors = functools.partial(stress_amplitudes, structure, history, body=body)
+    static = recovered != "motion" and structure.matrices.preload is not None
+    if times is None and not isinstance(history, BodyHistory):
+        omega, modal, sizes = modal_amplitudes(history, at, body, derivative)
+        if stretch_in(history, body) is None:
+            # a spring is stretched by no more than the body
+            modal = np.tile(modal, factors(times=at[:1]).shape[1] // max(modal.shape[1], 1))
+        else:
+            omega, modal, sizes = _with_pairs(history, at, body, derivative, omega, modal, sizes)
+        if static:
+            modal = np.pad(modal, ((0, 0), (0, 1)))
+            factors = functools.partial(_beside_static, factors)
+        search = functools.partial(refined_maxima, BodyMotion(at, factors, omega, modal, sizes))
+    else:
+        own = factors(times=at)
+        own = np.pad(own, ((0, 0), (0, 1)), constant_values=1.0) if static else own
+        search = functools.partial(_at_times, own, at)
+    if recovered == "motion":
+        points, cells, moved = source(structure).at_nodes(structure, shapes, part)
+        best = Maxima(*search(moved, length))
+    else:
+        parts: list[Maxima] = []
+        for ply in margin.plies(structure, quantity, part):
+            asked = recovered, places, part, ply
+            points, cells, found = tensors_at_nodes(structure, history, body, shapes, *asked)
+            if static:
+                at_rest = source(structure).tensors_at_nodes(structure, None, *asked)[2]
+                columns = np.concatenate([found.columns, at_rest.columns], axis=2)
+                found = found._replace(columns=columns)
+            if quantity in margin.CRITERIA:
+                found = margin.with_strength(quantity, found)
+            if found.origins:
+                parts.append(margin.stresses(quantity, points, found, search))
+        if not parts:
+            raise InputError(
+                f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
+            )
+        best = functools.reduce(Maxima.or_larger, parts)
+    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+    result = _peak_field_of(quantity, unit, points, cells, best)
+    if quantity in ("von_mises", "stress", "yield"):
+        when = np.where(best.values > 0, best.times, at[-1])
+        errors = mesh_error(structure, shapes, part, history, when, body)
+        result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
+        if result.mesh_error is not None and result.values.any():
+            k = int(np.argmax(result.values))
+            share = float(result.mesh_error[k] / result.values[k])
+            sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
+            result = replace(result, doubt=sentence)
+        elif result.values.any():
+            result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
+    if result._margin is not None and result._margin.criterion == "yield":
+        dented = margin.contact_yields(history)
+        result = replace(result, _margin=replace(result._margin, contact=dented))
+    largest = float(result.values.max(initial=0.0))
+    if result.error is not None and result.error > UNRESOLVED * largest:
+        warn(
+            structure.comm,
+            f"the {quantity} may be up to {result.error / largest:.0%} of its largest value higher"
+            f" between the {MOST} times that are looked at, which is too few for"
+            f" {history.time[-1]:g} s: give times in the part that matters, or shorten the run.",
+            AccuracyWarning,
+        )
+    return result
+
+
+def _with_pairs(
+    history: History,
+    times: Array,
+    body: str,
+    derivative: int,
+    omega: Array,
+    shapes: Array,
+    sizes: Array,
+) -> tuple[Array, Array, Array]:
+    """The modes of `BodyMotion` and, for each pair of modes that stretch, one as curved as it."""
+    count = shapes.shape[1]
+    moved, bends = (
+        np.abs(amplitudes(history, times, body, order)[:, count:]).max(axis=0) for order in (0, 2)
+    )
+    pairs = np.where(moved > 0, moved, 1.0)
+    size = moved if derivative == 0 else bends if derivative == 2 else np.sqrt(moved * bends)
+    own = np.eye(len(moved), count + len(moved), count)
+    whole = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), own])
+    return np.append(omega, np.sqrt(bends / pairs)), whole, np.append(sizes, size)
+
+
+def static_stress(structure: Structure) -> PeakField:
+    """The von Mises stress of the static state under a prestress. All ranks must call it."""
+
+    def search(columns: Array, scalar: Callable[[Array], Array]) -> tuple[Array, Array, None]:
+        return _at_times(np.ones((1, columns.shape[2])), np.zeros(1), columns, scalar)
+
+    places = _places(None, None, None)
+    points, cells, found = source(structure).tensors_at_nodes(structure, None, "stress", places)
+    best = margin.stresses("von_mises", points, found, search)
+    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+    return _peak_field_of("von_mises", "Pa", points, cells, best)
+
+
+def _beside_static(factors: Callable[..., Array], times: Array) -> Array:
+    """The factors, and 1 of the static state."""
+    return np.pad(factors(times=times), ((0, 0), (0, 1)), constant_values=1.0)
+
+
+def _at_times(
+    factors: Array, times: Array, columns: Array, scalar: Callable[[Array], Array]
+) -> tuple[Array, Array, None]:
+    return (*sampled_maxima(columns, factors, times, scalar), None)
+
+
+def _peak_field_of(
+    quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
+) -> PeakField:
+    """The field at the nodes of these cells; other ranks' nodes are left out."""
+    used = _used_nodes(cells)
+    own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
+    exposures = None if best.exposure is None else best.exposure[used]
+    at_used = points[used], best.values[used], best.times[used]
+    found = PeakField(quantity, unit, *at_used, own, best.error, exposures)
+    return replace(found, _margin=best.margin)
+
+
+def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
+    return np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+
+
+def _with_mesh_error(
+    found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
+) -> PeakField:
+    """The field with estimated errors [Pa] at all points."""
+    if errors is None:
+        return found
+    own = errors[_used_nodes(cells)]
+    if found.quantity == "yield" and found._margin is not None:
+        own = own / found._margin.strength
+    return replace(found, mesh_error=own)
+
+
+def _places(
+    surface: str | Sequence[float] | None, layer: int | None, fibre: Sequence[float] | None
+) -> list[Place]:
+    """Where in the thickness or section the quantity is recovered; both sides by default."""
+    surfaces = ["top", "bottom"] if surface is None else [surface]
+    return [place(each, layer, fibre, "global") for each in surfaces]

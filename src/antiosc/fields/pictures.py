@@ -1,0 +1,323 @@
+"""Pictures of a part in space: saved displacements, quantities of a map, the deformed part."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.archives import Arrays
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin
+from antiosc.models import model_file
+from antiosc.plot import surfaces
+from antiosc.plot.charts import figure_or_path
+from antiosc.plot.surfaces import Deformed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+
+
+#: The format of the file, and the largest array that is loaded, bytes.
+FORMAT, LARGEST = "antiosc-fields", 2**32
+#: Corners of the faces of cells in VTK's order of nodes; of sheets the cells themselves.
+FACES: dict[str, list[list[int]]] = {
+    "triangle": [[0, 1, 2]],
+    "quad": [[0, 1, 2, 3]],
+    "tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]],
+    "hexahedron": [
+        *([0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4]),
+        *([1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]),
+    ],
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SavedFields(ReprMixin):
+    """Displacements at the nodes of a part: at every time the sum of shapes with factors.
+
+    Attributes
+    ----------
+    points : (P, 3) nodes, m.
+    cells : (kind by meshio's name, (m, nodes) in VTK's order) of each part.
+    shapes : (P, 3, k) displacements.
+    time : (n,) s, increasing.
+    factors : (n, k) of the shapes.
+    """
+
+    points: Array
+    cells: Sequence[tuple[str, IntArray]]
+    shapes: Array
+    time: Array
+    factors: Array
+
+    def __post_init__(self) -> None:
+        for name, dim in (("points", 2), ("shapes", 3), ("time", 1), ("factors", 2)):
+            value = checks.array(name, getattr(self, name), None)
+            if value.ndim != dim:
+                raise InputError(f"{name} must have {dim} axes; got an array of {value.shape}.")
+            checks.store(self, **{name: value})
+        checks.store(self, cells=_cells(self.cells))
+        count, k = len(self.points), self.shapes.shape[-1]
+        fits = (
+            self.points.shape == (count, 3)
+            and self.shapes.shape == (count, 3, k)
+            and self.factors.shape == (len(self.time), k)
+            and all(c.ndim == 2 and np.all((c >= 0) & (c < count)) for _, c in self.cells)
+        )
+        if not fits or not count or not len(self.time) or np.any(np.diff(self.time) <= 0):
+            raise InputError(
+                "fields need points (P, 3), shapes (P, 3, k), increasing times (n,), factors "
+                f"(n, k) and cells of these points; got {self.points.shape}, {self.shapes.shape}, "
+                f"{self.time.shape}, {self.factors.shape}."
+            )
+
+    def at(self, time: float) -> Array:
+        """Displacements (P, 3) [m] at a time in s, linear between the stored times."""
+        t = checks.number("time", time, "s")
+        if not self.time[0] <= t <= self.time[-1]:
+            raise InputError(
+                f"the fields are known from {self.time[0]:g} s to {self.time[-1]:g} s; got "
+                f"time={t:g}."
+            )
+        k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
+        first, last = self.factors[k], self.factors[min(k + 1, len(self.time) - 1)]
+        step = self.time[min(k + 1, len(self.time) - 1)] - self.time[k]
+        fraction = (t - self.time[k]) / step if step else 0.0
+        return np.asarray(self.shapes @ (first + fraction * (last - first)))
+
+    @cached_property
+    def faces(self) -> IntArray:
+        """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+        return outer_faces(self.cells)
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest displacement of all nodes and times, m."""
+        return max(float(np.linalg.norm(self.shapes @ f, axis=1).max()) for f in self.factors)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write one NumPy `.npz` file, which `load` reads.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        target = checks.path("path", path)
+        kinds = [kind for kind, _ in self.cells]
+        header = {"format": FORMAT, "version": model_file.VERSION, "kinds": kinds}
+        own = {"points": self.points, "shapes": self.shapes, "time": self.time}
+        arrays: Arrays = {**own}
+        arrays |= {f"cells{i}": cells for i, (_, cells) in enumerate(self.cells)}
+        model_file.write(target, header, {**arrays, "factors": self.factors})
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> SavedFields:
+        """Read a file that `save` or `save_fields` wrote.
+
+        Raises
+        ------
+        InputError
+            The file is not one, or it is damaged.
+        """
+        needed = {"points", "shapes", "time", "factors"}
+        header, arrays = model_file.read(path, needed, FORMAT, LARGEST)
+        try:
+            kinds = [str(kind) for kind in header["kinds"]]
+            cells: list[tuple[str, IntArray]] = [
+                (kind, np.asarray(arrays[f"cells{i}"], dtype=int)) for i, kind in enumerate(kinds)
+            ]
+            own: dict[str, Array] = {
+                name: checks.array(name, arrays[name], None) for name in sorted(needed)
+            }
+            found = cls(cells=cells, **own)
+            len(found.faces)  # of corners that the cells have
+        except (InputError, KeyError, TypeError, ValueError, IndexError) as error:
+            raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None
+        return found
+
+    def plot(
+        self,
+        time: float,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        view: ArrayLike | None = None,
+    ) -> Figure | Path:
+        """The deformed part at a time, drawn larger and coloured alike at all times.
+
+        `path` and `view` as for `plotting.plot_deformed`.
+        """
+        seen_from = None if view is None else checks.array("view", view, (2,))
+        found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
+        shown = path is None
+        figure = surfaces.deformed_figure(found, view=seen_from, whole_scale=True, shown=shown)
+        return figure_or_path(figure, path)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)
+        return [
+            ("of", f"{len(self.points)} nodes, {kinds}"),
+            ("shapes", f"{self.shapes.shape[-1]}"),
+            ("time", f"{len(self.time)} times, {self.time[0]:.4g} to {self.time[-1]:.4g} s"),
+            ("largest", f"{self.largest:.4g} m"),
+        ]
+
+
+def _cells(given: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
+    """Pairs (kind, cells), or InputError."""
+    try:
+        blocks = [(str(kind), np.asarray(cells)) for kind, cells in given]
+    except (TypeError, ValueError):
+        blocks = []
+    if not blocks or any(cells.dtype.kind not in "iu" for _, cells in blocks):
+        raise InputError(
+            "cells must be pairs (kind, whole numbers (m, nodes)), as [('tetra10', cells)]; got "
+            f"{checks.shown(given)}."
+        )
+    return blocks
+
+
+def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
+    """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
+    found = [_outer(kind, cells) for kind, cells in blocks]
+    most = max(f.shape[1] for f in found)
+    drawn = [f for f in found if f.shape[1] >= min(most, 3)]
+    if len({f.shape[1] for f in drawn}) > 1:  # quadrilaterals as triangles
+        drawn = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in drawn
+        ]
+    return np.vstack(drawn)
+
+
+def _outer(kind: str, cells: IntArray) -> IntArray:
+    """Corners of the faces of cells of one kind that belong to one cell only."""
+    name = kind.rstrip("0123456789")
+    if name not in FACES:
+        return cells[:, :2] if name == "line" else cells[:, :1]
+    listed = np.vstack([cells[:, face] for face in FACES[name]])
+    if len(FACES[name]) == 1:
+        return listed
+    _, first, count = np.unique(
+        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(listed[first[count == 1]])
+
+
+#: Quantity of a map -> what it is, and its unit.
+MAP_QUANTITIES = {
+    "k0": ("static stiffness", "N/m"),
+    "m_st": ("static mass", "kg"),
+    "omega_1": ("first antiresonance", "rad/s"),
+    "error": ("bound on the relative error of Z", ""),
+    "peak_force": ("peak force", "N"),
+    "contact_time": ("contact time", "s"),
+    "restitution": ("coefficient of restitution", ""),
+    "impulse": ("impulse", "N s"),
+    "peak_deflection": ("peak deflection", "m"),
+    "peak_stress": ("largest stress in the part", "Pa"),
+    "exposure": ("largest stress over the yield strength", ""),
+}
+
+
+class SurfaceMap(Protocol):
+    """What `plot_map` reads of an `ImpactMap`."""
+
+    @property
+    def points(self) -> Array: ...
+    @property
+    def directions(self) -> Array: ...
+    @property
+    def elements(self) -> IntArray: ...
+    @property
+    def alone(self) -> IntArray: ...
+    @property
+    def info(self) -> Mapping[str, object]: ...
+    @property
+    def doubtful(self) -> BoolArray: ...
+
+    def quantities(self) -> dict[str, Array]:
+        """Scalars of the map by name, (P,) each."""
+
+
+def plot_map(
+    found: SurfaceMap,
+    path: str | os.PathLike[str] | None = None,
+    quantity: str = "peak_force",
+) -> Figure | Path:
+    """One quantity of an impact map over the surface of the part.
+
+    Parameters
+    ----------
+    found : ImpactMap
+        Faces of which two corners or more are doubtful are grey.
+    path : str or Path, optional
+        As for `plot_history`.
+    quantity : str
+        One of `found.quantities()`.
+    """
+    if not callable(getattr(found, "quantities", None)) or isinstance(found, type):
+        raise InputError(f"found must be an ImpactMap; got {checks.shown(found)}.")
+    known = found.quantities()
+    if not isinstance(quantity, str) or quantity not in known:
+        raise InputError(
+            f"quantity must be one of {', '.join(known)}; got {checks.shown(quantity)}."
+        )
+    grey = found.doubtful & ~found.doubtful.all()
+    value = np.where(grey, np.nan, known[quantity])
+    label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
+    label += f" ({unit})" if unit else ""
+    triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
+    figure, axes, scale, unit = surfaces.axes_in_space(found.points, shown=path is None)
+    x = scale * found.points
+    if triangles:
+        seen = _front_faces(found, axes)
+        faces = found.elements[seen]
+        values = _on_faces(value[faces])
+        alone = found.alone
+        scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
+        surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
+        if len(alone):
+            axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
+    else:
+        scale = surfaces.colour_scale(value)
+        axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
+        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+    surfaces.fit_limits(axes, x)
+    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
+    return figure_or_path(figure, path)
+
+
+def _on_faces(value: Array) -> Array:
+    """The mean (T,) of what is known at the corners (T, 3) of faces; NaN where one alone is."""
+    known = ~np.isnan(value)
+    count = known.sum(axis=1)
+    mean = np.where(known, value, 0.0).sum(axis=1) / np.maximum(count, 1)
+    return np.where(count > 1, mean, np.nan)
+
+
+def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:
+    """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
+
+    matplotlib sorts faces by their centres; back faces would show through openings.
+    """
+    corners = found.points[found.elements]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    into = found.directions[found.elements].mean(axis=1)
+    across = np.einsum("td,td->t", normal, into)
+    steep = np.abs(across) > 0.5 * np.linalg.norm(normal, axis=1)
+    if found.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
+        return np.ones(len(corners), dtype=bool)
+    up, around = np.radians(axes.elev), np.radians(axes.azim)
+    view = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    return np.asarray((normal @ view) * -np.sign(across) > 0)

@@ -1,0 +1,266 @@
+"""What one point of a body feels after an impact: motion, strain, stress, section forces.
+
+The shapes of the model are evaluated once at the point (their strains, say), and combined with the
+coordinates of the model at all times. The static shape has the stress near the site; points far
+from it, and accelerations, need more anti-oscillators than the force (docs/results.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from math import inf
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.process import one_thread
+from antiosc.base.stresses import von_mises
+from antiosc.fem.elements import Section
+from antiosc.fem.mesh.reach import Reach
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
+from antiosc.fields.second_order import with_pairs
+from antiosc.impact.histories import AnyHistory, History, amplitudes, times_of
+from antiosc.impact.histories.parts import BodyHistory
+from antiosc.recovery import source
+from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place
+from antiosc.reduce.site import motions_without_mesh, point_of
+
+#: The quantities of `probe`.
+PROBED_QUANTITIES = (
+    *("displacement", "velocity", "acceleration", "rotation"),
+    *("strain", "stress", "von_mises", "section_forces"),
+)
+#: Which time derivative of the coordinates a quantity is made of.
+DERIVATIVES = {"velocity": 1, "acceleration": 2}
+#: Points of a strain gauge along its length (Gauss–Legendre): an even number, since the middle of a
+#: gauge often lies between two cells, whose strains differ.
+GAUGE_POINTS = 6
+#: Distance of a gauge from the structure, over its length, that is taken as lying on it.
+OFF_GAUGE = 0.05
+
+
+@collective(history=history_key)
+@one_thread()
+def probe(
+    structure: Structure,
+    history: History | BodyHistory,
+    point: Sequence[float] | str | None = None,
+    quantity: str = "displacement",
+    times: ArrayLike | None = None,
+    *,
+    node: int | None = None,
+    body: str = "structure",
+    part: str | None = None,
+    surface: str | Sequence[float] = "top",
+    layer: int | None = None,
+    fibre: Sequence[float] | None = None,
+    axes: str = "global",
+    stiffener: str | None = None,
+    snap: float | None = None,
+) -> Array:
+    """One quantity at one point of the structure at `times`.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History or BodyHistory
+        A BodyHistory is `hit.bodies[name]` of a scene.
+    point : sequence of floats, or str
+        Coordinates in m; the nearest point of the structure is taken, within `snap`. A text names a
+        group, of an assembly "part:group": the point next to the centroid of its entities is taken,
+        where a `Site` of the same name lies. Of an assembly it may also name a reference point, or
+        a site of a superelement, which have displacements and rotations alone.
+    quantity : str
+        "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²: of plane parts
+        (n, 2); relative to the supports where a `Base` moves them.
+        "rotation" (n, 3) rad: of the sections of beams and shells, half the curl in solids; of
+        plane parts (n, 1).
+        "strain" (n, 3, 3): the tensor (the entry 12 is half the angle γ12). "stress" (n, 3, 3)
+        Pa. "von_mises" (n,) Pa. See `von_mises`, `principal`, `tsai_hill`.
+        "section_forces": of beams in space (n, 6) the forces N, Vy, Vz and moments T, My, Mz, y
+        being the height of the section; of plane beams (n, 3) N, V, M; of shells (n, 8) per width
+        N1, N2, N12, M1, M2, M12, Q1, Q2 in the axes of the laminate; 1 of a `Shell` is x along its
+        surface, or y where x is near its normal. N and N m, N/m and N.
+    times : array_like (n,), optional
+        Times in s; default: those of the history. It may also be the fourth argument.
+    node : int
+        In place of a point: the number of a node in the file of the mesh or deck.
+    body : str
+        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
+        the only one that has shapes).
+    part : str, optional
+        Of an assembly: the part of which the nearest point is taken; default: of all parts.
+    surface : "top", "bottom", "middle" or sequence of 3 floats
+        Of a shell: the surface of the sheet or of its `layer`. "top" is the side of the cell
+        normals or of `Laminate(top=…)`, +z on plane meshes; a direction (x, y, z) names the outer
+        surface on that side.
+    layer : int, optional
+        Of a laminate: the layer, 0 the lowest.
+    fibre : (y, z)
+        Of a beam: distances from the centroid along the height and across it, m. The stress of a
+        beam is the normal stress of N, My and Mz. Default: the centroid; of "von_mises" the point
+        of the section's outline where it is largest at each time.
+    axes : "global" or "local"
+        Axes of tensors: those of the mesh, or those of the material: the fibres of a layer (1, 2,
+        normal), the axes of an anisotropic solid, tangent, height and side of a beam.
+    stiffener : str, optional
+        Group of a `Beam` on the edges of a shell: strain, stress and section forces of this beam,
+        at its point next to `point`.
+    snap : float, optional
+        Largest distance in m of the point from the structure; default: 2 % of the part's size, or
+        one element.
+
+    Notes
+    -----
+    Strains are those of the cell that has the point, not averaged with its neighbours'. The stress
+    under the contact itself is that of the contact law (Hertz), not that of the mesh. Velocity and
+    acceleration follow from the equations of motion; they do not contain the part of the
+    displacement that follows the force without inertia (`ModalBody.residual`). The weight of a body
+    that supports hold is in none of the quantities, which are those from its equilibrium under
+    gravity.
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; a quantity that the element
+        family does not have; a layer, a part or a group that does not exist; a point that lies
+        too far from the structure.
+    """
+    if not isinstance(quantity, str):  # times as the fourth argument
+        if times is not None and quantity is not None:
+            raise InputError(f"quantity must be a text; got {checks.shown(quantity)}.")
+        quantity, times = "displacement", times if quantity is None else quantity
+    checks.choice("quantity", quantity, PROBED_QUANTITIES)
+    checks.instance("structure", structure, Structure, "a Structure")
+    there = place(surface, layer, fibre, axes, stiffener)
+    if snap is not None:
+        snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
+    elif isinstance(point, str):
+        snap = inf
+    reach = Reach("the point of the probe", snap)
+    if (point is None) == (node is None):
+        raise InputError("a probe takes a point or the number of a node.")
+    x, part, end = point_of(structure, point, part, node)
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    if end is None:
+        places = _on_outline(structure, part, there) if quantity == "von_mises" else [there]
+        columns = [
+            _columns(structure, history, body, shapes, x[None], quantity, part, one, reach)[0]
+            for one in places
+        ]
+    else:
+        columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
+    if quantity in ("stress", "von_mises", "section_forces"):
+        factors = stress_amplitudes(structure, history, at, body)
+    else:
+        factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
+    if quantity == "von_mises":
+        return np.max([von_mises(_over_time(one, factors)) for one in columns], axis=0)
+    return _over_time(columns[0], factors)
+
+
+def _over_time(columns: Array, factors: Array) -> Array:
+    return np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
+
+
+def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
+    """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
+    materials = source(structure).materials_of(structure, part, there.stiffener)
+    sections = [getattr(material, "section", None) for material in materials]
+    of_beams = [section for section in sections if isinstance(section, Section)]
+    if not of_beams or there.fibre is not None:
+        return [there]
+    on_edge = on_outlines(of_beams, there)
+    if on_edge:
+        return on_edge
+    said = f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE}."
+    on_root(structure.comm, partial(warn, said, AccuracyWarning))
+    return [there]
+
+
+@collective(history=history_key)
+@one_thread()
+def strain_gauge(
+    structure: Structure,
+    history: History | BodyHistory,
+    point: Sequence[float] | str,
+    direction: Sequence[float],
+    length: float,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+    part: str | None = None,
+    surface: str | Sequence[float] = "top",
+    layer: int | None = None,
+    fibre: Sequence[float] = (0.0, 0.0),
+) -> Array:
+    """Signal (n,) of a strain gauge: the mean strain along `direction` over its length.
+
+    Parameters
+    ----------
+    structure, history, times, body, part, surface, layer, fibre
+        As in `probe`.
+    point : sequence of floats, or str
+        The middle of the gauge, m; a text names a group as in `probe`.
+    direction : sequence of 2 or 3 floats
+        Along which it measures.
+    length : float
+        Its length, m.
+
+    Raises
+    ------
+    InputError
+        As `probe`; a gauge whose ends do not lie on the structure.
+    """
+    there = place(surface, layer, fibre, "global")
+    checks.instance("structure", structure, Structure, "a Structure")
+    length = checks.positive("length", length, "m")
+    d, given = np.zeros(3), checks.coordinates("direction", direction)
+    d[: len(given)] = given
+    if not np.linalg.norm(d):
+        raise InputError("direction must not be the zero vector: the gauge measures along it.")
+    d /= np.linalg.norm(d)
+    x, part, end = point_of(structure, point, part)
+    if end is not None:
+        raise InputError(f"{point!r} is a point without a mesh: a gauge needs the cells of a part.")
+    nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
+    points = x + np.outer(nodes, d) * length / 2
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
+    columns = _columns(structure, history, body, shapes, points, "strain", part, there, reach)
+    along = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
+    return np.asarray(amplitudes(history, at, body) @ along)
+
+
+def _columns(
+    structure: Structure,
+    history: AnyHistory,
+    body: str,
+    shapes: Array,
+    points: Array,
+    quantity: str,
+    part: str | None,
+    there: Place,
+    reach: Reach,
+) -> Array:
+    """The quantity (P, …, columns) of every shape at points (P, 3)."""
+    where = source(structure)
+    recovered = {"von_mises": "stress"}.get(quantity, quantity)
+    if quantity in ("displacement", "velocity", "acceleration"):
+        return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
+    asked = points, part, recovered, there, reach
+
+    def at(columns: Array, whole: bool) -> Array:
+        return cast(Array, where.recovered(structure, columns, *asked, whole=whole))
+
+    return with_pairs(at, history, body, shapes)

@@ -1,0 +1,82 @@
+"""Strains and stresses of parts that stretch: columns of pairs of modes beside those of shapes.
+
+With amplitudes x of the shapes and a of the modes φ in which a part stretches its motion is
+u = Σ x_s ψ_s + Σ a_i a_j v_ij (`antiosc.models.stretch`), and its strain to second order
+
+    ε(u) + η(u, u)/2 = Σ x_s ε(ψ_s) + Σ a_i a_j (ε(v_ij) + η(φ_i, φ_j)/2).
+
+What evaluates whole strains ε(s) + η(s, s)/2 gives η of two modes by those of their sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.fem.structure.structure import Structure
+from antiosc.impact import histories
+from antiosc.impact.histories import AnyHistory, History, stretch_factors, stretch_in
+from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors
+from antiosc.reduce.extraction import stretching
+
+#: What gives columns (…, B) of shapes (rows, B); True: with the strain η(s, s)/2 of each.
+Columns = Callable[[Array, bool], Array]
+
+
+def with_pairs(at: Columns, history: AnyHistory, body: str, shapes: Array) -> Array:
+    """Columns (…, B) of the shapes (rows, B) of a body, those of pairs with η of their modes."""
+    forces = stretch_in(history, body)
+    if forces is None:
+        return at(shapes, False)
+    pairs = forces.size * (forces.size + 1) // 2
+    count = shapes.shape[1] - pairs
+    modes = shapes[:, :count] @ stretch_factors(history, body).T
+    i, j = np.triu_indices(forces.size)
+    sums = modes[:, i] + np.where(i == j, 0.0, modes[:, j])
+    linear = at(np.column_stack([shapes, sums]), False)
+    if linear.shape[-1] != shapes.shape[1] + pairs:
+        raise InputError(
+            "stresses of materials with branches (prony=) are not recovered of a part that"
+            " stretches: leave prony= out, or extract it with stretch=False."
+        )
+    square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
+    own = square[..., i == j]
+    mixed = (square - own[..., i] - own[..., j]) / 2
+    columns = linear[..., : shapes.shape[1]].copy()
+    columns[..., count:] += np.where(i == j, square, mixed)
+    return columns
+
+
+def work_on(
+    structure: Structure, history: History, body: str, shapes: Array, motions: Array, at: Array
+) -> Array:
+    """Work (n, R) of second-order forces on motions (dofs, R) at times; shapes of `shapes_of`."""
+    forces = histories.stretch_in(history, body)
+    assert forces is not None
+    count = shapes.shape[1] - forces.size * (forces.size + 1) // 2
+    phi = shapes[:, :count] @ stretch_factors(history, body).T
+    two, three = stretching.work_on(structure, phi, shapes[:, count:], motions)
+    a = histories.stretch_amplitudes(history, at, body)
+    pairs = forces.pairs(a)
+    return np.asarray(pairs @ two + np.einsum("nk,np,kpr->nr", a, pairs, three, optimize=True))
+
+
+def tensors_at_nodes(
+    structure: Structure, history: AnyHistory, body: str, shapes: Array, *asked: Any
+) -> tuple[Any, Any, NodeTensors]:
+    """`mesh_fields.tensors_at_nodes` of the motion of a body."""
+    found: list[Any] = []
+
+    def at(columns: Array, whole: bool) -> Array:
+        one = source(structure).tensors_at_nodes(structure, columns, *asked, whole=whole)
+        found.append(one)
+        return np.asarray(one[2].columns)
+
+    columns = with_pairs(at, history, body, shapes)
+    points, cells, tensors = found[0]
+    return points, cells, tensors._replace(columns=columns)

@@ -1,0 +1,380 @@
+"""Shock response spectra and Fourier spectra of signals."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array, ComplexArray
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.texts import Completed, ReprMixin, engineering, range_text
+from antiosc.plot.charts import figure_or_path, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Oscillators a decade where no frequencies are given, and the lowest of them [Hz], as standards of
+#: shock tests have it (MIL-STD-810, IEC 60068-2-81); lower ones only of signals that last longer.
+PER_DECADE, LOWEST = 48, 10.0
+#: Samples of a period of each oscillator; between them the extremes are those of parabolas.
+SAMPLES_OF_A_PERIOD = 20
+#: Unequal steps are replaced by this share of their lower decile.
+DECILE_FRACTION = 0.5
+#: Deviation of a step from the mean one, over it, up to which samples are taken as equally spaced.
+UNEVEN = 1e-6
+#: Most samples of a signal after interpolation.
+MOST_SAMPLES = 5_000_000
+#: Largest distance (rms) of samples from the mean of their neighbours, over the rms of the signal,
+#: at which they resolve it: that of a sine with 6 samples a period; and least number of samples.
+ROUGH, SAMPLED = 0.5, 50
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ShockSpectrum(Completed):
+    """Extreme responses of oscillators to one signal, in its unit.
+
+    Attributes
+    ----------
+    frequency : (m,) natural frequencies, Hz.
+    positive, negative : (m,) largest positive response, and the size of the largest negative one.
+    Q : quality factor 1/(2ζ).
+    """
+
+    frequency: Array
+    positive: Array
+    negative: Array
+    Q: float
+
+    @property
+    def maximax(self) -> Array:
+        """(m,) largest response of either sign."""
+        return np.maximum(self.positive, self.negative)
+
+    def plot(self, path: str | os.PathLike[str] | None = None, unit: str = "m/s²") -> Figure | Path:
+        """The spectrum over the frequency, both logarithmic; written to `path` if it is given.
+
+        unit: that of the signal.
+        """
+        unit = checks.text("unit", unit)
+        figure = new_figure((7.0, 4.0), shown=path is None)
+        axes = figure.subplots()
+        for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
+            axes.loglog(self.frequency, getattr(self, name), style, label=name)
+        axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
+        axes.set_title(f"shock response spectrum, Q = {self.Q:g}")
+        axes.grid(visible=True, which="both", alpha=0.3)
+        axes.legend()
+        return figure_or_path(figure, path)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        most = int(np.argmax(self.maximax))
+        top, at = self.maximax[most], self.frequency[most]
+        return [
+            ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
+            ("maximax", f"at most {top:.4g}, at {engineering(at, 'Hz')}"),
+            ("lowest", f"{self.maximax[0]:.4g} at {engineering(self.frequency[0], 'Hz')}"),
+            ("highest", f"{self.maximax[-1]:.4g} at {engineering(self.frequency[-1], 'Hz')}"),
+            ("Q", f"{self.Q:g}"),
+        ]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum(ReprMixin):
+    """Fourier transform of a signal.
+
+    Attributes
+    ----------
+    frequency : (m,) Hz, from 0.
+    values : (m,) ∫ x exp(−2πi f t) dt, in the signal's unit times s.
+    """
+
+    frequency: Array
+    values: ComplexArray
+
+    @property
+    def amplitude(self) -> Array:
+        """|values|; at 0 Hz the size of the integral (of a force the impulse)."""
+        return np.asarray(np.abs(self.values))
+
+    @property
+    def energy(self) -> Array:
+        """(m,) energy spectral density |values|², one-sided: its integral is ∫ x² dt."""
+        found = np.abs(self.values) ** 2
+        return np.asarray(np.where(self.frequency > 0, 2 * found, found))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        most = int(np.argmax(self.amplitude))
+        at = engineering(self.frequency[most], "Hz")
+        return [
+            ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
+            ("amplitude", f"at most {self.amplitude[most]:.4g}, at {at}"),
+            ("at 0 Hz", f"{self.amplitude[0]:.4g}"),
+            ("99 % below", engineering(self.band(), "Hz")),
+        ]
+
+    def band(self, share: float = 0.99) -> float:
+        """Frequency [Hz] below which this share of ∫ x² dt lies."""
+        share = checks.positive("share", share)
+        if share >= 1:
+            raise InputError(f"share must be below 1; got {share:g}.")
+        below = np.cumsum(self.energy)
+        return float(self.frequency[np.searchsorted(below, share * below[-1])])
+
+
+@checks.within_range
+def srs(
+    t: ArrayLike,
+    a: ArrayLike,
+    frequencies: ArrayLike | None = None,
+    Q: float = 10.0,
+    *,
+    parts: str = "all",
+    signal: str = "acceleration",
+    resolved: float | None = None,
+) -> ShockSpectrum:
+    """Shock response spectrum: extreme absolute accelerations of oscillators on a moving base.
+
+    Each oscillator has the natural frequency f and the damping ratio ζ = 1/(2Q) and rests at the
+    start; the base has the acceleration `a`, linear between samples, for which the response is
+    exact (the ramp-invariant filter of D. O. Smallwood, Shock and Vibration Bulletin 51 (1981)
+    279-288). The signal is interpolated so that the period of each oscillator has 20 samples or
+    more; the extremes between them are those of parabolas (about 1e-4).
+
+    The accelerations of a struck structure contain its highest natural frequencies, which samples
+    at usual steps do not resolve: their spectrum is then wrong at low frequencies too. Give
+    velocities instead: between two samples the mean acceleration is exact.
+
+    Parameters
+    ----------
+    t : array_like (n,)
+        Ascending times, s. Unequal steps are replaced by equal ones of half their lower decile,
+        with linear interpolation; at most 5 million samples.
+    a : array_like (n,)
+        The signal, for instance m/s²; with `signal="velocity"` the velocity, for instance m/s.
+    frequencies : array_like (m,), optional
+        Hz; default: 48 a decade from 10 Hz, or from 1/duration if that is lower, to a twentieth of
+        the rate of samples, or to `resolved` if that is lower.
+    Q : float
+        1/(2ζ), above 0.5.
+    parts : "primary", "residual" or "all"
+        During the signal, after its end (one period of each oscillator), or both.
+    signal : "acceleration" or "velocity"
+        What `a` is. Of a velocity, the acceleration is constant between samples, and zero after
+        the last one.
+    resolved : float, optional
+        Frequency in Hz up to which the signal is known (`resolved_frequency` of its model): an
+        AccuracyWarning tells of frequencies above it.
+
+    Warns
+    -----
+    AccuracyWarning
+        Accelerations that change from sample to sample as much as they are large; frequencies above
+        `resolved`.
+
+    Raises
+    ------
+    InputError
+        Times that do not ascend, frequencies that are not positive, too many samples.
+    """
+    t, a = _signal(t, a)
+    Q = checks.positive("Q", Q)
+    if Q <= 0.5:
+        raise InputError(f"Q must be above 0.5 (Q = 1/(2 ζ), and ζ below 1); got {Q:g}.")
+    checks.choice("parts", parts, ("primary", "residual", "all"))
+    checks.choice("signal", signal, ("acceleration", "velocity"))
+    f = _frequencies(t, frequencies, resolved)
+    if signal == "acceleration":
+        _warn_if_rough(t, a)
+    found = np.array([_extremes(t, a, float(each), Q, parts, signal) for each in f])
+    return ShockSpectrum(f, found[:, 0], found[:, 1], Q)
+
+
+def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> Array:
+    """The frequencies of a spectrum, Hz; an AccuracyWarning above what the signal resolves."""
+    span = float(t[-1] - t[0])
+    known = np.inf
+    if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
+        known = checks.nonnegative("resolved", resolved, "Hz")
+    if given is None:
+        # one period after the signal must not take more samples than there may be
+        low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
+        top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
+        top = max(min(top, known), 2 / span, 2 * low)
+        decades = np.log10(top / low)
+        return np.geomspace(low, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
+    f = checks.column("frequencies", given)
+    if not f.size or f.min() <= 0:
+        raise InputError("frequencies must be > 0 Hz, at least one.")
+    if f.max() > known:
+        warn(
+            f"the model of the signal resolves frequencies up to {known:.4g} Hz, and the spectrum "
+            f"is asked up to {f.max():.4g} Hz, where natural modes of the structure are missing: "
+            "extract with a larger n (more than the number of natural modes below that frequency).",
+            AccuracyWarning,
+        )
+    return f
+
+
+def _warn_if_rough(t: Array, a: Array) -> None:
+    """An AccuracyWarning for accelerations that their samples do not resolve."""
+    if t.size < SAMPLED:
+        return
+    fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
+    deviation = a[1:-1] - (a[:-2] + fraction * (a[2:] - a[:-2]))
+    size = np.sqrt(np.mean((a - a.mean()) ** 2))
+    rough = np.sqrt(np.mean(deviation**2)) / size if size > 0 else 0.0
+    if rough > ROUGH:
+        warn(
+            "the accelerations change from one sample to the next as much as they are large "
+            f"(rms {rough:.2g} of the signal's): their samples do not resolve them, and the "
+            'spectrum may be wrong at all frequencies. Give velocities with signal="velocity", at '
+            "20 or more equal steps a period of the highest frequency.",
+            AccuracyWarning,
+        )
+
+
+@checks.within_range
+def spectrum(t: ArrayLike, x: ArrayLike, *, pad: float = 1.0) -> Spectrum:
+    """Fourier transform of a signal that is zero outside its samples.
+
+    Parameters
+    ----------
+    t : array_like (n,)
+        Ascending times, s; unequal steps as in `srs`.
+    x : array_like (n,)
+        The signal, for instance `hit.force`.
+    pad : float
+        Length of the transform over that of the signal, 1 or more: zeros are added, which makes
+        the frequencies closer.
+
+    Raises
+    ------
+    InputError
+        Times that do not ascend, too many samples, pad below 1.
+    """
+    t, x = _signal(t, x)
+    pad = checks.positive("pad", pad)
+    if pad < 1:
+        raise InputError(f"pad must be 1 or more; got {pad:g}.")
+    t, x = _resampled(t, x, np.inf)
+    h = (t[-1] - t[0]) / (t.size - 1)
+    size = round(_checked_samples(pad * t.size))
+    ends = x.copy()
+    ends[[0, -1]] /= 2  # the rule of trapezoids
+    values = h * np.fft.rfft(ends, size)
+    frequency = np.fft.rfftfreq(size, h)
+    return Spectrum(frequency, values * np.exp(-2j * np.pi * frequency * t[0]))
+
+
+def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
+    """Times and values as arrays of one length; repeated times (jumps) are dropped."""
+    time = checks.column("t", t)
+    value = checks.column("the signal", x, time.size)
+    if np.any(np.diff(time) < 0):
+        raise InputError("t must ascend: the times of the samples.")
+    keep = np.append(True, np.diff(time) > 0)[: time.size]
+    if keep.sum() < 2:
+        raise InputError(f"the signal needs two samples or more; got {int(keep.sum())}.")
+    return time[keep], value[keep]
+
+
+def _even_step(t: Array) -> tuple[float, bool]:
+    """The step [s] of equally spaced times, or the one that takes its place; whether they are."""
+    steps = np.diff(t)
+    mean = float(t[-1] - t[0]) / steps.size
+    if np.abs(steps - mean).max() <= UNEVEN * mean:
+        return mean, True
+    return DECILE_FRACTION * float(np.quantile(steps, 0.1)), False
+
+
+def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
+    """The signal at equal steps of at most `step`, linear between its samples."""
+    (own, even), span = _even_step(t), float(t[-1] - t[0])
+    if even:
+        count = _checked_samples((t.size - 1) * max(1.0, np.ceil(own / step * (1 - UNEVEN))))
+    else:
+        count = _checked_samples(np.ceil(span / min(step, own)))
+    times = np.linspace(t[0], t[-1], round(count) + 1)
+    return times, np.interp(times, t, x)
+
+
+def _checked_samples(samples: float) -> float:
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"the signal would have {samples:.3g} samples at equal steps, more than "
+            f"{MOST_SAMPLES:g}: give fewer or lower frequencies, or samples that are not as close "
+            "as its closest ones."
+        )
+    return samples
+
+
+def _extremes(
+    t: Array, a: Array, f: float, Q: float, parts: str, signal: str
+) -> tuple[float, float]:
+    """Largest positive and negative response of the oscillator of one frequency."""
+    from scipy.signal import lfilter
+
+    even, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
+    h = (even[-1] - even[0]) / (even.size - 1)
+    after = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
+    if signal == "velocity":  # the mean acceleration of each step
+        means = np.concatenate([np.diff(x) / h, np.zeros(after + 1)])
+        y = lfilter(*step_invariant(f, Q, h), means)
+    else:
+        numerator, denominator = ramp_invariant(f, Q, h)
+        # the base was at rest: a signal that begins with a jump does so at its first sample
+        y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(after, -x[0])]))
+        y = y + x[0] * _step_response(f, Q, h, y.size)
+    if parts != "all":
+        y = y[: x.size] if parts == "primary" else y[x.size :]
+    return _largest(y), _largest(-y)
+
+
+def _largest(y: Array) -> float:
+    """Largest value of a response, >= 0, of the parabola through the largest sample."""
+    k = int(np.argmax(y))
+    top = float(y[k])
+    if 0 < k < y.size - 1:
+        bend = 2 * top - y[k - 1] - y[k + 1]
+        if bend > 0:
+            top += float((y[k + 1] - y[k - 1]) ** 2 / (8 * bend))
+    return max(top, 0.0)
+
+
+def _step_response(f: float, Q: float, h: float, size: int) -> Array:
+    """Absolute acceleration (size,) of an oscillator whose base has a unit acceleration from 0."""
+    w, zeta = 2 * np.pi * f, 1 / (2 * Q)
+    wd = w * np.sqrt(1 - zeta**2)
+    t = h * np.arange(size)
+    return np.asarray(1 - np.exp(-zeta * w * t) * (np.cos(wd * t) - zeta * w / wd * np.sin(wd * t)))
+
+
+def ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
+    """Numerator and denominator (3,) of Smallwood's filter at steps h [s].
+
+    Its output is the absolute acceleration of the oscillator, exact for an input that is linear
+    between samples.
+    """
+    w, zeta = 2 * np.pi * f, 1 / (2 * Q)
+    wd = w * np.sqrt(1 - zeta**2)
+    decay, angle = np.exp(-zeta * w * h), wd * h
+    c, s = decay * np.cos(angle), decay * np.sin(angle) / angle
+    numerator = np.array([1 - s, 2 * (s - c), decay**2 - s])
+    return numerator, np.array([1.0, -2 * c, decay**2])
+
+
+def step_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
+    """Numerator and denominator (3,) of the filter of inputs that are constant over steps h [s].
+
+    Its output at the start of each step is the absolute acceleration of the oscillator.
+    """
+    denominator = ramp_invariant(f, Q, h)[1]
+    first = float(_step_response(f, Q, h, 2)[1])
+    return np.array([0.0, first, denominator.sum() - first]), denominator

@@ -1,0 +1,373 @@
+"""From a scene to the modes, rows and loads that the march takes, and what is expected of contacts.
+
+The estimates of depth, speed, duration and stiffness of contacts start the choice of the step; no
+result depends on them, but for the tangential stiffness of friction that is not given, for which
+the depth is found accurately.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from ctypes import byref
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from math import isfinite, sqrt
+from typing import NamedTuple, TypeAlias, cast
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.law_tables import packed, raise_error
+from antiosc.engine.system import System
+from antiosc.impact import scene_parts
+from antiosc.impact.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
+from antiosc.impact.scene_parts import SceneParts
+from antiosc.impact.states import modal_loads
+from antiosc.models.body import is_thin
+from antiosc.models.stretch import Stretch, refuse_stretch
+
+DEPTH_TOL = 0.1  # relative error of a depth
+
+
+def expected_contact(
+    law: ContactLaw,
+    mass: float,
+    beta: Array,
+    v: Array,
+    load: Array,
+    gap: float,
+    duration: float,
+) -> tuple[float, float, float]:
+    """Depth [m], speed [m/s] and contact time [s] that are expected of one contact.
+
+    mass : inertia [kg] behind the contact, of the slowest motion of each body. beta, v, load : (J,)
+    displacement of the contact in the modes, their velocities and forces at the start.
+    """
+    kernel, own = packed(law)
+    at = map(library.address, (beta, v, load))
+    impact = library.Impact(
+        beta.size, 0, None, None, *at, None, kernel, 0.0, gap, mass, duration, 0.0, 0, 0
+    )
+    found = library.library.aom_expect(byref(impact))
+    raise_error(own)
+    depth, speed, time = found.depth, found.speed, found.time
+    if not isfinite(depth + speed + time):
+        raise OverflowError("the depth of the contact")
+    return depth, speed, time
+
+
+def largest_indentation(
+    law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = DEPTH_TOL
+) -> float:
+    """Largest indentation [m] of a new contact, at most `high`, to the relative error `close`.
+
+    It absorbs an energy [J] and the work of a force `push` [N]; the contact closes at `speed`.
+    """
+    kernel, own = packed(law)
+    found = library.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
+    raise_error(own)
+    return float(found)
+
+
+def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
+    """Larger of the loading and unloading stiffness [N/m] at the deepest indentation."""
+    unloading = law.advance(delta, 0.0, state)
+    slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
+    steepest = float(max(slopes))
+    return steepest if isfinite(steepest) else 0.0
+
+
+MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
+DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
+LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider's spring
+
+
+class ContactScales(NamedTuple):
+    """What is expected of the contacts of a scene.
+
+    depth [m], speed [m/s] : (p,). friction : (p, 2) its coefficient and tangential stiffness [N/m].
+    contact_time : the shortest [s].
+    """
+
+    depth: Array
+    speed: Array
+    friction: Array
+    contact_time: float
+
+
+def contact_scales(
+    scene: SceneParts,
+    laws: list[ContactLaw],
+    mass: Array,
+    beta: Array,
+    v: Array,
+    loads: Array,
+    gaps: Array,
+    local: Array,
+    duration: float,
+) -> ContactScales:
+    """Estimate the scales of the contacts from their motion and loads at the start."""
+    p = len(laws)
+    push, speed = np.zeros(p), _largest_component(beta[:p], v[None])
+    if loads.any():
+        # what is at rest is set in motion by the others, at their speed, or by the loads
+        push = _largest_component(beta[:p], loads)
+        falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
+        speed = np.maximum(speed, np.minimum(falling, push * duration))
+    most = float(speed.max())
+    if most == 0.0:
+        nothing = np.full(p, 1e-300)
+        rubbing = np.array(
+            [(one.friction, one.tangential_stiffness or 1.0) for one in scene.contacts]
+        )
+        rubbing[rubbing[:, 0] == 0.0] = 0.0
+        return ContactScales(nothing, nothing.copy(), rubbing, duration / 16)
+    speed = np.where(speed > 1e-6 * most, speed, most)
+    depth, friction, contact_time = np.zeros(p), np.zeros((p, 2)), duration / 2
+    for c, law in enumerate(laws):
+        state = law.touch(float(speed[c]))
+        energy = 0.5 * mass[c] * speed[c] ** 2
+        farthest = float(speed[c] * duration + push[c] * duration**2)
+        impact = float(speed[c]), float(energy), float(push[c] * mass[c]), farthest
+        depth[c] = largest_indentation(law, *impact)
+        mean_speed = speed[c] + sqrt(2 * push[c] * depth[c])
+        contact_time = min(contact_time, 3 * depth[c] / mean_speed)
+        contact = scene.contacts[c]
+        if contact.friction > 0:
+            stiffness, patches = contact.tangential_stiffness, local[c]
+            if stiffness is None:
+                most = largest_indentation(contact.law, *impact, close=DEPTH_ERROR)
+                stiffness = MINDLIN * _mean_stiffness(contact.law, most, state)
+                if law is contact.law:  # the patches give way besides, normally and so sideways
+                    patches = 0.0
+            friction[c] = contact.friction, _without_patches(stiffness, patches)
+    return ContactScales(depth, speed, friction, contact_time)
+
+
+def _without_patches(stiffness: float, local: float) -> float:
+    """Tangential stiffness of a contact [N/m] without the compliance of the bodies' patches.
+
+    By Cerruti's solution a patch whose pressure has the symmetry of a circle deforms tangentially
+    1/MINDLIN times as much as normally, whatever the pressure.
+    """
+    patches = stiffness * local / MINDLIN  # their share of the contact's compliance
+    return stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
+
+
+def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
+    """Mean stiffness [N/m] over a contact whose indentation is half a sine in time."""
+    phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
+    return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
+
+
+def effective_mass(beta: Array, omega: Array) -> float:
+    """Rough inertia [kg] that the slowest motions put behind a contact."""
+    rigid = omega == 0
+    b = beta[rigid]
+    mobility = float(b @ b)
+    b = beta[~rigid]
+    way = b / omega[~rigid] ** 2
+    inertia = float(way @ way)
+    if inertia > 0:
+        mobility += float(b @ way) ** 2 / inertia
+    return 1 / mobility if mobility > 0 else 1.0
+
+
+def _largest_component(beta: Array, modal: Array) -> Array:
+    """Largest |beta modal| (p,) over the rows of `modal` (K, J).
+
+    Where the sum is rounding, a tenth of the sum of magnitudes: distant motion arrives later.
+    """
+    direct, parts = abs(modal @ beta.T), abs(modal) @ abs(beta).T
+    if len(modal) > 1:
+        direct, parts = direct.max(axis=0), parts.max(axis=0)
+    else:
+        direct, parts = direct[0], parts[0]
+    return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
+
+
+def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
+    """The law of a contact without the half-space compliance [m/N] of its patches, and notes."""
+    if local == 0.0 or law.compliance > 0.0:
+        return law, []
+    less = law.without(local)
+    if less is law:
+        return law, [
+            f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
+            f" {law.theory} has less flexibility than they."
+        ]
+    return less, [
+        f"The half-space compliance {local:.4g} m/N of the patches was subtracted from {law.theory}"
+        f" of {a!r} - {b!r}, so that the indentation is counted once."
+    ]
+
+
+Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
+
+
+def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
+    """Return a picklable function that returns this scene and these bodies."""
+    return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
+
+
+@dataclass(eq=False)
+class Assembly:
+    """A scene in one set of modal coordinates.
+
+    What the march does not need is found when it is first asked for.
+
+    Attributes
+    ----------
+    parts : makes the scene and its bodies.
+    G : (m, P) the rows: contacts, then the tangential rows of their friction.
+    laws : of the contacts, freed from the compliance of patches; `notes` say so.
+    system : what the march takes.
+    contact_time_estimate : expected time of a contact [s], the shortest.
+    may_rotate : whether the rotation of a body is known, and not 0.
+    thin : whether a body is of sheets that are held.
+    stretched : of bodies that stretch, the second-order forces that have rows in the march.
+    """
+
+    parts: Callable[[], Parts]
+    G: Array
+    laws: list[ContactLaw]
+    notes: list[str]
+    system: System
+    contact_time_estimate: float
+    may_rotate: bool
+    thin: bool
+    stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
+
+    @cached_property
+    def _parts(self) -> Parts:
+        return self.parts()
+
+    @cached_property
+    def _stacked(self) -> scene_parts.StackedBodies:
+        return scene_parts.stacked_bodies(self.bodies)
+
+    @property
+    def scene(self) -> SceneParts:
+        """The bodies and contacts as they were given."""
+        return self._parts[0]
+
+    @property
+    def bodies(self) -> dict[str, SceneBody]:
+        """The placed bodies by name."""
+        return self._parts[1]
+
+    @property
+    def spans(self) -> dict[str, slice]:
+        """The modes of each body among those of all."""
+        return self._stacked.spans
+
+    @property
+    def columns(self) -> dict[str, slice]:
+        """The columns of each body among those of all."""
+        return self._stacked.columns
+
+    def row(self, contact: int, begin: int) -> Array:
+        """Row of a contact over the columns of the body whose modes begin at `begin`."""
+        name = next(n for n, own in self.spans.items() if own.start == begin and own.stop > begin)
+        return self.G[contact, self.columns[name]]
+
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns."""
+        return self._stacked.B
+
+    @property
+    def r(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return self._stacked.r
+
+    def load(self, t: Array) -> Array:
+        """Modal loads (n, J) at times (n,)."""
+        return modal_loads(self.system, t)
+
+    def pushes(self, t: Array) -> Array:
+        """External forces (n, P) on all columns at times (n,)."""
+        return scene_parts.external_forces(self.scene.loads, self.bodies, self._stacked, t)
+
+
+def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) -> Assembly:
+    """Assemble a scene for integration; InputError for parts that do not fit together.
+
+    stretch : whether bodies may stretch; the assembly is that of their linear motion.
+    """
+    if not stretch:
+        refuse_stretch(scene.bodies)
+    bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
+    stacked = scene_parts.stacked_bodies(bodies)
+    find, ends = scene_parts.find_site, []
+    for contact in scene.contacts:
+        ends.append((find(contact.a, bodies), find(contact.b, bodies)))
+    scene_parts.set_axes(scene, ends, bodies)
+    normal, tangents, gap = [], [], []
+    tangential: list[Array] = []
+    for contact, (a, b) in zip(scene.contacts, ends, strict=True):
+        row, direction = scene_parts.contact_row(contact, (a, b), stacked)
+        sides = []
+        if contact.friction > 0:
+            sides = scene_parts.tangential_rows(contact, (a, b), direction, stacked)
+        tangents.append((len(ends) + len(tangential), len(sides)))
+        normal.append(row)
+        tangential += sides
+        gap.append(a[0].gap + b[0].gap if contact.gap is None else contact.gap)
+    G = np.array(normal + tangential)
+    gaps = np.append(gap, np.zeros(len(tangential)))
+    breaks, loads, offsets = scene_parts.load_series(scene, bodies, stacked, G, gaps, duration)
+    local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
+    laws, notes = _laws(scene, local)
+    omega = np.concatenate([b.omega for b in bodies.values()])
+    if not omega.size:
+        raise InputError("nothing in the scene can move: every body is an obstacle.")
+    beta = np.ascontiguousarray(G @ stacked.B.T)
+    mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
+    v = np.concatenate([b.start for b in bodies.values()])
+    q = np.concatenate([b.initial_displacements for b in bodies.values()])
+    gaps = offsets[0, : len(laws)]
+    speeds = v if v.any() else omega * q  # of what is let go
+    expected = contact_scales(scene, laws, mass, beta, speeds, loads, gaps, local, duration)
+    system = System(
+        omega=omega,
+        decay=np.concatenate([b.decay for b in bodies.values()]),
+        beta=beta,
+        R=G @ stacked.r @ G.T,
+        breaks=breaks,
+        loads=loads,
+        offsets=offsets,
+        laws=laws,
+        slip=expected.friction,
+        tangents=np.array(tangents, dtype=np.int64),
+        q=q,
+        v=v,
+        mass=mass,
+        depth=expected.depth,
+        speed=expected.speed,
+        pressed=np.zeros(len(laws)),
+        first=stacked_first_order(bodies.values()),
+    )
+    turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
+    time = expected.contact_time
+    return Assembly(given_parts(scene, bodies), G, laws, notes, system, time, turns, thin)
+
+
+def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
+    """The laws without the half-space compliance of the patches, and notes on it."""
+    laws, notes = [], []
+    for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
+        given = contact.tangential_stiffness
+        if contact.friction and given and given * local > (1 - LEAST_COMPLIANCE) * MINDLIN:
+            notes.append(
+                f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
+                f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
+                f" tangential_stiffness = {given:g} N/m: a tenth is taken."
+            )
+        law, more = without_patch(contact.law, local, contact.a, contact.b)
+        laws.append(law)
+        notes += more
+    return laws, notes

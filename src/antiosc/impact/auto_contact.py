@@ -1,0 +1,66 @@
+"""`contact="auto"`: the law of a contact from what both bodies carry of their surfaces."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias, TypeGuard
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.choice import Choice, choose
+from antiosc.engine.contact.surfaces import Surface
+from antiosc.models.body import Body, checked_body, info_of
+
+#: What chooses the law.
+AUTO: Literal["auto"] = "auto"
+#: A law, or "auto".
+AnyLaw: TypeAlias = ContactLaw | Literal["auto"]
+LAW = 'a ContactLaw such as Hertz(stiffness), or "auto"'
+
+
+def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
+    """Whether the law is to be chosen; an array, which has no truth value, is not "auto"."""
+    return isinstance(contact, str) and contact == AUTO
+
+
+def chosen(one: object, other: object, sites: tuple[str, str] = ("", "")) -> Choice:
+    """The law of the contact of two bodies at their sites, and why.
+
+    InputError, in one sentence, for a body that does not know its material and its shape.
+    """
+    return choose(_surface(one, sites[0]), _surface(other, sites[1]))
+
+
+def _surface(body: object, site: str) -> Surface:
+    known = body if isinstance(body, Body) else checked_body("a body in contact", body)
+    found = known.surface(site)
+    if found is None:
+        reason = info_of(known).unknown_surface(site)
+        if reason:
+            raise InputError(
+                'contact="auto" finds no law, give one as Hertz(stiffness): nothing is known of '
+                f"the surface of the {type(body).__name__}, for {reason}"
+            )
+        raise InputError(
+            f'contact="auto" needs the material and the curvature of both surfaces, and those of '
+            f"the {type(body).__name__} are not known: extract it from a mesh, take "
+            "model.with_surface(material), give the striker material= and tip_radius=, or give the "
+            "law, as Hertz(stiffness)."
+        )
+    return found
+
+
+def law_of(contact: object, one: object, other: object) -> ContactLaw:
+    """The law that is given, or the one that two bodies of one contact point need."""
+    if is_auto(contact):
+        return chosen(one, other).law
+    return checks.instance("contact", contact, ContactLaw, LAW)
+
+
+def choice_of(law: ContactLaw, one: object, other: object) -> Choice | None:
+    """The choice that gives this law; None for a law of the user's own."""
+    try:
+        found = chosen(one, other)
+    except InputError:
+        return None
+    return found if found.law == law else None

@@ -1,0 +1,668 @@
+"""Many impacts at once, and calls with many values: one after the other, or by an executor.
+
+Every scene of `simulate_many` is integrated as `simulate` does it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, as_completed
+from dataclasses import dataclass, replace
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks, plausible, process
+from antiosc.base._types import Array, Index
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
+from antiosc.base.progress import counting
+from antiosc.base.texts import Result, range_text
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw
+from antiosc.impact.auto_contact import AUTO, AnyLaw, is_auto, law_of
+from antiosc.impact.coarse import coarse_cell
+from antiosc.impact.histories import History
+from antiosc.impact.histories.energy import GAIN
+from antiosc.impact.histories.results import (
+    COMPLETED,
+    SLIGHT_CHANGE,
+    SLIGHT_DEFLECTION,
+    STOPPED,
+    CheckResult,
+    RunEnd,
+    check_result,
+    large_deflection_message,
+    warn_batch,
+    warn_large_rotation,
+)
+from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
+from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact
+from antiosc.impact.truncation import truncation_warning
+from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody, ModelInfo, info_of
+from antiosc.plot.charts import figure_or_path, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+T = TypeVar("T")
+#: Positional arguments and keywords of a call.
+Call = tuple[tuple[object, ...], dict[str, object]]
+
+EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
+
+
+def sweep(
+    make: Callable[..., T],
+    *,
+    executor: Executor | None = None,
+    earlier: Sequence[T] | None = None,
+    **values: object,
+) -> list[T]:
+    """Create one object per value: `sweep(RigidMass, mass=masses, velocity=2.0)`.
+
+    Parameters
+    ----------
+    make : callable
+        A constructor, or any function of the keywords.
+    executor : concurrent.futures.Executor, optional
+        What calls `make`, for instance a pool of processes. A call that fails then leaves its
+        error, an AntioscError, in its place and costs no other; a warning names it. So does a
+        worker that dies. Without an executor the first error is raised.
+    earlier : sequence, optional
+        What an earlier call with the same values returned: only the calls that failed are made.
+    values
+        Every keyword is one value for all or a sequence; all sequences must have the same length.
+
+    Returns
+    -------
+    list
+        The results in the order of the values.
+
+    Raises
+    ------
+    InputError
+        For sequences of different lengths, those of `earlier` included.
+    """
+    checks.function("make", make, "a constructor, such as RigidMass")
+    check_executor(executor)
+    lengths = {k: len(v) for k, v in values.items() if is_sequence(v)}
+    size = common_length(lengths)
+    each = [{k: v[i] if is_sequence(v) else v for k, v in values.items()} for i in range(size)]
+    results = cast("list[T]", [AntioscError("not called yet")] * size)
+    if earlier is not None:
+        results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
+        check_earlier(len(results), size)
+    todo = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
+    if executor is None:
+        for i in todo:
+            results[i] = make(**each[i])
+        return results
+    calls: list[Call] = [((), each[i]) for i in todo]
+    for i, result in zip(todo, call_results(executor, make, calls), strict=True):
+        results[i] = cast("T", result)
+    failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
+    if failed:
+        warn(
+            f"{len(failed)} of {size} calls failed, as call {failed[0]}: {results[failed[0]]}",
+            AccuracyWarning,
+        )
+    return results
+
+
+def check_executor(executor: object) -> None:
+    """InputError unless `executor` is None or has a `submit`."""
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
+
+
+def call_results(
+    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
+) -> Iterator[T | AntioscError]:
+    """Yield the result of each call in order, or its error."""
+    return map(_result, _submitted(executor, function, calls))
+
+
+def completed_calls(
+    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
+) -> Iterator[tuple[int, T | AntioscError]]:
+    """Yield (number of the call, result or error) in the order in which calls finish."""
+    waiting = {}
+    for k, future in enumerate(_submitted(executor, function, calls)):
+        if isinstance(future, Future):
+            waiting[future] = k
+        else:  # lost, or of a package that has futures of its own
+            yield k, _result(future)
+    for future in as_completed(waiting):
+        result = _result(future)
+        yield waiting.pop(future), result
+
+
+def _submitted(
+    executor: Executor, function: Callable[..., T], calls: Sequence[Call]
+) -> list[Future[T] | AntioscError]:
+    """Return the future of each call, or the error of a call that the executor refused."""
+    futures: list[Future[T] | AntioscError] = []
+    for given, keywords in calls:
+        try:
+            futures.append(executor.submit(function, *given, **keywords))
+        except Exception as error:  # executors of any package
+            futures.append(_executor_error(error))
+    return futures
+
+
+def _result(future: Future[T] | AntioscError) -> T | AntioscError:
+    try:
+        return future if isinstance(future, AntioscError) else future.result()
+    except AntioscError as error:
+        return error
+    except Exception as error:
+        return _executor_error(error)
+
+
+def _executor_error(error: Exception) -> AntioscError:
+    """The error for a call for which the executor returned no result."""
+    said = " ".join(f"{type(error).__name__}: {error}".split())
+    found = AntioscError(
+        f"the executor returned no result ({said}): arguments must be such that they can be"
+        " pickled, and workers must live; what is finished can be passed as `earlier`."
+    )
+    found.__cause__ = error
+    return found
+
+
+def rows_of(found: Any, size: int) -> list[Any] | AntioscError:
+    """The rows that a part of `size` calls gave, or the error of an executor that gave others."""
+    if isinstance(found, AntioscError) or (isinstance(found, list) and len(found) == size):
+        return found
+    return AntioscError(
+        f"the executor returned {checks.shown(found)} for {size} results: it must return what"
+        " the function that it is given returns."
+    )
+
+
+def check_earlier(length: int, size: int) -> None:
+    if length != size:
+        raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
+
+
+def is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
+    if isinstance(value, np.ndarray):
+        return value.ndim == 1
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def common_length(lengths: dict[str, int]) -> int:
+    sizes = set(lengths.values())
+    if len(sizes) > 1:
+        listed = ", ".join(f"{k}: {v}" for k, v in lengths.items())
+        raise InputError(f"sequences of a batch must have one length; got {listed}.")
+    if not sizes:
+        return 1
+    size = sizes.pop()
+    if size == 0:
+        raise InputError("a batch needs at least one scene; got empty sequences.")
+    return size
+
+
+CHUNKS = 64  # that the scenes are divided into for an executor
+#: Bytes of a scene with its results: 3.2 kB each of 20 000 and of 100 000.
+SCENE = 3.2e3
+CHUNK_SIZE = 4096  # scenes that are solved at once without one
+CHECKED_MODELS = 3  # models of which the worst impact is run again and checked
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(Result):
+    """Results of many impacts, one entry per scene; see `History` for their meaning.
+
+    Attributes
+    ----------
+    peak_force, impulse, contact_time, restitution : (S,) float; restitution is NaN where
+        `History.restitution` is None.
+    contacts : (S,) number of contacts.
+    step, error : (S,) step used [s] and estimated relative error of the force (NaN: step given).
+    status : (S,) as in `History`; 2 for a scene that failed, whose numbers are NaN.
+    force : list of S pairs (time, force): nodes of the contacts, force linear in between.
+    message : list of S sentences that explain the status, or the error of a scene that failed.
+    """
+
+    peak_force: Array
+    impulse: Array
+    contact_time: Array
+    restitution: Array
+    contacts: Index
+    step: Array
+    error: Array
+    status: Index
+    force: list[tuple[Array, Array]]
+    message: list[str]
+
+    def __len__(self) -> int:
+        return self.peak_force.size
+
+    def numbers(self) -> dict[str, object]:
+        """Results of all scenes: name -> list of JSON values, None where there is no number."""
+        single = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step")
+        found = {name: getattr(self, name).tolist() for name in (*single, "error", "status")}
+        known = {
+            name: [x if isfinite(x) else None for x in values] for name, values in found.items()
+        }
+        return {**known, "message": list(self.message)}
+
+    def summary(self) -> str:
+        """How many scenes completed, and the range of their peak forces."""
+        done = np.isfinite(self.peak_force)
+        rows = [f"{done.sum()} of {len(self)} scenes have results"]
+        if done.any():
+            low, high = self.peak_force[done].min(), self.peak_force[done].max()
+            rows.append(f"peak force {range_text(low, high, 'N')}")
+        told = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
+        return "\n".join([*rows, *told])
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """Peak force and contact time of all scenes; with `path` the picture is written."""
+        figure, axes = panels(2, 1, (6.4, 4.8), shown=path is None, sharex=True)
+        above, below = axes[:, 0]
+        above.plot(self.peak_force, ".-")
+        above.set_ylabel("peak force (N)")
+        below.plot(1e3 * self.contact_time, ".-")
+        below.set(xlabel="scene", ylabel="contact time (ms)")
+        return figure_or_path(figure, path)
+
+
+@checks.within_range
+def simulate_many(
+    models: LinearBody | Sequence[LinearBody],
+    impactors: LinearBody | Sequence[LinearBody],
+    contacts: AnyLaw | Sequence[AnyLaw] = AUTO,
+    duration: ArrayLike = checks.REQUIRED,
+    method: str = "exact",
+    *,
+    n: int | str | None = None,
+    step: ArrayLike | None = None,
+    tol: float | None = None,
+    initial_velocity: ArrayLike = 0.0,
+    gravity: ArrayLike = 0.0,
+    gap: ArrayLike | None = None,
+    max_contacts: int = MAX_CONTACTS,
+    max_steps: int = MAX_STEPS,
+    executor: Executor | None = None,
+    earlier: Batch | None = None,
+) -> Batch:
+    """`simulate` for many scenes.
+
+    Parameters
+    ----------
+    models, impactors, contacts
+        As for `simulate`: one for all scenes, or a sequence with one per scene (see `sweep`).
+    duration, step, initial_velocity, gravity, gap : float or (S,)
+        As for `simulate`, for all scenes or one per scene.
+    method, n, tol, max_contacts, max_steps
+        As for `simulate`.
+    executor : concurrent.futures.Executor, optional
+        What integrates the scenes, in chunks: processes, threads, `mpi4py.futures`, Dask's. A
+        chunk that it does not return, for instance because a process died, fails as a whole.
+    earlier : Batch, optional
+        What an earlier call with the same scenes returned: only those of status 2 are integrated.
+
+    Returns
+    -------
+    Batch
+        In the order of the scenes. A scene whose integration fails, for instance because its force
+        leaves the range of its law, has status 2, NaN for numbers and the error as its message; a
+        warning names it.
+
+    Raises
+    ------
+    InputError
+        For sequences of different lengths, and as `simulate`; the message names the scene.
+    AccuracyError
+        When every scene fails.
+    """
+    given: dict[str, object] = {
+        "models": models,
+        "impactors": impactors,
+        "contacts": contacts,
+        "duration": duration,
+        "step": step,
+        "initial_velocity": initial_velocity,
+        "gravity": gravity,
+        "gap": gap,
+    }
+    check_executor(executor)
+    size = common_length({k: len(v) for k, v in given.items() if is_sequence(v)})
+    process.require(SCENE * size, f"a batch of {size} scenes", "simulate it in several calls")
+    columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in given.items()}
+    settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
+    movers, speeds = columns["impactors"], columns["initial_velocity"]
+    plausible.warn_each([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
+    steps = cast("list[float | None]", columns.pop("step"))
+    columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
+    scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
+    rows = _rows_of(earlier, size)
+    todo = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
+    chunk = CHUNK_SIZE if executor is None else -(-size // CHUNKS)
+    parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
+
+    def given_of(part: list[int]) -> _Chunk:
+        return [scenes[i] for i in part], [steps[i] for i in part], n, settings
+
+    with counting("simulating impacts", len(todo)) as ready:
+        if executor is None:
+            found: Iterable[list[_Row] | AntioscError] = (
+                _solve_chunk(*given_of(part), partial(_report_progress, ready, k * chunk))
+                for k, part in enumerate(parts)
+            )
+        else:
+            found = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
+        for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
+            result = rows_of(result, len(part))
+            if isinstance(result, AntioscError):
+                result = [_failed(result)] * len(part)
+            for i, row in zip(part, result, strict=True):
+                rows[i] = row
+            ready(min(count * chunk, len(todo)))
+    _raise(rows)
+    warn_batch([r.result for r in rows])
+    struck = [i for i, row in enumerate(rows) if row.impulse > 0]
+    rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
+    sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in struck]
+    if n != "auto":
+        reduced = [one for one in sharpness if _info(scenes[one[1]]).method == "krylov"]
+        rerun(reduced, lambda hit: truncation_warning(hit.model, hit.assembly))
+    meshed = [one for one in sharpness if _info(scenes[one[1]]).cells]
+    rerun(meshed, lambda hit: coarse_cell(hit.model, "", hit.assembly.contact_time_estimate))
+    hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
+    deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
+    rerun(deflections, large_deflection_message)
+    if told := [(i, row.told) for i, row in enumerate(rows) if row.told]:
+        first, sentence = told[0]
+        warn(f"{len(told)} of {size} scenes, as scene {first}: {sentence}", AccuracyWarning)
+    scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
+    warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
+    return _batch_of(rows)
+
+
+def _info(scene: Impact) -> ModelInfo:
+    return info_of(scene.model)
+
+
+def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
+    """The laws of scenes, chosen where they are "auto"; InputError names the scene."""
+    found: dict[tuple[int, int], ContactLaw] = {}
+    laws = list(given)
+    for i, pair in enumerate(zip(models, impactors, strict=True)):
+        if not is_auto(laws[i]):
+            continue
+        key = id(pair[0]), id(pair[1])
+        try:
+            found[key] = laws[i] = found.get(key) or law_of(AUTO, *pair)
+        except InputError as error:
+            raise InputError(f"scene {i}: {error}") from error
+    return laws
+
+
+def _warn_of_worst(
+    scenes: Sequence[Impact],
+    run: Callable[[int], History],
+    ranked: Sequence[tuple[float, int]],
+    check: Callable[[History], str],
+) -> None:
+    """Warn of what `check` finds in the worst scenes by `ranked` (rank > 0, scene), run again.
+
+    Of each model the worst scene is run, of `CHECKED_MODELS` models at most.
+    """
+    seen: set[int] = set()
+    for rank, i in sorted(ranked, reverse=True):
+        if len(seen) == CHECKED_MODELS or not rank > 0:
+            return
+        if id(scenes[i].model) not in seen:
+            seen.add(id(scenes[i].model))
+            if sentence := check(run(i)):
+                warn(f"scene {i}: {sentence}", AccuracyWarning)
+                return
+
+
+def _deflection(model: LinearBody, impulse: float) -> float:
+    """Bound of a sheet's deflection by an impulse [N s], over its thickness; 0 if not held."""
+    held = info_of(model).thickness is not None and model.modal().omega.all()
+    return _bend(model, impulse) if held else 0.0
+
+
+def _bend(model: LinearBody, impulse: float) -> float:
+    """Bound of the elastic deflection of a sheet by an impulse [N s], over its thickness.
+
+    A push by F ≥ 0 deflects a mode of frequency ω, at rest before, by b² ∫F dt / ω at most.
+    """
+    modal, thickness = model.modal(), info_of(model).thickness
+    assert thickness is not None
+    elastic = modal.omega > 0
+    return impulse * float(np.sum(modal.b[elastic] ** 2 / modal.omega[elastic])) / thickness
+
+
+# -- one scene in, one row out
+
+_Chunk = tuple[list[Impact], list[float | None], int | str | None, Settings]
+
+
+@dataclass(eq=False)
+class _Row:
+    """Results of one scene of a batch; `error` is set for a scene that failed."""
+
+    result: CheckResult
+    peak_force: float = np.nan
+    impulse: float = np.nan
+    contact_time: float = np.nan
+    restitution: float = np.nan
+    contacts: int = 0
+    step: float = np.nan
+    accuracy: float = np.nan
+    force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+    error: AntioscError | None = None
+    rotation: tuple[str, float] = ("", 0.0)
+    told: str = ""
+
+
+def _solve_chunk(
+    scenes: Sequence[Impact],
+    steps: Sequence[float | None],
+    n: int | str | None,
+    settings: Settings,
+    done: Callable[[int], None] = lambda count: None,
+) -> list[_Row]:
+    """Rows of scenes: groups that the march solves in one call, the others one by one.
+
+    Where second-order forces are chosen by the linear run, it is one of these.
+    """
+    rows: dict[int, _Row] = {}
+    known: dict[int, LinearBody] = {}
+    linear = [_linear(scene, known) for scene in scenes]
+    groups: dict[tuple[object, ...], list[int]] = {}
+    together = settings.method == "exact" and n is None
+    for i, (scene, step) in enumerate(zip(linear, steps, strict=True)):
+        key = scene.group() if together and step is None else None
+        if key is not None:
+            groups.setdefault(key, []).append(i)
+    for group in groups.values():
+        here = [linear[i] for i in group]
+        found = _solve_group(here, settings, partial(_report_progress, done, len(rows)))
+        for i, row in zip(group, found, strict=True):
+            stands = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
+            if row is not None and stands:
+                rows[i] = row
+    for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
+        if i not in rows:
+            rows[i] = _solve_single(scene, step, n, settings)
+            done(len(rows))
+    return [rows[i] for i in range(len(scenes))]
+
+
+def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
+    """The scene with a linear model, where its run says whether a sheet stretches."""
+    model = scene.model
+    if not isinstance(model, AntiOscillators) or info_of(model).thickness is None:
+        return scene
+    if model.stretch is None or model.stretch.count != "auto":
+        return scene
+    if id(model) not in known:
+        known[id(model)] = replace(model, stretch=None)
+    return scene._replace(model=known[id(model)])
+
+
+def _slight(model: LinearBody, row: _Row) -> bool:
+    """Whether a linear run deflects a sheet too little to stretch it."""
+    info, ratio = info_of(model), _bend(model, row.impulse)
+    changes = [abs(one) for one in (info.second_order or {}).values()]
+    curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
+    return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE
+
+
+def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
+    """Report how many scenes are done, including those before."""
+    done(before + count)
+
+
+def _solve_group(
+    scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
+) -> list[_Row | None]:
+    """Rows of a group of impacts; None for an impact that must be integrated alone."""
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            group = ImpactRows(scenes, settings.tol, *settings.limits)
+    except (AntioscError, ArithmeticError):  # it tells itself of which
+        return [None] * len(scenes)
+    outcomes, pulses = group.solved(done)
+    each = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
+    return [_row_of(*one, group.pair, settings) for one in each]
+
+
+def _row_of(
+    scene: Impact,
+    law: ContactLaw,
+    outcome: tuple[Any, ...],
+    pulses: tuple[Array, Array],
+    pair: Pair,
+    settings: Settings,
+) -> _Row | None:
+    """Row of an outcome of the march; None where the impact must be integrated alone."""
+    answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
+    end, contact_time_estimate, gained, highest, rotation = rest
+    if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
+        return None
+    ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
+    check = CheckResult(COMPLETED, "Completed.")
+    if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
+        check = check_result(assemble_pair(scene), ended, settings.tol, settings.limits)
+    peak_force, impulse, contact_time, restitution, closed, steps = numbers
+    if peak_force > law.valid_force:
+        return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))
+    return _Row(
+        result=check,
+        peak_force=peak_force,
+        impulse=impulse,
+        contact_time=contact_time,
+        restitution=restitution,
+        contacts=contacts,
+        step=closed / steps if steps else contact_time_estimate,
+        accuracy=force,
+        force=pulses,
+        rotation=(("structure", "impactor")[body], rotation) if rotation else ("", 0.0),
+    )
+
+
+def _doubts(scene: Impact) -> list[str]:
+    """What is implausible of a scene."""
+    blow = plausible.of_blow(scene.model, [scene.impactor], scene.initial_velocity)
+    return [*plausible.of_model(scene.model), *filter(None, [blow])]
+
+
+def _solve_single(
+    scene: Impact, step: float | None, n: int | str | None, settings: Settings
+) -> _Row:
+    told: list[str] = []
+    try:
+        with warnings_to(told.append):
+            return replace(_row(*_impact(scene, step, n, settings)), told=" ".join(told))
+    except AntioscError as error:
+        return _failed(error)
+
+
+def _failed(error: AntioscError) -> _Row:
+    return _Row(CheckResult(STOPPED, str(error)), error=error)
+
+
+@checks.within_range
+def _impact(
+    scene: Impact, step: float | None, n: int | str | None, settings: Settings
+) -> tuple[History, CheckResult]:
+    """One scene; AccuracyError if its force leaves the range of its law."""
+    scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
+    history, check = simulate_impact(scene, replace(settings, step=step), n)
+    check_range(history, _doubts(scene))
+    return history, check
+
+
+def _row(hit: History, check: CheckResult) -> _Row:
+    e = hit.restitution
+    return _Row(
+        result=check,
+        peak_force=hit.peak_force,
+        impulse=hit.impulse,
+        contact_time=hit.contact_time,
+        restitution=np.nan if e is None else e,
+        contacts=len(hit.contacts),
+        step=hit.step,
+        accuracy=hit.error.get("force", np.nan),
+        force=hit.contact_histories[0].pulses(),
+        rotation=hit.largest_rotation(),
+    )
+
+
+def _raise(rows: list[_Row]) -> None:
+    """Raise the first InputError of a scene, or the first error if every scene failed."""
+    for i, row in enumerate(rows):
+        if isinstance(row.error, InputError):
+            raise type(row.error)(f"scene {i}: {row.error}") from row.error
+    if all(row.error is not None for row in rows):
+        error = rows[0].error
+        assert error is not None
+        raise type(error)(f"scene 0: {error}") from error
+
+
+def _batch_of(rows: list[_Row]) -> Batch:
+    def column(name: str) -> Array:
+        return np.array([getattr(row, name) for row in rows], dtype=float)
+
+    return Batch(
+        peak_force=column("peak_force"),
+        impulse=column("impulse"),
+        contact_time=column("contact_time"),
+        restitution=column("restitution"),
+        contacts=np.array([row.contacts for row in rows], dtype=np.intp),
+        step=column("step"),
+        error=column("accuracy"),
+        status=np.array([row.result.status for row in rows], dtype=np.intp),
+        force=[row.force for row in rows],
+        message=[row.result.message for row in rows],
+    )
+
+
+def _rows_of(earlier: Batch | None, size: int) -> list[_Row]:
+    """The rows of a batch; without one, rows of status 2."""
+    if earlier is None:
+        return [_Row(CheckResult(STOPPED, ""))] * size
+    batch = checks.instance("earlier", earlier, Batch, "the Batch of an earlier call")
+    check_earlier(len(batch), size)
+    names = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step", "force")
+    rows = []
+    for i, (status, message) in enumerate(zip(batch.status.tolist(), batch.message, strict=True)):
+        values = {name: getattr(batch, name)[i] for name in names}
+        rows.append(_Row(CheckResult(status, message), accuracy=batch.error[i], **values))
+    return rows

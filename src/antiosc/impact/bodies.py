@@ -1,0 +1,698 @@
+"""Bodies of a scene: impactors, also by the name of a standard, obstacles, rigid bodies, models.
+
+Whatever a body is, a scene sees its modes, the displacements of its sites in them, and what its
+motion carries (`SceneBody`). A site has one or more columns, each a displacement along a direction
+of space; bodies that know no directions (a `RigidMass`, a model made by hand) have one column.
+
+Each named impactor has the source of its numbers. What no source confirms is left out: a tip
+without a modulus has no Hertz law of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import inf, pi, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array
+from antiosc.base.checks import Checked, checked_by
+from antiosc.base.errors import InputError
+from antiosc.base.texts import FieldsRepr
+from antiosc.engine.contact import Gonthier, Hertz
+from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
+from antiosc.engine.damping import StackedModes
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
+from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
+
+
+@dataclass(frozen=True)
+class RigidMass(Checked, Body):
+    """A rigid mass that moves along the direction of impact.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    velocity : float
+        [m/s], > 0 toward the structure.
+    tip_radius, E, nu : float, optional
+        Radius [m] of its spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
+        `hertz` needs all three.
+    yield_strength : float, optional
+        Of the tip [Pa].
+    material : str or a material, optional
+        Of the tip, in place of E, nu and yield_strength: a name, as of `material`, or a `Solid`.
+    """
+
+    mass: float = field(metadata=checked_by(checks.positive, "kg"))
+    velocity: float = field(default=0.0, metadata=checked_by(checks.number, "m/s"))
+    tip_radius: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(checks.positive, "m")
+    )
+    E: float | None = field(default=None, kw_only=True, metadata=checked_by(checks.positive, "Pa"))
+    nu: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(lambda _, nu: checks.poisson(nu))
+    )
+    yield_strength: float | None = field(
+        default=None, kw_only=True, metadata=checked_by(checks.positive, "Pa")
+    )
+    material: str | object | None = field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.material is None and self.E is None:
+            return
+        matter = matter_of(self.material, self.E, self.nu, self.yield_strength)
+        checks.store(self, material=matter, **_constants(matter))
+
+    def surface(self, site: str = "") -> Surface | None:
+        """Its spherical tip; None where its radius or material is not known."""
+        if self.tip_radius is None or not isinstance(self.material, Matter):
+            return None
+        return ball(self.material, self.tip_radius)
+
+    def hertz(
+        self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
+    ) -> Hertz:
+        """Hertz's law of its tip against a surface of modulus E [Pa], ratio nu and these radii.
+
+        InputError for a mass without tip_radius, E and nu.
+        """
+        if self.tip_radius is None or self.E is None or self.nu is None:
+            raise InputError(
+                "Hertz's law of a rigid mass needs its tip: RigidMass(mass, tip_radius=…, E=…, "
+                "nu=…); or give the law itself."
+            )
+        return Hertz.from_radii(self.tip_radius, self.E, self.nu, radii, E, nu, angle)
+
+    def modal(self) -> ModalBody:
+        return _mass_modes(self.mass)
+
+
+@dataclass(frozen=True, init=False)
+class Sphere(FieldsRepr, Body):
+    """A solid elastic sphere without vibrations.
+
+    Parameters
+    ----------
+    radius : float
+        [m].
+    E, nu, rho : float
+        Young's modulus [Pa], Poisson's ratio, density [kg/m^3].
+    velocity : float
+        [m/s], > 0 toward the structure.
+    mass : float
+        [kg], in place of rho.
+    yield_strength : float, optional
+        [Pa].
+    material : str or a material, optional
+        In place of E, nu, rho and yield_strength: a name, as of `material`, or a `Solid`.
+    """
+
+    radius: float
+    E: float
+    nu: float
+    rho: float
+    velocity: float
+    yield_strength: float | None = None
+    material: str | object | None = field(default=None, repr=False)
+
+    def __init__(
+        self,
+        radius: float,
+        E: float | None = None,
+        nu: float | None = None,
+        rho: float | None = None,
+        velocity: float = 0.0,
+        *,
+        mass: float | None = None,
+        yield_strength: float | None = None,
+        material: str | object | None = None,
+    ) -> None:
+        if material is not None and rho is None and mass is None:
+            rho = density_of(material)
+        if (rho is None) == (mass is None):
+            raise InputError("a Sphere needs rho or mass, one of them, or material=.")
+        if material is None and (E is None or nu is None):
+            raise InputError("a Sphere needs E and nu, or material=, the name of one.")
+        radius = checks.positive("radius", radius, "m")
+        if mass is not None:
+            rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
+        given = None if E is None else checks.positive("E", E, "Pa")
+        ratio = None if nu is None else checks.poisson(nu)
+        matter = matter_of(material, given, ratio, yield_strength)
+        checks.store(
+            self,
+            radius=radius,
+            rho=checks.positive("rho", rho, "kg/m^3"),
+            velocity=checks.number("velocity", velocity, "m/s"),
+            material=matter,
+            **_constants(matter),
+        )
+        if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
+            plausible.warn_each([plausible.of_sphere(self.radius, self.rho)])
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return self.rho * 4 / 3 * pi * self.radius**3
+
+    def surface(self, site: str = "") -> Surface | None:
+        """Its surface."""
+        return ball(self.material, self.radius) if isinstance(self.material, Matter) else None
+
+    def hertz(
+        self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
+    ) -> Hertz:
+        """Hertz's law against a surface of modulus E [Pa], Poisson's ratio nu and these radii."""
+        return Hertz.from_radii(self.radius, self.E, self.nu, radii, E, nu, angle)
+
+    def modal(self) -> ModalBody:
+        return _mass_modes(self.mass)
+
+
+def _constants(matter: Matter | None) -> dict[str, float | None]:
+    """E, nu and yield strength of a material."""
+    names = ("E", "nu", "yield_strength")
+    return {name: getattr(matter, name, None) for name in names}
+
+
+#: The modes of an obstacle.
+_NO_MODES = ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Obstacle(FieldsRepr, Body):
+    """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
+
+    gap: float = 0.0
+    velocity: float = 0.0
+
+    def __post_init__(self) -> None:
+        velocity = checks.number("velocity", self.velocity, "m/s")
+        if velocity != 0.0:
+            raise InputError(
+                f"an obstacle is fixed; give the structure an initial_velocity instead of"
+                f" velocity = {velocity:g}."
+            )
+        checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
+
+    def surface(self, site: str = "") -> Surface | None:
+        """A rigid plane."""
+        return Surface(RIGID)
+
+    def modal(self) -> ModalBody:
+        return _NO_MODES
+
+
+@dataclass(frozen=True)
+class Impactor(FieldsRepr, Body):
+    """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
+
+    Its contact point is the site of its model; the contact force acts in the direction of that
+    site. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of its
+    own mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
+    """
+
+    body: LinearBody
+    velocity: float | Motion = 0.0
+
+    def __post_init__(self) -> None:
+        velocity, own = self.velocity, checked_body("body", self.body)
+        if not isinstance(velocity, Motion):
+            velocity = checks.number("velocity", velocity, "m/s")
+        checks.store(self, velocity=velocity, local_compliance=own.local_compliance)
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius [m] of the patch of the body's site; None: a point."""
+        return checked_body("body", self.body).patch_radius
+
+    def surface(self, site: str = "") -> Surface | None:
+        """That of the body's site."""
+        return checked_body("body", self.body).surface(site)
+
+    def modal(self) -> ModalBody:
+        return self.body.modal()
+
+
+@lru_cache(maxsize=256)
+def _mass_modes(mass: float) -> ModalBody:
+    root = sqrt(mass)
+    b = np.array([1 / root])
+    return unchecked_body(omega=np.zeros(1), b=b, weight=np.array([root]), shape=b[None])
+
+
+#: Steel (handbook values), Pa and kg/m³.
+STEEL = {"E": 210e9, "nu": 0.3}
+STEEL_DENSITY = 7850.0
+#: Ice at 0 °C, kg/m³ (handbook value).
+ICE_DENSITY = 917.0
+#: Standard gravity, m/s².
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True)
+class NamedImpactor(FieldsRepr):
+    """What is known of an impactor.
+
+    Attributes
+    ----------
+    name : how `named_impactor` knows it.
+    source : where the numbers are from.
+    mass : kg; None: it follows from the diameter.
+    speed : m/s, of the test that the standard prescribes; None: none is prescribed.
+    tip_radius : m, or None.
+    steel : whether its surface is steel.
+    stiffness : N/m, of its contact with a plane, for a law F = k δ; None: not in the source.
+    restitution : coefficient of restitution on a rigid surface; None: not in the source.
+    note : what is not known, or left to the user.
+    """
+
+    name: str
+    source: str
+    mass: float | None
+    speed: float | None = None
+    tip_radius: float | None = None
+    steel: bool = False
+    stiffness: float | None = None
+    restitution: float | None = None
+    note: str = ""
+
+    def law(self) -> Gonthier:
+        """The law of its stiffness and restitution; InputError where the source has none."""
+        if self.stiffness is None or self.restitution is None:
+            raise InputError(
+                f"the source on the {self.name} has no stiffness and no restitution: give a "
+                "contact law."
+            )
+        return Gonthier(self.stiffness, self.restitution, exponent=1.0)
+
+
+_HAMMERS = "IEC 60068-2-75, table 1 (striking elements), as interelectronix.com reprints it"
+_POLYAMIDE = "tip of polyamide (Rockwell HRR 85 to 100): its modulus is not in the source"
+_PANES = "EN 12600: two tyres, 50 kg (spevetro.it, fti-europe.com), drop heights (userdeck.net)"
+_BALLS = (
+    "ITF Rules of Tennis, appendix I, ball type 2 (as tenniscircle.us reprints it): 56.0 to "
+    "59.4 g, 6.54 to 6.86 cm, forward deformation 0.56 to 0.74 cm at 8.165 kg, rebound of 135 to "
+    "147 cm from 254 cm; here the middles"
+)
+#: Force of the deformation test of a tennis ball, N, and the deformation between two plates, m.
+_BALL_TEST = 8.165 * GRAVITY, 6.48e-3
+_HEADFORMS = "headforms of EU directive 2003/102/EC, phase 1, which ECE R127 continues: "
+_HAIL = "it crushes under impact, which no law here describes: give a contact law"
+_TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
+
+
+def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpactor:
+    """A hammer of IEC 60068-2-75 with its energy [J]; up to 1 J its tip is polyamide."""
+    steel = energy > 1
+    speed = sqrt(2 * energy / mass)
+    note = "" if steel else _POLYAMIDE
+    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, note=note)
+
+
+def _pendulum(number: int, height: float) -> NamedImpactor:
+    """The twin-tyre pendulum of EN 12600 from its drop height [m]."""
+    return NamedImpactor(
+        f"EN 12600 class {number}", _PANES, 50.0, sqrt(2 * GRAVITY * height), note=_TYRES
+    )
+
+
+_IMPACTOR_LIST = (
+    *(_hammer(f"IK0{k}", energy, 0.25, 0.010)
+      for k, energy in enumerate((0.14, 0.20, 0.35, 0.50, 0.70, 1.00), start=1)),
+    _hammer("IK07", 2.0, 0.5, 0.025),
+    _hammer("IK08", 5.0, 1.7, 0.025),
+    _hammer("IK09", 10.0, 5.0, 0.050),
+    _hammer("IK10", 20.0, 5.0, 0.050),
+    _hammer("IK11", 50.0, 10.0, 0.050),
+    _pendulum(1, 1.200),
+    _pendulum(2, 0.450),
+    _pendulum(3, 0.190),
+    NamedImpactor(
+        "golf ball", "USGA, Rules of Golf 2016, appendix III: at most 45.93 g, at least 42.67 mm",
+        0.04593, tip_radius=0.04267 / 2, note="its modulus is not in the source",
+    ),
+    NamedImpactor(
+        "tennis ball", _BALLS, 0.0577, tip_radius=0.067 / 2,
+        # the ball is pressed between two plates: each contact takes half of the deformation
+        stiffness=2 * _BALL_TEST[0] / _BALL_TEST[1], restitution=sqrt(1.41 / 2.54),
+        note="its stiffness is that of the static test, its restitution that at 7 m/s",
+    ),
+    NamedImpactor("steel ball", "steel of 7850 kg/m³, 210 GPa (handbook)", None, steel=True),
+    NamedImpactor("ice ball", "ice of 917 kg/m³ (handbook)", None, note=_HAIL),
+    NamedImpactor(
+        "hail 25 mm", "IEC 61215: ice balls of 25 mm and 7.53 g (th4.ilovetranslation.com)",
+        7.53e-3, tip_radius=12.5e-3, note=f"its speed is not in the source; {_HAIL}",
+    ),
+    NamedImpactor(
+        "hail 45 mm", "EN 12975: 45 mm at 30.7 m/s (energyprofessionalsymposium.com); its mass is"
+        " that of ice of 917 kg/m³", ICE_DENSITY * pi / 6 * 0.045**3, 30.7, 22.5e-3, note=_HAIL,
+    ),
+    NamedImpactor(
+        "child headform", _HEADFORMS + "3.5 kg, 35 km/h at 50° to the horizontal (OICA, headform"
+        " tests data, GRSP informal group, January 2006)", 3.5, 35 / 3.6,
+        note="the stiffness of its skin and its size are not in the source: give a contact law",
+    ),
+    NamedImpactor(
+        "adult headform", _HEADFORMS + "4.5 kg (TRL report PPR052)", 4.5,
+        note="its speed, size and stiffness are not in the source: give a contact law",
+    ),
+)  # fmt: skip
+#: Name -> what is known of the impactor.
+IMPACTORS = {one.name: one for one in _IMPACTOR_LIST}
+
+
+@checks.within_range
+def named_impactor(
+    name: str, velocity: float | None = None, *, diameter: float | None = None
+) -> RigidMass | Sphere:
+    """An impactor by name: a RigidMass, or for the steel ball a Sphere.
+
+    Parameters
+    ----------
+    name : str
+        "IK01" to "IK11" (hammers of IEC 60068-2-75), "EN 12600 class 1" to "3" (twin-tyre
+        pendulum), "child headform", "adult headform", "golf ball", "tennis ball", "steel ball",
+        "ice ball", "hail 25 mm", "hail 45 mm". `antiosc.IMPACTORS[name]`
+        has its numbers, their source, and what is not known.
+    velocity : float, optional
+        [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls need it.
+    diameter : float
+        [m], of the steel ball and the ice ball.
+
+    Raises
+    ------
+    InputError
+        An unknown name; a ball without velocity or diameter.
+    """
+    known = IMPACTORS[checks.choice("name", name, tuple(IMPACTORS))]
+    if velocity is None:
+        if known.speed is None:
+            raise InputError(f"a {name} has no velocity of its own: give velocity=… in m/s.")
+        velocity = known.speed
+    if known.mass is None:
+        if diameter is None:
+            raise InputError(f"a {name} has no size of its own: give diameter=… in m.")
+        radius = checks.positive("diameter", diameter, "m") / 2
+        if known.steel:
+            return Sphere(radius, **STEEL, rho=STEEL_DENSITY, velocity=velocity)
+        return RigidMass(ICE_DENSITY * 4 / 3 * pi * radius**3, velocity, tip_radius=radius)
+    if diameter is not None:
+        raise InputError(f"diameter is for the steel ball and the ice ball; got it for {name}.")
+    constants = STEEL if known.steel else {}
+    return RigidMass(known.mass, velocity, tip_radius=known.tip_radius, **constants)
+
+
+#: cosine of the angle beyond which two directions are not taken as one
+PARALLEL = 0.999
+#: the largest principal moment over the sum of the others, in figures that are rounded
+MOMENT_ROUNDING = 1.01
+#: share of a body's momentum in its elastic modes from which supports hold it
+SUPPORTED_SHARE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody(FieldsRepr):
+    """A rigid body with several sites; it moves in space, its rotations are small.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    inertia : array_like, shape (3,) or (3, 3)
+        Principal moments about the axes, or the inertia tensor, about the centre [kg m^2].
+    sites : mapping
+        Name -> (point, direction): place (3,) [m] and the direction (3,) in which the contact
+        pushes the body there.
+    centre : array_like, shape (3,)
+        Centre of mass [m].
+
+    Raises
+    ------
+    InputError
+        For a mass that is not > 0 and an inertia that is not positive definite, or that no body
+        has.
+    """
+
+    mass: float
+    inertia: Array
+    sites: Mapping[str, tuple[ArrayLike, ArrayLike]]
+    centre: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", checks.positive("mass", self.mass, "kg"))
+        tensor = checks.array("inertia", self.inertia, None)
+        tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
+        tensor = checks.array("inertia", tensor, (3, 3))
+        size = np.abs(tensor).max()
+        if np.abs(tensor - tensor.T).max() > 1e-9 * size or np.linalg.eigvalsh(tensor).min() <= 0:
+            raise InputError(
+                "inertia must be symmetric and positive definite [kg m^2]: three moments > 0 or"
+                " their tensor."
+            )
+        moments = np.linalg.eigvalsh(tensor)
+        if moments[2] > MOMENT_ROUNDING * (moments[0] + moments[1]):
+            raise InputError(
+                f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
+                f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
+            )
+        object.__setattr__(self, "inertia", tensor)
+        object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
+        sites = {}
+        checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
+        for name, site in self.sites.items():
+            checks.name("the name of a site", name)
+            if not isinstance(site, tuple | list) or len(site) != 2:
+                raise InputError(
+                    f"site {name!r} must be (point, direction); got {checks.shown(site)}."
+                )
+            at = checks.array(f"point of site {name!r}", site[0], (3,))
+            along = checks.array(f"direction of site {name!r}", site[1], (3,))
+            sites[str(name)] = (at, unit_vectors(f"direction of site {name!r}", along[None])[0])
+        object.__setattr__(self, "sites", sites)
+
+
+@dataclass(eq=False)
+class SceneBody:
+    """A body as a scene sees it: its free modes, and how it begins.
+
+    Attributes
+    ----------
+    body : as it was given.
+    modes : its form in free modes.
+    start : (J,) modal velocities; initial_displacements : (J,) modal
+        displacements, default 0.
+    gap : distance [m] that the body brings with it.
+    local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
+    patch_radius : radius [m] of the patch of its one site, if it has one.
+    pushes : direction (3,) in which the contact pushes each site, where known.
+    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
+        contacts give it.
+    first_order_start : states (2, I) of first-order modes at the start; None: those of the
+        displacements and velocities with relaxed branches.
+    """
+
+    name: str
+    body: object
+    modes: ModalBody | SiteModes
+    start: Array
+    initial_displacements: Array = None  # type: ignore[assignment]
+    gap: float = 0.0
+    local_compliance: Mapping[str, float] = field(default_factory=dict)
+    patch_radius: float | None = None
+    pushes: dict[str, Array] = field(default_factory=dict)
+    axes: dict[str, Array] = field(default_factory=dict)
+    first_order_start: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.initial_displacements is None:
+            self.initial_displacements = np.zeros(self.omega.size)
+        if self.directions is not None and not self.pushes:
+            self.pushes = {site: self.directions[own[0]] for site, own in self.sites.items()}
+
+    @property
+    def omega(self) -> Array:
+        """Frequencies (J,) of its modes [rad/s]."""
+        return self.modes.omega
+
+    @property
+    def decay(self) -> Array:
+        """Decay constants (J,) [1/s]."""
+        return np.zeros(self.omega.size) if self.modes.decay is None else self.modes.decay
+
+    @property
+    def B(self) -> Array:
+        """Displacements (J, P) of all columns."""
+        return self.modes.B
+
+    @property
+    def r(self) -> Array:
+        """Residual compliance (P, P) of all columns."""
+        return self.modes.R
+
+    @property
+    def sites(self) -> dict[str, tuple[int, ...]]:
+        """The columns of each site."""
+        return self.modes.columns
+
+    @property
+    def directions(self) -> Array | None:
+        """Unit vectors (P, 3) of the columns, where known."""
+        return self.modes.axes
+
+    @property
+    def inertia(self) -> Inertia | None:
+        """Momentum of the modes, where known."""
+        return self.modes.inertia
+
+    @property
+    def weight(self) -> Array | None:
+        """Modal forces of a unit gravity: (J,) along its one coordinate, or (J, 3) along axes."""
+        return self.modes.weight
+
+    def columns_of(self, site: str) -> tuple[int, ...]:
+        """The columns of a site; () of an obstacle."""
+        return () if isinstance(self.body, Obstacle) else self.sites[site]
+
+    def site_directions(self, site: str) -> Array | None:
+        """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
+        if self.directions is not None:
+            return self.directions[list(self.sites[site])]
+        return self.axes[site][None] if site in self.axes else None
+
+    def rotation(self, q: Array) -> Array:
+        """Rotation vectors (n, 3) [rad] of the rigid motion with modal displacements q (n, J)."""
+        if self.inertia is None:
+            raise InputError(f"the model of {self.name!r} does not know how it turns.")
+        return self.inertia.rotation(np.where(self.omega == 0, q, 0.0))
+
+    @property
+    def supported(self) -> bool:
+        """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""
+        return not bool(np.any(self.B[self.omega == 0] != 0))
+
+    @property
+    def grounded(self) -> bool:
+        """Whether it is the ground or its supports hold it, so that motion of the ground acts."""
+        rigid = self.omega == 0
+        if isinstance(self.body, Obstacle) or not rigid.any():
+            return True
+        carried = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
+        if carried is None:
+            return False
+        size = float(np.abs(carried).max(initial=0.0))
+        return bool(np.any(np.abs(carried[~rigid]) > SUPPORTED_SHARE * size))
+
+
+def may_rotate(body: SceneBody | ModalBody | SiteModes) -> bool:
+    """Whether a body may turn, and its inertia in space is known."""
+    return body.inertia is not None and not body.omega.all()
+
+
+def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
+    """First-order modes of all bodies, stacked; None if no body has them."""
+    parts = [
+        (body.omega, body.decay, body.modes.first_order, body.first_order_start) for body in bodies
+    ]
+    return None if all(first is None for _, _, first, _ in parts) else StackedModes(parts)
+
+
+def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
+    """Describe a body of the scene with its start; InputError for a motion that it cannot have."""
+    if isinstance(body, RigidBody):
+        placed = _rigid_body(name, body)
+    elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
+        modes = body if isinstance(body, SiteModes) else body.site_modes()
+        still = np.zeros(modes.omega.size)
+        placed = SceneBody(name, body, modes, still, local_compliance=modes.local_compliance)
+    else:
+        placed = _modal_body(name, body)
+    if motion is not None:
+        if isinstance(body, Obstacle):
+            raise InputError(f"body {name!r} is an obstacle, which does not move.")
+        if isinstance(motion, ModalState):
+            if motion.velocities.size != placed.omega.size:
+                raise InputError(
+                    f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
+                    f" {placed.omega.size}."
+                )
+            placed.initial_displacements, placed.start = motion.displacements, motion.velocities
+            placed.first_order_start = given = motion.first_order
+            first = placed.modes.first_order
+            own = 0 if first is None else first.omega.size
+            if given is not None and given.shape[1] != own:
+                raise InputError(
+                    f"the ModalState of {name!r} has {given.shape[1]} first-order modes, the body"
+                    f" {own}."
+                )
+        else:
+            placed.start = _initial_velocities(placed, motion)
+    return placed
+
+
+def _modal_body(name: str, body: object) -> SceneBody:
+    asked = checked_body(f"body {name!r}", body)
+    modes, velocity = asked.modal(), asked.velocity
+    own = isinstance(body, Impactor)
+    if own and not isinstance(velocity, Motion):
+        velocity = -float(velocity) if modes.direction is not None else float(velocity)
+    return single_site_body(name, body, asked, modes, modes.rigid_motion(velocity))
+
+
+def single_site_body(
+    name: str, body: object, asked: Body, modes: ModalBody, start: Array
+) -> SceneBody:
+    """Describe a body of one contact point, with its modal start velocities (J,)."""
+    local = {"": asked.local_compliance}
+    return SceneBody(
+        name, body, modes, start,
+        gap=asked.gap, local_compliance=local, patch_radius=asked.patch_radius,
+    )  # fmt: skip
+
+
+def _rigid_body(name: str, body: RigidBody) -> SceneBody:
+    moments, axes = np.linalg.eigh(body.inertia)
+    columns: list[Array] = []
+    sites: dict[str, tuple[int, ...]] = {}
+    pushes: dict[str, Array] = {}
+    for i, (site, (point, push)) in enumerate(body.sites.items()):
+        arm = np.asarray(point) - body.centre
+        turn = np.cross(axes.T, arm) / np.sqrt(moments)[:, None]  # (3 rotations, 3 directions)
+        columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), turn)))
+        sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
+        pushes[site] = np.asarray(push)
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3], matrix[3:, 3:] = body.mass * np.eye(3), body.inertia
+    momentum = np.zeros((6, 6))
+    momentum[:3, :3] = np.sqrt(body.mass) * np.eye(3)
+    momentum[3:, 3:] = (axes * np.sqrt(moments)).T
+    modes = SiteModes(
+        omega=np.zeros(6),
+        b=np.concatenate([np.zeros((6, 0)), *columns], axis=1),
+        sites=sites,
+        directions=np.tile(np.eye(3), (len(sites), 1)),
+        inertia=Inertia(body.centre, matrix, momentum),
+    )
+    return SceneBody(name, body, modes, np.zeros(6), pushes=pushes)
+
+
+def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
+    """Modal start velocities (J,) of a body that moves without strain."""
+    if not isinstance(motion, Motion):
+        along = placed.directions is None or placed.inertia is None  # the speed along it
+        if not along or placed.B.shape[1] != 1:
+            raise InputError(
+                f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
+                f" spin=(...)), not as the number {motion!r}."
+            )
+        motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
+    return placed.modes.rigid_motion(motion)

@@ -1,0 +1,359 @@
+"""Energies along a run: what bodies and contacts hold, lose and are given, and their balance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.texts import ReprMixin
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw, State
+from antiosc.engine.contact.base import Compiled, is_compiled
+from antiosc.engine.march import Run
+from antiosc.engine.system import Kept
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.states import blocks, contact_intervals, node_states, run_slice, starts
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Energy(ReprMixin):
+    """Energies [J] at the nodes of a history, each (n,), and how well they balance.
+
+    Attributes
+    ----------
+    kinetic, strain : of both bodies.
+    contact : recoverable energy of the contact.
+    dissipated : energy lost in the contact law and in the damping of the bodies up to this time.
+    gravity : work of gravity up to this time.
+    drift : largest |kinetic + strain + contact + dissipated - gravity - start|, relative to the
+        largest sum of kinetic, strain and contact energy.
+    """
+
+    kinetic: Array
+    strain: Array
+    contact: Array
+    dissipated: Array
+    gravity: Array
+
+    @property
+    def total(self) -> Array:
+        """The energy balance, constant in exact arithmetic."""
+        return self.kinetic + self.strain + self.contact + self.dissipated - self.gravity
+
+    @property
+    def drift(self) -> float:
+        total = self.total
+        scale = float(np.max(self.kinetic + self.strain + self.contact))
+        return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
+
+
+def replay(
+    law: ContactLaw,
+    force: Array,
+    depth: Array,
+    spans: Iterable[tuple[int, int]],
+    speeds: Iterable[float],
+    kept: Kept | None = None,
+) -> tuple[Array, Array, Array]:
+    """Energy that a contact can give back, its plastic loss up to each node [J], its damping force.
+
+    Three arrays (n,). force, depth : (n,) at the nodes. spans, speeds : first and last node of each
+    contact, and its closing speed [m/s]. kept : what goes on from a run before.
+    """
+    stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
+    state: State | None = None if kept is None else kept.state
+    goes_on = kept is not None and kept.closed
+    for (a, b), speed in zip(spans, speeds, strict=False):
+        if state is None or not goes_on:
+            state = law.touch(speed, state)
+        goes_on = False
+        span = slice(a, b + 1)
+        if is_compiled(law):
+            if law.has_memory:
+                stored[span], lost, state = _replay_memory(law, depth[span], state)
+                plastic[span] += lost
+            else:  # the state lasts as long as the contact
+                stored[span] = law.energies(depth[span], state)
+            if law.rate_dependent:
+                damping[span] = force[span] - law.forces_at_rest(depth[span], state)
+            if b < depth.size - 1:
+                stored[b] = damping[b] = 0.0
+            continue
+        before = law.lost(state)
+        for n in range(a, b + 1):
+            delta = float(depth[n])
+            if n > a:
+                state = law.advance(delta, 0.0, state)
+            if law.rate_dependent:
+                damping[n] = float(force[n]) - law.force(delta, 0.0, state)
+            stored[n] = law.energy(delta, state)
+            plastic[n] += law.lost(state) - before
+            before = law.lost(state)
+        if b < depth.size - 1:
+            stored[b] = damping[b] = 0.0
+    return stored, np.cumsum(plastic), damping
+
+
+def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
+    """Stored energy (n,) of one contact of a law with memory, what each node loses, and its end.
+
+    The state changes where the indentation exceeds its turning point and all before it, and is
+    there the same whatever the nodes in between.
+    """
+    before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
+    deeper = np.append(False, depth[1:] > before)
+    stored, lost = law.energies(depth, state), np.zeros(depth.size)
+    at = np.flatnonzero(deeper)
+    if not at.size:
+        return stored, lost, state
+    states = [law.advance(delta, 0.0, state) for delta in depth[at].tolist()]
+    lost[at] = np.diff([state[2], *(one[2] for one in states)])
+    returns = np.flatnonzero(np.diff(at, append=depth.size) > 1)
+    for k in returns.tolist():
+        back = slice(at[k] + 1, at[k + 1] if k + 1 < at.size else None)
+        stored[back] = law.energies(depth[back], states[k])
+    return stored, lost, states[-1]
+
+
+def path_work(force: Array, displacement: Array) -> Array:
+    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    w0, w1, w2 = displacement[:-2:2], displacement[1:-1:2], displacement[2::2]
+    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
+    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
+
+    def until(u: float) -> Array:
+        return np.asarray(
+            f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
+        )
+
+    whole = until(1.0)
+    total = np.zeros_like(displacement)
+    total[2::2] = np.cumsum(whole, axis=0)
+    total[1::2] = total[:-1:2] + until(0.5)
+    return total
+
+
+def impulses(time: Array, force: Array) -> Array:
+    """Integrals (n - 1, m) from node to node of forces (n, m) that are parabolas over steps."""
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    span, found = np.diff(time)[:, None], np.empty((time.size - 1, force.shape[1]))
+    found[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
+    found[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
+    return found
+
+
+GAIN = 1e-3  # of the highest energy: a scene that gains more says so
+BALANCED_NODES = 5000  # nodes up to which the balance of several contacts is always made
+SHORT_PHASE = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
+
+
+def energy_balance(assembly: Assembly, run: Run) -> Energy:
+    """Energies at the nodes."""
+    a = assembly
+    stored, lost = contact_energies(a, run)
+    kinetic, modal = np.empty(run.time.size), np.empty(run.time.size)
+    work, braked = np.zeros(run.time.size - 1), np.zeros(run.time.size - 1)
+    for first, last in blocks(run, a.system.omega.size):
+        q, v = node_states(run, a.system, first, last)
+        nodes, between = slice(2 * first, 2 * last + 1), slice(2 * first, 2 * last)
+        kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
+        modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
+        modal[nodes] += a.system.stretch_energy(q)
+        part = run_slice(run, first, last)
+        if np.any(a.system.loads):
+            work[between] = _work(a, part, q, v)
+        if a.system.first is not None:
+            pushed = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
+            held = np.diff(kinetic[nodes] + modal[nodes])
+            braked[between] = work[between] - pushed - held
+        elif a.system.damped:
+            braked[between] = _damping_losses(a, part, q, v)
+    acting = a.pushes(run.time)
+    felt = acting - run.force @ a.G
+    residual = felt @ a.r
+    work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)
+    if a.scene.loads:
+        work = work + path_work(acting, residual).sum(axis=1)
+    return Energy(
+        kinetic=kinetic,
+        strain=modal + 0.5 * np.sum(felt * residual, axis=1),
+        contact=stored,
+        dissipated=lost + braked,
+        gravity=work,
+    )
+
+
+def energy_gain(a: Assembly, run: Run) -> float:
+    """Largest spurious gain of energy over the run, relative to the highest energy.
+
+    The balance is costly: it is made only where the march reports a doubtful run, and for several
+    contacts up to BALANCED_NODES nodes. A user's law need not know its energy.
+    """
+    system = a.system
+    if not all(map(is_compiled, system.laws)):
+        return 0.0
+    doubted = run.gained > 0.1 * GAIN * run.highest
+    if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
+        return 0.0
+    if system.damped or (a.scene.loads and a.r.any()):
+        energy = energy_balance(a, run)
+        held, total = energy.kinetic + energy.strain + energy.contact, energy.total
+    else:  # nothing between the ends of the steps is needed
+        force, mechanical = run.force[::2], np.empty(run.time.size // 2 + 1)
+        work = np.zeros(mechanical.size - 1)
+        for first, last in blocks(run, system.omega.size):
+            q, v = starts(run, system, np.arange(first, last + 1))
+            here = mechanical[first : last + 1]
+            here[...] = library.energies(np.stack([q, v], axis=1), system.omega)
+            here += system.stretch_energy(q)
+            if system.loads.any():
+                work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, here)
+        held = mechanical.copy()
+        if system.R.any():
+            held += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
+        stored, lost = contact_energies(a, run)
+        held += stored[::2]
+        total = held + lost[::2]
+        if system.loads.any():
+            total[1:] -= np.cumsum(work)
+    highest = float(held.max())
+    return float(total.max() - total[0]) / highest if highest > 0 else 0.0
+
+
+def _work_and_losses(
+    a: Assembly, run: Run, mechanical: Array, work: Array, lost: Array
+) -> tuple[Array, Array]:
+    """Work (n,) of all modal loads since the start, and what the damping took.
+
+    `work`, `lost` (n - 1,) from node to node. In flight the motion is exact and the steps are long:
+    there both follow from the balance.
+    """
+    if not (np.any(work) or a.system.damped):
+        return np.zeros(run.time.size), np.zeros(run.time.size)
+    damped = a.system.damped
+    pressed = np.any(run.force != 0.0, axis=1)  # a body that stretches is never in flight
+    still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
+    flight = np.repeat(still, 2)
+    change = np.diff(mechanical)
+    if damped:
+        lost = np.where(flight, work - change, lost)
+    else:
+        work = np.where(flight, change, work)
+    return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
+
+
+def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
+    """What the damping of the modes takes from node to node, (n - 1,), however long the steps.
+
+    The work of a modal force that is a parabola in time, less the gain of the mode: by parts it
+    needs the integrals of q and t q, which the equation of motion gives. They cancel for short
+    steps, for which the trapezoidal rule serves.
+    """
+    system, step = a.system, np.diff(run.time)[:, None]
+    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
+    h = step[::2] + step[1::2]
+    h = np.where(h > 0, h, 1.0)
+    slopes, bends = np.empty((2, step.size, run.force.shape[1]))
+    slopes[::2], slopes[1::2] = (4 * f1 - 3 * f0 - f2) / h, (f2 - f0) / h
+    bends[::2] = bends[1::2] = 4 * (f0 - 2 * f1 + f2) / h**2
+    load = a.load(run.time)
+    slope = np.diff(load, axis=0) / np.where(step > 0, step, 1.0) - slopes @ system.beta
+    bend = -bends @ system.beta
+    start = load[:-1] - run.force[:-1] @ system.beta
+    end = start + step * (slope + step * bend / 2)
+    x = np.where(system.omega > 0, system.omega, 1.0) ** 2
+    moved, sped = np.diff(q, axis=0), np.diff(v, axis=0)
+    given = step * (start + step * (slope / 2 + step * bend / 6))
+    area = (given - sped - 2 * system.decay * moved) / x
+    first = step**2 * (start / 2 + step * (slope / 3 + step * bend / 8))
+    first = (first - step * v[1:] + moved - 2 * system.decay * (step * q[1:] - area)) / x
+    energy = 0.5 * (v**2 + (system.omega * q) ** 2)
+    work = end * q[1:] - start * q[:-1] - slope * area - bend * first
+    power = 2 * system.decay * v**2
+    short = system.omega * step < SHORT_PHASE
+    lost = np.where(short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
+    return np.asarray(np.sum(np.where(system.decay > 0, lost, 0.0), axis=1))
+
+
+def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
+    """Work of the modal loads from node to node, (n - 1,), however long the steps.
+
+    By parts: a load that is linear in time needs the integral of q, which an elastic mode's
+    equation of motion gives.
+    """
+    time, force, system = run.time, run.force, a.system
+    span = np.diff(time)[:, None]
+    load = a.load(time)
+    if system.first is not None:
+        return np.asarray(np.diff(path_work(load, q), axis=0).sum(axis=1))
+    given = span * 0.5 * (load[1:] + load[:-1]) - impulses(time, force) @ system.beta
+    change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
+    elastic = system.omega > 0
+    area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
+    slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
+    work = np.diff(load * q, axis=0) - slope * area
+    return np.asarray(np.where(elastic, work, np.diff(path_work(load, q), axis=0)).sum(axis=1))
+
+
+def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) -> Array:
+    """Work (n - 1,) of the modal loads over each step, without damping, from its ends alone.
+
+    By parts as in `_work`; the integral of a rigid motion is that of its acceleration, a parabola.
+    """
+    system = a.system
+    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
+    time = run.time[::2]
+    h = np.diff(time)[:, None]
+    load = a.load(time)
+    work = np.diff(load * q, axis=0)
+    if len(system.breaks) > 1:  # loads that change in time
+        rise = np.diff(load, axis=0)
+        impulse = h / 6 * (f0 + 4 * f1 + f2)
+        elastic = system.omega > 0
+        given = h * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
+        area = (given - np.diff(v, axis=0)) / np.where(elastic, system.omega, 1.0) ** 2
+        start = load[:-1] - f0 @ system.beta
+        slope = rise - (4 * f1 - 3 * f0 - f2) @ system.beta
+        bend = -4 * (f0 - 2 * f1 + f2) @ system.beta
+        carried = q[:-1] + h / 2 * (v[:-1] + h / 3 * (start + slope / 4 + bend / 20))
+        work -= rise * np.where(elastic, area / np.where(h > 0, h, 1.0), carried)
+    flight = ~np.any((f0 != 0.0) | (f1 != 0.0) | (f2 != 0.0), axis=1)  # exact and long
+    return np.where(flight, np.diff(mechanical), work.sum(axis=1))
+
+
+def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
+    """Recoverable energy of all contacts, and their losses, at the nodes."""
+    stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
+    system = a.system
+    for c, law in enumerate(a.laws):
+        if not (law.has_memory or law.rate_dependent):
+            stored += np.where(run.force[:, c], law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
+            continue
+        force, depth = run.force[:, c], run.depth[:, c]
+        closed, _ = contact_intervals(run, system, c)
+        nodes = [
+            (
+                int(np.searchsorted(run.time, start)),
+                int(np.searchsorted(run.time, end, side="right")) - 1,
+            )
+            for start, end in zip(closed["start"], closed["end"], strict=True)
+        ]
+        kept = None if system.kept is None else system.kept[c]
+        speeds = closed["speed"].tolist()
+        each, plastic, damping = replay(law, force, depth, nodes, speeds, kept)
+        stored += each
+        lost += plastic
+        if law.rate_dependent:
+            lost += path_work(damping[:, None], depth[:, None])[:, 0]
+    for c, (first, count) in enumerate(system.tangents.tolist()):
+        for i in range(first, first + count):
+            T, displacement = run.force[:, i], run.depth[:, i]
+            spring = 0.5 * T**2 / system.slip[c, 1]
+            work = path_work(T[:, None], displacement[:, None])[:, 0]
+            stored += spring
+            lost += work - spring
+    return stored, lost

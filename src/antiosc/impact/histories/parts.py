@@ -1,0 +1,445 @@
+"""What a history consists of: one contact, one body, and the bars of an impact's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from ctypes import byref
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import isnan
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin, engineering, percent
+from antiosc.engine import library
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.dent import Dent, dent_of
+from antiosc.engine.march import Run
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.bodies import SceneBody
+from antiosc.impact.histories.energy import impulses
+from antiosc.impact.scene_parts import find_site, site_row
+from antiosc.impact.states import contact_intervals, record_of, starts, with_flight_nodes
+from antiosc.models.stretch import Stretch
+
+#: Quantities of an impact that have bars, and their units.
+QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
+#: What a cause adds that does not apply.
+NO_ERROR = dict.fromkeys(QUANTITIES, 0.0)
+#: Causes of error, in the order in which they are told.
+CAUSES = (
+    "mesh",
+    "truncation",
+    "time",
+    "patch",
+    "geometry",
+    "noise",
+    "band",
+    "model",
+    "stretch",
+    "law",
+)
+#: Those that no finer model or run changes.
+ASSUMED = ("model", "law")
+#: Those that are told only of models that were measured, and of parts that stretch.
+RARE = ("noise", "band", "stretch")
+
+
+@dataclass(frozen=True)
+class ErrorBar:
+    """The bar of one quantity: bounds on its relative errors, by cause.
+
+    Attributes
+    ----------
+    value : of the quantity, SI units.
+    mesh : of the displacements that the mesh cannot represent.
+    truncation : of the anti-oscillators that the model leaves out.
+    time : of the time integration.
+    patch : of the radius of the site's patch.
+    geometry : of flat faces that stand for a curved surface.
+    noise, band : of a measured model, of the noise and of the modes above the measured band.
+    model : of the element family, such as a beam in place of a solid bar.
+    law : of the contact's law and of what it follows from; None: not known.
+    stretch : of the second-order forces of the modes that were left out, where a part stretches.
+    """
+
+    value: float
+    mesh: float
+    truncation: float
+    time: float
+    patch: float
+    geometry: float = 0.0
+    noise: float = 0.0
+    band: float = 0.0
+    model: float = 0.0
+    law: float | None = 0.0
+    stretch: float = 0.0
+
+    @property
+    def numerical(self) -> float:
+        """Sum of all causes but model and law, which no finer mesh changes."""
+        return sum(getattr(self, cause) for cause in CAUSES if cause not in ASSUMED)
+
+    @property
+    def without_law(self) -> float:
+        """Sum of all causes but the law."""
+        return self.numerical + self.model
+
+    @property
+    def total(self) -> float | None:
+        """Sum of all causes; None where the error of the contact's law is not known."""
+        return None if self.law is None else self.without_law + self.law
+
+
+@dataclass(frozen=True)
+class ErrorBudget(Mapping[str, ErrorBar]):
+    """The bars of "peak_force", "impulse" and "contact_time".
+
+    Attributes
+    ----------
+    bars : quantity -> ErrorBar.
+    energy_error : share of the errors of strains in the strain energy, mean over the contact.
+    notes : what the bars do not include, and what makes them doubtful.
+    safety : factor of the mesh's bars over the differences to the corrected model.
+    law : why the error of the contact's law is not in the bars; "" where it is.
+    unknown : the causes that were not estimated, with 0 in the bars.
+    """
+
+    bars: Mapping[str, ErrorBar]
+    energy_error: float
+    notes: tuple[str, ...] = ()
+    safety: float = 2.0
+    law: str = ""
+    unknown: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> ErrorBar:
+        return self.bars[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.bars)
+
+    def __len__(self) -> int:
+        return len(self.bars)
+
+    def of_corrected(self, hit: object) -> ErrorBudget:
+        """The bars of `hit`, the same impact on the corrected model, for a `safety` of 2 or more.
+
+        With the difference d of both, an error of the raw model of at most S d is one of at most
+        (S - 1) d of the corrected one: it is nearer by d, or beyond the truth by less than d.
+        """
+        nearer = 1 - 1 / self.safety
+        bars = {
+            name: replace(bar, value=getattr(hit, name), mesh=nearer * bar.mesh)
+            for name, bar in self.bars.items()
+        }
+        return replace(self, bars=bars)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """The errors to print; noise, band and stretch only where they are, the law if known."""
+        bars, without = self.bars.values(), (*self.unknown, *(("law",) if self.law else ()))
+        known = (c for c in CAUSES if c not in without)
+        return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
+
+    @property
+    def worst(self) -> float | None:
+        """Largest total of the three quantities; None where the law's error is not known."""
+        totals = [bar.total for bar in self.bars.values()]
+        return None if None in totals else max(filter(None, totals), default=0.0)
+
+    @property
+    def without_law(self) -> float:
+        """Largest of the three without the share of the law."""
+        return max(bar.without_law for bar in self.bars.values())
+
+    @property
+    def numerical(self) -> float:
+        """Largest of the three without the shares of model and law."""
+        return max(bar.numerical for bar in self.bars.values())
+
+    def shown(self, name: str, digits: int = 4) -> str:
+        """A quantity with its bar; "numerical" where the bar leaves the law out."""
+        bar = self.bars[name]
+        value = engineering(bar.value, QUANTITIES[name], digits)
+        if self.law or bar.total is None:
+            return f"{value}, numerical ± {percent(bar.without_law)}"
+        return f"{value} ± {percent(bar.total)}"
+
+    def __str__(self) -> str:
+        lines = []
+        for name, bar in self.bars.items():
+            causes = ", ".join(f"{c} {percent(getattr(bar, c))}" for c in self.causes)
+            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {causes}")
+        return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
+
+
+#: Each error is at least this share of the largest of the three.
+FLOOR = 0.5
+
+
+def differences(one: object, other: object) -> dict[str, float]:
+    """Relative differences of the three quantities."""
+    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
+
+
+def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors of the three quantities, each at least `FLOOR` times the largest."""
+    worst = max(errors.values())
+    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
+
+
+def _relative(a: float, b: float) -> float:
+    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run of a scene, shared by a history and its contacts.
+
+    `flights`: flights have closely spaced nodes too.
+    """
+
+    assembly: Assembly
+    run: Run
+    flights: bool
+
+    @cached_property
+    def nodes(self) -> Run:
+        """The run at the nodes of the history."""
+        if not self.flights:
+            return self.run
+        return with_flight_nodes(self.run, self.assembly.system)
+
+
+class OneContact:
+    """Force and results of one contact, for `ContactHistory` and a history of one contact.
+
+    `_record` has the run; `_row` is the row of the contact among all.
+    """
+
+    _record: Record
+    _row: int
+
+    @property
+    def time(self) -> Array:
+        """Nodes (n,) [s]: every other one ends a step, over which the forces are parabolas."""
+        return self._record.nodes.time
+
+    @cached_property
+    def force(self) -> Array:
+        """Contact force [N], >= 0, (n,): parabolas through three nodes of a step each."""
+        # a release is located to a small share of the depth: a spring may pull by as little
+        return np.maximum(self._record.nodes.force[:, self._row], 0.0)
+
+    @property
+    def indentation(self) -> Array:
+        """Indentation w - u - gap [m], (n,); negative: distance."""
+        return self._record.nodes.depth[:, self._row]
+
+    @property
+    def law(self) -> ContactLaw:
+        """The law of the contact, as it was given or chosen; without the compliance of patches."""
+        return self._record.assembly.scene.contacts[self._row].law
+
+    @property
+    def dent(self) -> Dent | None:
+        """The permanent indentation that is left; None of an elastic contact."""
+        return dent_of(self.law, self.deepest)
+
+    @property
+    def deepest(self) -> float:
+        """Largest indentation [m], with that of the patches that the law leaves to the bodies."""
+        own = self._record.assembly.laws[self._row]
+        kept = own.compliance if self.law.compliance == 0.0 else 0.0
+        return float(max(self.indentation.max(), 0.0)) + kept * self.peak_force
+
+    @property
+    def contacts(self) -> list[tuple[float, float]]:
+        """(start, end) [s] of every contact, in order."""
+        touches = self._touches[0]
+        return list(zip(touches["start"].tolist(), touches["end"].tolist(), strict=True))
+
+    @property
+    def peak_force(self) -> float:
+        """Largest contact force [N] of all blows, also between the nodes."""
+        return float(self._numbers.peak)
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the contact force [N s] over the whole run: of all blows."""
+        return float(self._numbers.impulse)
+
+    @property
+    def contact_time(self) -> float:
+        """Time from the first touch to the last release of the main impact [s]; 0 without contact.
+
+        Successive contacts belong to one impact if the flight between them is shorter than the
+        impact up to then. The main impact is the one with the largest impulse. A contact that goes
+        on at the end of the run counts up to there (status 3).
+        """
+        return float(self._numbers.contact_time)
+
+    @property
+    def restitution(self) -> float | None:
+        """Newton's coefficient of restitution of the rigid-body motions.
+
+        The speed of separation at the contact point after the last release, divided by the speed of
+        approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
+        supported structure has no rigid-body motion at its site; the coefficient is then the
+        rebound speed of the impactor over its speed of approach. Negative: after the last release
+        these motions still approach, and the bodies will touch again; lengthen the duration. None
+        without a contact, if the bodies are in contact at the end, or if they did not approach.
+        """
+        found = float(self._numbers.restitution)
+        return None if isnan(found) else found
+
+    @cached_property
+    def cumulative_impulse(self) -> Array:
+        """Time integral of the force from the start up to each node [N s], (n,)."""
+        areas = impulses(self.time, self._record.nodes.force[:, [self._row]])
+        return np.append(0.0, np.cumsum(areas))
+
+    # -- inside
+
+    @cached_property
+    def _touches(self) -> tuple[NDArray[np.void], bool]:
+        return contact_intervals(self._record.run, self._record.assembly.system, self._row)
+
+    @cached_property
+    def _numbers(self) -> library.Numbers:
+        """The numbers of the contact, and those of each touch."""
+        run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
+        record, held = record_of(run)
+        system, (m, size) = a.system, a.system.beta.shape
+        lost = (~system.undamped).astype(float)  # of a mode it counts alone whether it is damped
+        arrays = [
+            np.ascontiguousarray(each) for each in (system.omega, lost, system.beta, system.loads)
+        ]
+        *modes, loads = map(library.address, arrays)
+        bodies = library.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)
+        if run.states is not None and run.every == 1 and system.first is None:
+            held.append(np.ascontiguousarray(run.states))
+            velocities, stride = library.address(held[-1]) + 8 * size, 2 * size
+        else:
+            steps = np.column_stack([found["first"], found["last"]]).ravel()
+            held.append(starts(run, system, steps)[1])
+            velocities, stride = library.address(held[-1]), 0
+        given = self._row, goes_on, found.size, library.address(found), velocities, stride
+        return library.library.aom_read_contact(byref(bodies), byref(record), *given)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactHistory(OneContact, ReprMixin):
+    """One contact of a history: its force at the nodes, and the numbers of its impacts.
+
+    Attributes
+    ----------
+    ends : the names of its ends.
+    """
+
+    ends: tuple[str, str]
+    _record: Record
+    _row: int
+
+    @property
+    def friction(self) -> Array:
+        """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
+        first, count = self._record.assembly.system.tangents[self._row]
+        return self._record.nodes.force[:, first : first + count]
+
+    def pulses(self) -> tuple[Array, Array]:
+        """Nodes [s] and forces [N] of the contacts, one after the other."""
+        run = self._record.run
+        nodes = [np.zeros(0, dtype=int)]
+        steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
+        nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
+        at = np.concatenate(nodes)
+        return run.time[at], np.maximum(run.force[at, self._row], 0.0)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        return [
+            ("ends", " - ".join(self.ends)),
+            ("peak force", f"{self.peak_force:.6g} N, impulse {self.impulse:.6g} N s"),
+            ("contact", f"{self.contact_time:.4g} s in {len(self.contacts)} contact(s)"),
+        ]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyHistory(ReprMixin):
+    """One body of a scene, at the times of the history.
+
+    Attributes
+    ----------
+    time : (n,) [s].
+    q, v, a : (n, J) modal displacements, velocities and accelerations.
+    forces : (n, P) on the columns of its sites, along their directions [N].
+    springs : (n, J) modal displacements of the spring of each Maxwell branch of its damping.
+    kinetic, strain : (n,) energies [J].
+    stretched : the second-order forces that took part in its motion; None: it is linear.
+    """
+
+    placed: SceneBody
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    forces: Array
+    kinetic: Array
+    strain: Array
+    _columns: Array
+    springs: Sequence[Array] = ()
+    stretched: Stretch | None = None
+
+    def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.
+
+        Of a body that supports hold it is that from its equilibrium under gravity: the sag under
+        its own weight is not in it.
+        """
+        return np.asarray(self._columns @ self._row(site, direction))
+
+    def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Velocity (n,) [m/s] of a site, of the part that has inertia."""
+        return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
+
+    def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Acceleration (n,) [m/s^2] of a site relative to the ground, of the part with inertia.
+
+        It may jump where a contact touches or parts.
+        """
+        return np.asarray(self.a @ (self.placed.B @ self._row(site, direction)))
+
+    @property
+    def momentum(self) -> Array:
+        """Momentum [kg m/s]: (n, 3) of a body that moves in space, else (n,) along its axis."""
+        if self.placed.inertia is not None:
+            return np.asarray(self.v @ self.placed.inertia.momentum[:, :3])
+        if self.placed.weight is None:
+            raise InputError(f"the model of {self.placed.name!r} does not know what it carries.")
+        return np.asarray(self.v @ self.placed.weight)
+
+    def angular_momentum(self, about: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+        """Angular momentum (n, 3) [kg m^2/s] about a point of the undeformed scene."""
+        if self.placed.inertia is None:
+            raise InputError(f"the model of {self.placed.name!r} does not know how it turns.")
+        inertia = self.placed.inertia
+        point = checks.array("about", about, (3,))
+        return inertia.moved(self.v @ inertia.momentum, point)[..., 3:]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation vector (n, 3) [rad] of the rigid motion, taken as small."""
+        return self.placed.rotation(self.q)
+
+    def _row(self, site: str, direction: ArrayLike | None) -> Array:
+        checks.instance("site", site, str, "the name of a site")
+        name = self.placed.name
+        _, found = find_site(f"{name}:{site}" if site else name, {name: self.placed})
+        line = None if direction is None else checks.array("direction", direction, (3,))
+        if line is None:
+            line = self.placed.pushes.get(found)
+        return site_row(self.placed, found, line, f"{name}:{found}")

@@ -1,0 +1,86 @@
+"""What is said first of a contact: whether it yields, and what remains."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering
+from antiosc.engine.contact.choice import Choice, elastic_pressure
+from antiosc.engine.contact.laws import ElasticPlastic, Hertz
+from antiosc.impact.auto_contact import chosen
+
+if TYPE_CHECKING:
+    from antiosc.impact.histories.parts import OneContact
+
+#: Speed [m/s] above which none of the yield is told: no contact is quasi-static there.
+FAST = 300.0
+
+
+def choice_at(contact: OneContact) -> Choice | None:
+    """The law that the bodies of a contact need; None where they do not know it."""
+    scene = contact._record.assembly.scene
+    one = scene.contacts[contact._row]
+    ends = [end.partition(":") for end in (one.a, one.b)]
+    try:
+        first, second = (scene.bodies[name] for name, _, _ in ends)
+        return chosen(first, second, (ends[0][2], ends[1][2]))
+    except InputError:
+        return None
+
+
+def yields(contact: OneContact) -> bool:
+    """Whether a contact yields, by its own law or by the one that it needs."""
+    law = contact.law
+    if not isinstance(law, ElasticPlastic):
+        choice = choice_at(contact) if isinstance(law, Hertz) else None
+        law = law if choice is None else choice.law
+    return isinstance(law, ElasticPlastic) and contact.peak_force > law.yield_force
+
+
+def sentence(contact: OneContact) -> str:
+    """Whether the contact yields, and what remains; "" where nothing can be said."""
+    if not contact.peak_force > 0:
+        return ""
+    choice, law = choice_at(contact), contact.law
+    unknown = choice is not None and "yield_strength" in choice.unknown
+    if isinstance(law, ElasticPlastic) and not (unknown and contact.peak_force <= law.yield_force):
+        return _of_law(contact, law)
+    if choice is None or not isinstance(law, Hertz | ElasticPlastic):
+        return ""
+    if isinstance(choice.law, ElasticPlastic) and contact.peak_force > choice.law.yield_force:
+        return (
+            f"The contact yields from {engineering(choice.law.yield_force, 'N')} on, where "
+            'Hertz\'s law ends: contact="auto" goes on beyond.'
+        )
+    if unknown:
+        return "Whether the contact yields is not known: give yield_strength, or material=."
+    return ""
+
+
+def law_text(contact: OneContact) -> str:
+    """The law of a contact, and why it was chosen."""
+    choice, law = choice_at(contact), contact.law
+    name = type(law).__name__
+    if choice is None or choice.law != law:
+        return f"{name}, as given"
+    return f"{name}: {choice.reason}"
+
+
+def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
+    """The sentence of a contact by an elastoplastic law."""
+    pressure = elastic_pressure(law, contact.deepest)
+    strength = engineering(law.yield_strength, "Pa")
+    mass = float(contact._record.assembly.system.mass[contact._row])
+    fastest = law.yield_speed(mass)
+    speed = engineering(fastest, "m/s")
+    share = f"{engineering(pressure, 'Pa')}, {pressure / law.yield_strength:.3g} times the yield"
+    if contact.peak_force <= law.yield_force or contact.dent is None:
+        onset = f"; it yields from {speed} on" if fastest < FAST else ""
+        return f"The contact stays elastic: its pressure is {share} strength {strength}{onset}."
+    e = contact.restitution
+    rebound = "" if e is None else f"; restitution {e:.2f}"
+    return (
+        f"The contact yields: {contact.dent.text}{rebound}. It yields from {speed} on; Hertz's"
+        f" pressure would be {share} strength {strength}."
+    )

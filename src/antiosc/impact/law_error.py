@@ -1,0 +1,145 @@
+"""What the law of a contact may be off by: its share of the bars of an impact.
+
+Each cause is a repetition of the impact by a law that is changed by it: the measured error of the
+law, the range of the yield strength, its growth with the strain rate, hardening, and the curvature
+of the mesh. The largest change of each is taken, and all are added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from math import sqrt
+
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.choice import Choice, choose
+from antiosc.engine.contact.laws import ElasticPlastic
+from antiosc.engine.contact.surfaces import Matter, Surface
+from antiosc.impact.auto_contact import choice_of
+from antiosc.impact.histories import History
+from antiosc.impact.histories.parts import NO_ERROR, differences, with_floor
+from antiosc.models.body import Body
+
+#: The law is the caller's.
+GIVEN = "The contact's law was given: its error is not in these bars."
+#: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
+TABOR = 0.2
+#: Errors of the law grow with the depth: the largest then changes the peak by more than the same
+#: error at all depths, 1.29 times as much at most (benchmarks/elastoplastic/pairs.py).
+GROWS = 1.4
+#: Largest error of a force that is repeated.
+MOST = 0.9
+#: Repeats the impact by another law, to a tolerance.
+ByLaw = Callable[[ContactLaw, float], History]
+
+
+def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float] | None, str]:
+    """Shares of the law in the three quantities, and why it is left out of the bars; runs to `tol`.
+
+    The shares are None where they are not known, and 0 for a law of the caller's own.
+    """
+    if not raw.contacts:
+        return NO_ERROR, ""
+    choice = choice_of(raw.law, raw.model, raw.impactor)
+    if choice is None:
+        return NO_ERROR, GIVEN
+    if choice.unknown:
+        return None, f"The total is not known: {choice.unknown}."
+    total = dict(NO_ERROR)
+    for cause in causes(raw, choice):
+        changed = [differences(raw, by_law(law, tol)) for law in cause]
+        for name in total:
+            total[name] += max((one[name] for one in changed), default=0.0)
+    return with_floor(total), ""
+
+
+def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
+    """The laws that each cause of error changes the law into."""
+    yield list(_by_curvature(raw, choice.law))
+    law, soft = choice.law, choice.soft
+    if not isinstance(law, ElasticPlastic) or soft is None:
+        return
+    if raw.peak_force <= law.yield_force:
+        return
+    yield list(_by_error(law, choice.error, raw))
+    yield [replace(law, elastic_share=share) for share in choice.shares or ()]
+    yield list(_by_strength(law, soft, raw))
+
+
+def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
+    """The laws of surfaces that are as much more or less curved as they may be."""
+    pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]
+    surfaces = [one for one in pair if one is not None]
+    if len(surfaces) < 2 or not any(one.error for one in surfaces):
+        return
+    for sign in (-1.0, 1.0):
+        first, second = (_bent(one, sign * one.error) for one in surfaces)
+        other = choose(first, second).law
+        if type(other) is type(law):
+            yield other
+
+
+def _bent(surface: Surface, change: float) -> Surface:
+    """A surface whose curvatures differ [1/m]; what is flat stays flat."""
+    low, high = (k + change if k else k for k in surface.curvatures)
+    return replace(surface, curvatures=(low, high), error=0.0)
+
+
+def _by_error(law: ElasticPlastic, elliptic: float, raw: History) -> Iterator[ContactLaw]:
+    """The law with forces that are off by its measured error: E and Y scale them."""
+    share = min(GROWS * law.error_at(raw.deepest)[0] + elliptic, MOST)
+    for factor in (1 - share, 1 + share):
+        yield replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
+
+
+def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[ContactLaw]:
+    """The law with the lowest yield strength, and the highest at the strain rate of the run."""
+    for strength in soft.strengths_at(strain_rate(law, raw)):
+        if strength != law.yield_strength:
+            yield replace(law, yield_strength=strength)
+
+
+def strain_rate(law: ElasticPlastic, raw: History) -> float:
+    """Mean strain rate [1/s] of the first contact: Tabor's strain in half of its time."""
+    start, end = raw.contacts[0]
+    return mean_strain_rate(law, raw.deepest, end - start)
+
+
+def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> float:
+    """Strain rate [1/s] of a contact with a largest indentation [m]."""
+    return 2 * TABOR * sqrt(depth / law.radius) / contact_time
+
+
+def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float:
+    """Relative error of a peak force [N] by its law, without another run.
+
+    The measured error of the law and of an ellipse, and what the least and the largest yield
+    strength make of the force at equal work of the contact; 0 where nothing yields.
+    """
+    law, soft = choice.law, choice.soft
+    if not isinstance(law, ElasticPlastic) or soft is None or peak <= law.yield_force:
+        return 0.0
+    depth = _depth(law, "force", peak)
+    work = law.loading_work(depth)
+    changes = [0.0]
+    for strength in soft.strengths_at(mean_strain_rate(law, depth, contact_time)):
+        other = replace(law, yield_strength=strength)
+        changes.append(abs(_force(other, _depth(other, "work", work)) / peak - 1))
+    return law.error_at(depth)[0] + choice.error + max(changes)
+
+
+def _force(law: ElasticPlastic, depth: float) -> float:
+    return law.force(depth, 0.0, law.touch(1.0))
+
+
+def _depth(law: ElasticPlastic, of: str, value: float) -> float:
+    """The indentation [m] at which the force [N] or the work [J] of loading has this value."""
+    from scipy.optimize import brentq
+
+    def beyond(depth: float) -> float:
+        return (_force(law, depth) if of == "force" else law.loading_work(depth)) - value
+
+    high = law.yield_indentation
+    while beyond(high) < 0:
+        high *= 4
+    return float(brentq(beyond, 0.0, high, xtol=1e-9 * high))

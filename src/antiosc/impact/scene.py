@@ -1,0 +1,508 @@
+"""`Scene`, several bodies in contact, and `simulate`, an impact of two linear bodies.
+
+Sign convention: d is the direction in which the contact force F >= 0 acts on the structure. The
+impactor approaches along +d. The displacements u of the site and w of the impactor are both
+measured along d, and
+
+    delta = w - u - gap.
+
+Every velocity given by the user is > 0 if it closes the gap: that of the impactor is w', and the
+`initial_velocity` of the structure is -u'. A structure that moves toward an `Obstacle` has u' < 0
+and is pushed back along +d. Gravity is the acceleration along +d: > 0 presses the impactor on the
+structure, < 0 makes a structure fall on an obstacle. The displacement of a supported structure (k0
+> 0) is measured from its equilibrium under gravity; a structure with a rigid-body mode falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
+from antiosc.base.process import within_memory
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.convergence import Converged, converge
+from antiosc.engine.equilibrium import closed, settle
+from antiosc.engine.stability import checked_step, stepped
+from antiosc.engine.system import Kept
+from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
+from antiosc.impact.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.impact.coarse import coarse_cell
+from antiosc.impact.error_budget import error_budget, warn_low_band
+from antiosc.impact.histories import History, SceneHistory, results
+from antiosc.impact.histories.energy import energy_gain
+from antiosc.impact.histories.parts import ErrorBudget
+from antiosc.impact.histories.results import CheckResult
+from antiosc.impact.reference import (
+    MAX_CONTACTS,
+    MAX_STEPS,
+    Settings,
+    integrate_reference,
+)
+from antiosc.impact.reference_ivp import IVP_METHODS
+from antiosc.impact.scene_parts import SceneParts, direction_notes, misplaced_ends
+from antiosc.impact.stretching import stretched
+from antiosc.impact.truncation import Run, choose_n, truncation_warning
+from antiosc.impact.two_bodies import Impact, assemble_pair
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody, info_of
+from antiosc.models.motion import Motion
+from antiosc.models.stretch import stretch_of
+
+H = TypeVar("H", bound=History)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene(SceneParts):
+    """Bodies in contact; `run` integrates their motion.
+
+    Parameters
+    ----------
+    bodies : mapping
+        Name -> model, `RigidMass`, `Sphere`, `Obstacle`, `Impactor`, `RigidBody` or `SiteModes`.
+    contacts : sequence of Contact
+        At least one.
+    gravity : float or sequence of 3 floats
+        [m/s^2] along the contacts' direction, or a vector.
+    loads : sequence of Load
+        Forces in time.
+    base : Base, optional
+        Motion of the ground.
+    motion : mapping, optional
+        Name -> `Motion` with which a free body starts, the velocity [m/s] along its one
+        coordinate, or its `ModalState`.
+    preload : bool
+        Start from the static equilibrium under gravity, the loads at t = 0 and closed contacts.
+
+    Raises
+    ------
+    InputError
+        For names that do not exist and values outside their range.
+    """
+
+    @within_memory
+    def run(
+        self,
+        duration: float,
+        *,
+        tol: float = 1e-3,
+        method: str = "exact",
+        step: float | None = None,
+        max_contacts: int = MAX_CONTACTS,
+        max_steps: int = MAX_STEPS,
+    ) -> SceneHistory:
+        """Integrate over `duration` [s] to a relative error `tol` of the contact forces.
+
+        Parameters
+        ----------
+        duration : float
+            [s].
+        tol : float
+            Relative error of the forces of each contact in the L2 norm, of its impulse and of its
+            peak. What pushes less than a thousandth of the heaviest contact counts as that much.
+        method : str
+            "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
+            `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states
+            no error. Flights are exact, unless loads or a base act: these are integrated too.
+        step : float, optional
+            Step [s] of one run, whose error is then not known; otherwise steps are refined until
+            `tol` is met. Of `solve_ivp` it is the largest. "exact" halves it where it does not
+            resolve the forces, and stops with a message where the contacts excite the modes at
+            this step.
+        max_contacts, max_steps : int
+            Bounds on the work; a run that meets one stops and says so.
+
+        Returns
+        -------
+        SceneHistory
+
+        Raises
+        ------
+        InputError
+            For a scene that cannot be posed.
+        AccuracyError
+            When a force leaves the range of its law.
+        OutOfMemoryError
+            For a run that does not fit in the free memory.
+
+        Warns
+        -----
+        AccuracyWarning
+            As `simulate`; and where the ends of a contact have known places that do not meet, or
+            known directions that are not one line.
+        """
+        duration = checks.positive("duration", duration, "s")
+        settings = Settings(tol, method, step, max_contacts, max_steps)
+        bodies, motions = list(self.bodies.values()), list(self.motion.values())
+        blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
+        doubts = [*plausible.of_model(*bodies), *plausible.warn_each(blows)]
+        assembly = assemble_scene(self, duration, stretch=True)
+        set_initial_forces(assembly)
+        history, check = integrate(SceneHistory, assembly, duration, settings)
+        for sentence in misplaced_ends(self.contacts, assembly.bodies):
+            history = _told(history, sentence)
+        results.warn_large_rotation(*history.largest_rotation())
+        check.warn()
+        history = with_deflection_warning(history)
+        _warn_truncation(self, history)
+        check_range(history, doubts)
+        return history
+
+
+def integrate(
+    kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
+) -> tuple[H, CheckResult]:
+    """Integrate an assembly; returns the history, and the check result before any warning.
+
+    With bodies that stretch the linear run comes first (`antiosc.impact.stretching`).
+    """
+    linear, check = _integrate(kind, assembly, duration, settings)
+    if not any(stretch_of(body.body) is not None for body in assembly.bodies.values()):
+        return linear, check
+    if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
+        raise InputError(
+            'a body that stretches takes method="exact" without step= and without preload; extract'
+            " it with stretch=False for others."
+        )
+    checked = {id(linear.run): check}
+
+    def again(other: Assembly) -> H:
+        found, own = _integrate(kind, other, duration, settings)
+        checked[id(found.run)] = own
+        return found
+
+    history = stretched(linear, again, settings.tol)
+    return history, checked[id(history.run)]
+
+
+def _integrate(
+    kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
+) -> tuple[H, CheckResult]:
+    """Integrate an assembly as it is."""
+    step, tol, limits = settings.step, settings.tol, settings.limits
+    step = None if step is None else checked_step(step, duration)
+    if settings.method == "exact":
+        found, failure = integrate_exact(assembly, duration, tol, step, *limits)
+    else:
+        found, failure = integrate_reference(assembly, duration, settings), ""
+    run = found.run
+    still_open = results.open_contacts(run, assembly.system)
+    errors = found.force, found.peak, found.certain
+    ended = results.RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
+    check = results.check_result(
+        assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run)
+    )
+    known = step is None and settings.method not in IVP_METHODS
+    error = {"force": found.force, "peak": found.peak} if known else {}
+    apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
+    notes = []
+    if apart:
+        notes = direction_notes(
+            [assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies
+        )
+    message = " ".join([check.message, *notes])
+    return kind(assembly, run, error, check.status, message, given=step), check
+
+
+def with_deflection_warning(history: H) -> H:
+    """Warn of a deflection beyond linear theory and append the sentence to the message."""
+    return _told(history, results.large_deflection_message(history))
+
+
+def _told(history: H, sentence: str) -> H:
+    """Warn of a sentence and append it to the message; nothing of an empty one."""
+    if not sentence:
+        return history
+    warn(sentence, AccuracyWarning)
+    return replace(history, message=f"{history.message} {sentence}")
+
+
+def set_initial_forces(
+    assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None
+) -> None:
+    """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
+
+    Without preload only a load on a site without mass closes a contact at once, or a run before.
+    cut : states of contacts that go on from that run (`Run.kept`), and their forces (p,) [N].
+    """
+    system, laws = assembly.system, assembly.laws
+    system.kept = None if cut is None else cut[0]
+    if assembly.scene.preload:
+        system.q, system.pressed = settle(system, laws)
+    else:
+        system.pressed = closed(system, laws)
+    if cut is not None:
+        goes_on = [one is not None and one.closed for one in cut[0]]
+        system.pressed = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
+    if system.pressed.any():
+        p = len(laws)
+        delta = system.beta[:p] @ system.q - system.offsets[0, :p]
+        delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
+        system.depth = np.maximum(system.depth, delta)
+        if system.kept is not None:  # between two nodes they have gone on
+            rate = system.free_rows(system.q, system.v)[1].tolist()
+            system.kept = [
+                one._replace(state=law.advance(d, v, one.state)) if one and one.closed else one
+                for law, d, v, one in zip(laws, delta.tolist(), rate, system.kept, strict=False)
+            ]
+        each = zip(laws, delta.tolist(), system.begun(), strict=True)
+        system.given = sum(
+            law.energy(d, state) if cut is not None else law.potential(d, state)
+            for law, d, state in each
+        )
+        system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
+
+
+def integrate_exact(
+    assembly: Assembly,
+    duration: float,
+    tol: float,
+    step: float | None,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[Converged, str]:
+    """Run the exact method; returns the run and why a given step [s] failed."""
+    system, laws = assembly.system, assembly.laws
+    if step is None:
+        limits = max_contacts, max_steps
+        return converge(system, assembly.contact_time_estimate, duration, tol, *limits), ""
+
+    def stiffness() -> Array:
+        return np.array(
+            [
+                stiffness_at(law, float(depth), law.touch(float(speed)))
+                for law, depth, speed in zip(laws, system.depth, system.speed, strict=True)
+            ]
+        )
+
+    found, failure = stepped(system, stiffness, duration, step, max_contacts, max_steps)
+    return Converged(found, step, 0.0, 0.0, duration), failure
+
+
+def check_range(history: History, doubts: Sequence[str] = ()) -> None:
+    """AccuracyError if a force exceeds the range of its law; `doubts` precede its message."""
+    a = history.assembly
+    for c, law in enumerate(a.laws):
+        if law.valid_force == np.inf:
+            continue
+        contact = a.scene.contacts[c]
+        where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
+        peak = history.contact_histories[c].peak_force
+        if peak > law.valid_force:
+            radius = a.bodies[contact.a.partition(":")[0]].patch_radius
+            raise range_error(law, peak, radius, doubts, where)
+
+
+def range_error(
+    law: ContactLaw, peak: float, radius: float | None, doubts: Sequence[str], where: str = ""
+) -> RangeError:
+    """The error for a peak force out of the range of its law; `radius` [m] of the patch."""
+    error = RangeError(" ".join([*doubts, f"{where}{law.out_of_range(peak, radius)}."]))
+    error.radius = law.enough_radius(peak, radius)
+    return error
+
+
+def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
+    """Warn of a body whose anti-oscillators are too few for a contact of the run."""
+    assembly = history.assembly
+    for c, (contact, one) in enumerate(zip(scene.contacts, history.contact_histories, strict=True)):
+        for end in (contact.a, contact.b) if one.contacts else ():
+            name = end.partition(":")[0]
+            begin = assembly.spans[name].start if name in assembly.spans else 0
+            body, site = scene.bodies.get(name), end.partition(":")[2]
+            for sentence in (
+                truncation_warning(body, assembly, c, begin),
+                coarse_cell(body, site, assembly.contact_time_estimate),
+            ):
+                if sentence:
+                    text = f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}"
+                    warn(text, AccuracyWarning)
+
+
+Budget = Callable[[History], ErrorBudget]
+
+DEFAULT_TOL = 1e-3
+
+
+@checks.within_range
+def simulate(
+    model: LinearBody,
+    impactor: LinearBody,
+    contact: AnyLaw = AUTO,
+    duration: float = checks.REQUIRED,
+    method: str = "exact",
+    *,
+    n: int | str | None = None,
+    step: float | None = None,
+    tol: float | None = None,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+    gap: float | None = None,
+    max_contacts: int = MAX_CONTACTS,
+    max_steps: int = MAX_STEPS,
+) -> History:
+    """Integrate the impact of `impactor` on the site of `model`.
+
+    Parameters
+    ----------
+    model : AntiOscillators, or any `LinearBody`
+        The structure.
+    impactor : RigidMass, Sphere, Obstacle, Impactor, or any `LinearBody`
+        The second body; a model without a velocity is at rest.
+    contact : ContactLaw or "auto"
+        "auto": the law that materials, curvatures and strengths of both surfaces need
+        (`antiosc.engine.contact.choice`). The half-space compliance of the model's patch, if it
+        contains one (`local_compliance`), is subtracted from any law; `history.details` states this.
+    duration : float
+        Time to simulate [s].
+    method : str
+        "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
+        `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states no
+        error. Flights are exact with all of them.
+    n : int or "auto", optional
+        Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
+        number whose estimated truncation error of peak force, impulse and contact time meets
+        `tol` (see `antiosc.impact.truncation`).
+    step : float, optional
+        Time step during contact [s] (solve_ivp: largest step). By default the step is refined until
+        the force history has converged.
+    tol : float
+        Relative error of the force history in the L2 norm, of its impulse and peak; default 1e-3.
+    initial_velocity : float or Motion
+        Initial motion of a structure with rigid-body modes. A number is the velocity along the
+        direction of impact [m/s], > 0 toward the impactor. A body that is free in this direction
+        translates. If supports prevent this translation (a beam pinned at one end), or if the
+        inertia of the model in space is unknown (made by hand or from matrices), the number is the
+        velocity of the site in the rigid-body motion of least kinetic energy, phi_CR of the
+        article. A `Motion` gives velocity and spin in the axes of the mesh.
+    gravity : float or sequence of 3 floats
+        Acceleration [m/s^2] along the impact direction, or as a vector in the axes of the mesh. It
+        acts on free bodies; the displacement of a body that is supported at its site is measured
+        from its equilibrium.
+    gap : float, optional
+        Distance at the start [m]; default 0, or the obstacle's own.
+    max_contacts, max_steps : int
+        Limits of the computing effort; a run that reaches one stops, with a status and a message.
+
+    With n="auto" the runs that choose n use the same method, step and limits.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    InputError
+        For input that breaks a rule.
+    AccuracyError
+        If the peak force is outside the range of validity of the contact law, or the coupling of
+        the modes by the dampers of an assembly changes the impact by more than `tol`.
+
+    Warns
+    -----
+    AccuracyWarning
+        If the run did not end as requested, or the anti-oscillators that a model was extracted with
+        are too few for the contact (`antiosc.impact.truncation`).
+    """
+    duration = checks.positive("duration", duration, "s")
+    accuracy = DEFAULT_TOL if tol is None else tol
+    settings = Settings(accuracy, method, step, max_contacts, max_steps)
+    law = law_of(contact, model, impactor)
+    doubts = plausible.warn_each([plausible.of_blow(model, [impactor], initial_velocity)])
+    scene = Impact(model, impactor, law, duration, initial_velocity, gravity, gap)
+    reruns = partial(_rerun, scene, settings), partial(_rerun_by, scene, settings)
+    budget = partial(error_budget, rerun=reruns[0], by_law=reruns[1])
+    history, check = simulate_impact(scene, settings, n, budget)
+    check.warn()
+    if n != "auto" and history.run.touches:
+        sentence = truncation_warning(model if n is None else history.model, history.assembly)
+        if sentence and getattr(model, "strain_error", None) is None:
+            warn(sentence, AccuracyWarning)  # with one, the error budget tells it
+        if sentence:
+            history = replace(history, message=f"{history.message} {sentence}")
+    if history.run.touches:
+        history = _told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
+    results.warn_large_rotation(*history.largest_rotation())
+    history = with_deflection_warning(history)
+    check_range(history, [*plausible.of_model(model), *doubts])
+    if info_of(model).measured is not None:
+        warn_low_band(history)
+    return history
+
+
+def simulate_impact(
+    scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
+) -> tuple[History, CheckResult]:
+    """Simulate one impact; returns the check result before any warning. `n` as of `simulate`."""
+
+    def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
+        assembly = assemble_pair(scene._replace(model=model), stretch=True)
+        return integrate(partial(History, budget=budget), assembly, scene.duration, settings)
+
+    def rerun(model: AntiOscillators, tol: float) -> History:
+        # a model with all its mass in anti-oscillators leaves the others to the exact method
+        exact = model.m0 == 0 and scene.contact.rate_dependent
+        method = "exact" if exact else settings.method
+        return of(model, replace(settings, tol=tol, method=method))[0]
+
+    if n is None:
+        return of(scene.model, settings)
+    model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
+    history, check = of(model, settings)
+    history.error.update(truncation)
+    if shortage:
+        check = check.with_shortage(shortage)
+        message = f"{history.message} {shortage}"
+        history = replace(history, status=check.status, message=message)
+    return history, check
+
+
+def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:
+    """Simulate the same impact on another model by the exact method to `tol`."""
+    exact = replace(settings, tol=tol, method="exact", step=None)
+    with without_warnings():
+        return simulate_impact(scene._replace(model=model), exact)[0]
+
+
+def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) -> History:
+    """Simulate the same impact by another law, by the exact method to `tol`.
+
+    Of a part that stretches its linear motion, with that by the law itself to compare with.
+    """
+    model = scene.model
+    if isinstance(model, AntiOscillators) and model.stretch is not None:
+        model = replace(model, stretch=None)
+    return _rerun(scene._replace(contact=law), settings, model, tol)
+
+
+def _truncated(
+    model: LinearBody, n: int | str, run: Run, tol: float
+) -> tuple[LinearBody, dict[str, float], str]:
+    """Truncate the model to `n` anti-oscillators; returns it, its errors, and a note if too few."""
+    if not isinstance(model, AntiOscillators):
+        raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
+    if not isinstance(n, str):
+        return model.truncated(n), {}, ""
+    if n != "auto":
+        raise InputError(f'n must be a number of anti-oscillators or "auto"; got {n!r}.')
+    choice = choose_n(model, run, tol)
+    errors = {
+        f"truncation {name}": getattr(choice.error, name)
+        for name in ("peak_force", "impulse", "contact_time")
+    }
+    shortage = ""
+    if choice.missing:
+        most = model.info.dofs
+        beyond = most is not None and model.n + choice.missing > most
+        more = "more than the mesh has" if beyond else f"about {choice.missing} more"
+        shortage = (
+            f"The model's {model.n} anti-oscillators leave an estimated truncation error of"
+            f" {choice.error.worst:.2g}, more than tol = {tol:g}; {more} are needed."
+        )
+    return model.truncated(choice.n), errors, shortage

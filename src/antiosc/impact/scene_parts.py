@@ -1,0 +1,601 @@
+"""The parts of a scene: bodies, contacts and what acts on them, and how contacts see the motion.
+
+All bodies stand in one system of axes. A contact of the ends a and b has a direction d, that of
+a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d and b along -d, and
+
+    delta = (displacement of b - displacement of a) along d - gap.
+
+A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
+coordinate, which takes the place of the displacement along d: as b it moves toward a when its
+velocity is > 0. The d of its first contact is the direction of this coordinate; a later contact
+along -d takes it with the opposite sign, and one along another line is refused. Everything is
+measured relative to the ground, and a body that its supports hold at its sites from its own
+equilibrium under gravity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.checks import Checked, checked_by
+from antiosc.base.errors import InputError
+from antiosc.base.texts import FieldsRepr
+from antiosc.engine.contact import ContactLaw
+from antiosc.impact.auto_contact import AUTO, LAW, chosen, is_auto
+from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import checked_body, info_of, site_points
+from antiosc.models.modal import SiteModes
+from antiosc.models.motion import ModalState, Motion
+
+#: Least distance [m] of two ends that is told: points of sheets and beams lie on their middles.
+SAME_PLACE = 0.01
+
+
+def _checked_law(name: str, law: object) -> object:
+    return law if is_auto(law) else checks.instance(name, law, ContactLaw, LAW)
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(Checked):
+    """A contact between two sites, "body" or "body:site".
+
+    Parameters
+    ----------
+    a, b : str
+        The ends; the force pushes a along the direction of its site and b against it. Where a has
+        no direction, as an obstacle, the force pushes b against its own: two stops on either side
+        of a tip are ("tip", "one") and ("other", "tip"). The history's message says so.
+    law : ContactLaw or "auto"
+        Force along the direction of the contact; "auto": as of `simulate`.
+    gap : float, optional
+        Distance at the start [m], >= 0; default 0, or the obstacle's own.
+    friction : float
+        Coulomb's coefficient mu >= 0 (`tangential_stiffness` says how it is met).
+    tangential_stiffness : float, optional
+        k_t [N/m] of the spring in series with the slider that carries mu F at most; default
+        2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
+        times the mean normal stiffness of a contact as deep as expected. It is that of the contact
+        as a whole: what the patches of the sites give way is taken out, as from Hertz's law. A blow
+        that slides all
+        along does not depend on it. Beside spheres whose contact slips from its edge inward (N.
+        Maw, J. R. Barber, J. N. Fawcett, Wear 38 (1976) 101-114) the tangential speed of rebound
+        differs by up to 0.35 mu times the speed of approach where the contact begins to stick, and
+        by less than 0.1 mu times it where it begins to slide.
+    """
+
+    a: str
+    b: str
+    law: ContactLaw = field(default=cast("ContactLaw", AUTO), metadata=checked_by(_checked_law))
+    gap: float | None = field(default=None, metadata=checked_by(checks.nonnegative, "m"))
+    friction: float = field(default=0.0, metadata=checked_by(checks.nonnegative))
+    tangential_stiffness: float | None = field(
+        default=None, metadata=checked_by(checks.positive, "N/m")
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("a", "b"):
+            checks.name(f"end {name}, as 'body' or 'body:site',", getattr(self, name))
+        if self.a == self.b:
+            raise InputError(f"the ends of a contact must differ; got {self.a!r} twice.")
+        super().__post_init__()
+
+
+@dataclass(frozen=True, eq=False)
+class Load(FieldsRepr):
+    """A force in time at a site, along the direction of the site (the body's one coordinate).
+
+    Parameters
+    ----------
+    end : str
+        "body" or "body:site".
+    times, forces : array_like, shape (K,)
+        Ascending times [s] and forces [N]; linear in between, constant before and after.
+    """
+
+    end: str
+    times: Array
+    forces: Array
+
+    def __post_init__(self) -> None:
+        checks.name("end, as 'body' or 'body:site',", self.end)
+        times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
+        checks.store(self, times=times, forces=checks.array("forces", forces, (times.size,)))
+
+
+@dataclass(frozen=True, eq=False)
+class Base(FieldsRepr):
+    """Acceleration of the ground, with all supports and obstacles on it.
+
+    Parameters
+    ----------
+    times : array_like, shape (K,)
+        Ascending times [s].
+    accelerations : array_like, shape (K,) or (K, 3)
+        [m/s^2], along the direction of the contacts or in the axes of the scene; linear in
+        between, constant before and after.
+
+    Notes
+    -----
+    All motion of the scene is relative to the ground, so that every body feels -acceleration as a
+    gravity that changes in time, supported bodies in all their modes.
+    """
+
+    times: Array
+    accelerations: Array
+
+    def __post_init__(self) -> None:
+        times, values = _series("base", self.times, self.accelerations)
+        shape = (times.size,) if values.ndim == 1 else (times.size, 3)
+        values = checks.array("accelerations", values, shape)
+        checks.store(self, times=times, accelerations=values)
+
+
+def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    t = checks.nonempty(f"times of {name}", times)
+    if np.any(np.diff(t) < checks.SMALLEST):
+        raise InputError(f"the times of {name} must ascend.")
+    return t, checks.array(f"values of {name}", values, None)
+
+
+#: Most bodies, and most contacts: a chain of 800 masses took 6 s of the processor and 0.8 GB, one
+#: of 400 1.1 s and 0.25 GB.
+MOST = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class SceneParts(FieldsRepr):
+    """What a `Scene` consists of, checked."""
+
+    bodies: Mapping[str, object]
+    contacts: Sequence[Contact]
+    gravity: float | Sequence[float] = 0.0
+    loads: Sequence[Load] = ()
+    base: Base | None = None
+    motion: Mapping[str, Motion | ModalState | float] = field(default_factory=dict)
+    preload: bool = False
+
+    def __post_init__(self) -> None:
+        for each in ("bodies", "motion"):
+            value = getattr(self, each)
+            checks.instance(each, value, Mapping, "a dict with the names of bodies")
+            checks.store(self, **{each: dict(value)})
+        for each, kind in (("contacts", Contact), ("loads", Load)):
+            value = getattr(self, each)
+            checks.instance(each, value, (list, tuple), f"a list of {kind.__name__} objects")
+            for entry in value:
+                checks.instance(each, entry, kind, f"{kind.__name__} objects")
+            checks.store(self, **{each: tuple(value)})
+        checks.flag("preload", self.preload)
+        for name, body in self.bodies.items():
+            if ":" in checks.name("a body's name", name):
+                raise InputError(f"a body's name is a text without ':'; got {name!r}.")
+            several = isinstance(body, AntiOscillators) and len(body.sites) > 0
+            if not several and not isinstance(body, RigidBody | SiteModes):
+                checked_body(f"body {name!r}", body)
+        for name, motion in self.motion.items():
+            if not isinstance(motion, Motion | ModalState):
+                checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
+        if not self.contacts:
+            raise InputError("a scene needs at least one Contact.")
+        for what, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
+            if number > MOST:
+                raise InputError(
+                    f"a scene has at most {MOST} {what}; got {number}: each step solves for all of"
+                    " them. Leave out what the blow does not reach."
+                )
+        if self.base is not None:
+            checks.instance("base", self.base, Base, "a Base")
+        if isinstance(self.gravity, Sequence | np.ndarray):
+            vector = checks.array("gravity", self.gravity, (3,))
+            checks.store(self, gravity=tuple(vector.tolist()))
+        else:
+            checks.store(self, gravity=checks.number("gravity", self.gravity, "m/s^2"))
+        self._check_pairs()
+        checks.store(self, contacts=tuple(map(self._with_law, self.contacts)))
+        unknown = set(self.motion) - set(self.bodies)
+        if unknown:
+            raise InputError(
+                f"motion names the bodies {sorted(unknown)}, which are not in the scene:"
+                f" {', '.join(self.bodies)}."
+            )
+
+    def _check_pairs(self) -> None:
+        """InputError for two contacts between the same two sites, in either order."""
+        seen: dict[frozenset[str], Contact] = {}
+        for contact in self.contacts:
+            ends = frozenset(self._site_of(end) for end in (contact.a, contact.b))
+            if len(ends) == 1:
+                raise InputError(
+                    f"the contact {contact.a!r}, {contact.b!r} joins a site to itself; name two."
+                )
+            other = seen.setdefault(ends, contact)
+            if other is not contact:
+                raise InputError(
+                    f"the contacts {other.a!r}, {other.b!r} and {contact.a!r}, {contact.b!r} have"
+                    f" the same ends; give each pair of sites once (a stop on the other side is"
+                    f" another body or site)."
+                )
+
+    def _with_law(self, contact: Contact) -> Contact:
+        """The contact with the law that its bodies need, if it has none."""
+        if not is_auto(contact.law):
+            return contact
+        ends = [end.partition(":") for end in (contact.a, contact.b)]
+        one, other = (self.bodies.get(name) for name, _, _ in ends)
+        if one is None or other is None:
+            return contact  # which is refused when the scene is assembled
+        try:
+            return replace(contact, law=chosen(one, other, (ends[0][2], ends[1][2])).law)
+        except InputError as error:
+            raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
+
+    def _site_of(self, end: str) -> str:
+        """Normalise an end: any site name of a body with one site means this site."""
+        name = end.partition(":")[0]
+        return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
+
+
+def two_body_parts(
+    model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
+) -> SceneParts:
+    """The scene of "structure" and "impactor" of `simulate`, whose checks have passed."""
+    parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
+    checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
+    bodies = {"structure": model, "impactor": impactor}
+    checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
+    return parts
+
+
+class StackedBodies(NamedTuple):
+    """All bodies of a scene side by side.
+
+    spans, columns : slices of each body's modes and columns among those of all. B : (J, P)
+    displacements of all columns. r : (P, P) their residual compliance.
+    """
+
+    spans: dict[str, slice]
+    columns: dict[str, slice]
+    B: Array
+    r: Array
+
+
+def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
+    """Put the modes and columns of all bodies side by side."""
+    spans, columns, j, k = {}, {}, 0, 0
+    for name, body in bodies.items():
+        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
+        j, k = spans[name].stop, columns[name].stop
+    B, r = np.zeros((j, k)), np.zeros((k, k))
+    for name, body in bodies.items():
+        B[spans[name], columns[name]] = body.B
+        r[columns[name], columns[name]] = body.r
+    return StackedBodies(spans, columns, B, r)
+
+
+End = tuple[SceneBody, str]  # a body and the name of its site
+
+
+def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
+    """The body of an end and the name of its site."""
+    name, _, site = end.partition(":")
+    if name not in bodies:
+        raise InputError(f"there is no body {name!r} in the scene; it has {', '.join(bodies)}.")
+    body = bodies[name]
+    if isinstance(body.body, Obstacle):
+        return body, ""
+    if not site and len(body.sites) == 1:
+        site = next(iter(body.sites))
+    if site in body.sites:
+        return body, site
+    if body.sites == {"": (0,)}:  # one site: its name is free
+        return body, ""
+    listed = ", ".join(f"{name}:{s}" for s in body.sites)
+    raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
+
+
+def set_axes(
+    scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
+) -> None:
+    """Give the sites without a direction (`SceneBody.axes`) that of their contacts.
+
+    Such sites that touch each other share one axis and sense, that of the first contact with one.
+    """
+    open_ends = [
+        [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]
+        for pair in ends
+    ]
+    links = [pair for pair in open_ends if len(pair) == 2]
+    for pair, reached in zip(ends, open_ends, strict=True):
+        direction = contact_direction(*pair)
+        while direction is not None and reached:
+            name, at = reached.pop()
+            if at not in bodies[name].axes:
+                bodies[name].axes[at] = direction
+                reached += [other for link in links if (name, at) in link for other in link]
+
+
+def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
+    """Row (P,) of the body's columns that gives a site's displacement along a direction."""
+    row = np.zeros(body.B.shape[1])
+    columns = list(body.columns_of(site))
+    if not columns:
+        return row
+    known = body.site_directions(site)
+    if direction is None or known is None or (len(known) == 1 and (known[0] == direction).all()):
+        row[columns[0]] = 1.0
+        return row
+    parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
+    found = known.T @ parts
+    if np.linalg.norm(found) < PARALLEL or found @ direction < PARALLEL * np.linalg.norm(found):
+        remedy = (
+            "which is that of another contact of this body of one coordinate; use a RigidBody"
+            if body.directions is None
+            else "as the model has it; extract it along the contact"
+        )
+        raise InputError(
+            f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but this end moves"
+            f" only along {np.round(known, 4).tolist()}, {remedy}."
+        )
+    row[columns[: len(known)]] = parts
+    return row
+
+
+def contact_direction(a: End, b: End) -> Array | None:
+    """Direction (3,) of a contact in space, where one of its ends knows it."""
+    return a[0].pushes.get(a[1], b[0].pushes.get(b[1]))
+
+
+def contact_row(
+    contact: Contact, ends: tuple[End, End], stacked: StackedBodies
+) -> tuple[Array, Array | None]:
+    """Row (P,) of the indentation, and the contact's direction in space, where known."""
+    if all(isinstance(body.body, Obstacle) for body, _ in ends):
+        raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
+    direction = contact_direction(*ends)
+    return _relative_row(contact, ends, direction, stacked), direction
+
+
+def _relative_row(
+    contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
+) -> Array:
+    """Row (P,) of the displacement of b against a along a direction."""
+    row, (a, b) = np.zeros(len(stacked.r)), ends
+    for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
+        row[stacked.columns[body.name]] += sign * site_row(body, site, direction, end)
+    return row
+
+
+def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
+    """Notes on contacts that did not touch and push their second end against its site."""
+    notes = []
+    for contact in contacts:
+        (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
+        push, other = a.pushes.get(at), b.pushes.get(bt)
+        if other is not None and (push is None or push @ other > 0):
+            notes.append(
+                f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
+                f" direction of its site, as it is named second; name it first if it should be"
+                f" pushed along it."
+            )
+    return notes
+
+
+def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
+    """Sentences on contacts whose ends lie apart, or point along other lines."""
+    sentences = []
+    for contact in contacts:
+        ends = find_site(contact.a, bodies), find_site(contact.b, bodies)
+        where = f"the ends {contact.a!r} and {contact.b!r} of a contact"
+        sentences += [
+            f"{where} {fault}; it is simulated as one contact along the first direction that is"
+            f" known. Give both bodies in the axes of the scene, and their sites where they touch."
+            for fault in (_distance(contact, ends), _angle(ends))
+            if fault
+        ]
+    return sentences
+
+
+def _distance(contact: Contact, ends: tuple[End, End]) -> str:
+    """How far the ends lie from where they touch, if farther than they may."""
+    direction, points = contact_direction(*ends), [_point(*end) for end in ends]
+    a, b = points
+    if a is None or b is None or direction is None:
+        return ""
+    gap = sum(body.gap for body, _ in ends) if contact.gap is None else contact.gap
+    along = (a - b) @ direction
+    # drawn in contact, or at the distance of the gap
+    apart = a - b - np.clip(along, 0.0, gap) * direction
+    distance, allowed = float(np.linalg.norm(apart)), sum(_reach(*end) for end in ends)
+    if distance <= max(allowed, SAME_PLACE):
+        return ""
+    return (
+        f"lie {distance:.4g} m apart besides the gap of {gap:.4g} m, at"
+        f" {np.round(a, 6).tolist()} and {np.round(b, 6).tolist()} m"
+    )
+
+
+def _point(body: SceneBody, site: str) -> Array | None:
+    """Place (3,) [m] of a site, where known."""
+    if isinstance(body.body, RigidBody):
+        return np.asarray(body.body.sites[site][0])
+    point = site_points(body.body).get(site)
+    return None if point is None else np.asarray(point, dtype=float)
+
+
+def _reach(body: SceneBody, site: str) -> float:
+    """Distance [m] by which a site may lie off the surface: its patch's radius and its cell."""
+    cells = info_of(body.body).cells or {}
+    return (body.patch_radius or 0.0) + (cells[site][0] if site in cells else 0.0)
+
+
+def _angle(ends: tuple[End, End]) -> str:
+    """The angle between the directions of the ends, if they are not one line."""
+    a, b = (body.pushes.get(site) for body, site in ends)
+    if a is None or b is None or abs(a @ b) >= PARALLEL:
+        return ""
+    angle = np.degrees(np.arccos(abs(a @ b)))
+    return (
+        f"have directions {angle:.3g}° off one line, {np.round(a, 4).tolist()} and"
+        f" {np.round(b, 4).tolist()}"
+    )
+
+
+def tangential_rows(
+    contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
+) -> list[Array]:
+    """Rows of the tangential displacement of b against a, one or two."""
+    moving = [(body, site) for body, site in ends if body.columns_of(site)]
+    if direction is None or any(body.directions is None for body, _ in moving):
+        raise InputError(
+            f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
+            f" surface too: a RigidBody, or a model with Site(..., tangential=True)."
+        )
+    across: list[Array] = []
+    for body, site in moving:
+        known = body.directions
+        assert known is not None
+        for i in body.sites[site]:
+            side = known[i] - (known[i] @ direction) * direction
+            for other in across:
+                side = side - (side @ other) * other
+            if np.linalg.norm(side) > 0.5:
+                across.append(side / np.linalg.norm(side))
+    rows = [_relative_row(contact, ends, side, stacked) for side in across[:2]]
+    if not rows:
+        raise InputError(
+            f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
+            f" directions: extract it with Site(..., tangential=True)."
+        )
+    return rows
+
+
+def _axis(body: SceneBody) -> Array | None:
+    """Direction in space of the one coordinate of a body that has one; None for others."""
+    if body.directions is not None and len(body.directions):
+        return body.directions[0] if body.inertia is None else None
+    return next(iter(body.axes.values()), None)
+
+
+def external_forces(
+    loads: Sequence[Load], bodies: dict[str, SceneBody], stacked: StackedBodies, t: Array
+) -> Array:
+    """External forces (n, P) on all columns at times (n,)."""
+    total = np.zeros((t.size, len(stacked.r)))
+    for load in loads:
+        body, site = find_site(load.end, bodies)
+        if isinstance(body.body, Obstacle):
+            raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
+        row = site_row(body, site, body.pushes.get(site), load.end)
+        value = np.interp(t, load.times, load.forces)
+        total[:, stacked.columns[body.name]] += value[:, None] * row
+    return total
+
+
+def load_series(
+    scene: SceneParts,
+    bodies: dict[str, SceneBody],
+    stacked: StackedBodies,
+    G: Array,
+    gaps: Array,
+    duration: float,
+) -> tuple[Array, Array, Array]:
+    """Times (K,), modal loads (K, J) and offsets (K, m) that loads, base and gravity cause."""
+    if not scene.loads and scene.base is None and not np.any(scene.gravity):
+        return np.zeros(1), np.zeros((1, len(stacked.B))), gaps[None]
+    series = [load.times for load in scene.loads]
+    if scene.base is not None:
+        series.append(scene.base.times)
+    inside = [t[(t > 0) & (t < duration)] for t in series]
+    breaks = np.unique(np.concatenate([np.zeros(1), *inside]))
+    if len(series) and any(t[-1] >= duration for t in series):
+        breaks = np.append(breaks, duration)
+    forces = external_forces(scene.loads, bodies, stacked, breaks)
+    loads = forces @ stacked.B.T
+    gravity = np.asarray(scene.gravity)
+    vector = gravity.ndim == 1 or (scene.base is not None and scene.base.accelerations.ndim == 2)
+    if np.any(gravity):
+        for name, body in bodies.items():
+            if not np.any(body.omega == 0):
+                continue
+            if gravity.ndim == 1:
+                pull = _unit_loads(body, True) @ gravity
+            else:
+                pull = _unit_loads(body, False)[:, 0] * float(gravity)
+            if body.supported:
+                pull = np.where(body.omega == 0, pull, 0.0)
+            loads[:, stacked.spans[name]] += pull
+    if scene.base is not None:
+        if not any(body.grounded for body in bodies.values()):
+            raise InputError(
+                "base moves the ground, and no body of the scene stands on it: all are free; leave"
+                " base out, or add a support or an Obstacle."
+            )
+        given = scene.base.accelerations
+        given = given if given.ndim == 2 else given[:, None]
+        moved = np.stack(
+            [np.interp(breaks, scene.base.times, given[:, i]) for i in range(given.shape[1])], 1
+        )
+        for name, body in bodies.items():
+            weights = _unit_loads(body, vector and given.shape[1] == 3)
+            if weights.size:
+                _check_ground_direction(body, moved)
+                loads[:, stacked.spans[name]] -= moved @ weights.T
+    return breaks, loads, gaps - forces @ stacked.r @ G.T
+
+
+def _check_ground_direction(body: SceneBody, moved: Array) -> None:
+    """InputError if the ground (K, 3) moves across the only direction that a body knows."""
+    if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
+        return
+    axis = _axis(body)
+    if axis is None or moved.shape[1] != 3:
+        return
+    across, size = np.abs(moved - np.outer(moved @ axis, axis)).max(), np.abs(moved).max()
+    if across > 1e-6 * size:
+        raise InputError(
+            f"the ground moves with {across:.3g} m/s² across the direction of the site of "
+            f"{body.name!r}, and its model knows the mass that moves along this direction alone: "
+            "name the site, extract(part, {'tip': Site(…)}), which gives a model that knows all "
+            "directions, or give base along the site's direction."
+        )
+
+
+def _unit_loads(body: SceneBody, vector: bool) -> Array:
+    """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
+    if isinstance(body.body, Obstacle):
+        return np.zeros((0, 3 if vector else 1))
+    if vector and body.inertia is not None:
+        return body.inertia.momentum[:, :3]
+    if body.weight is not None and body.weight.ndim == 2:
+        if vector:
+            return body.weight
+        pushes = np.unique(np.round(list(body.pushes.values()), 9), axis=0)
+        if len(pushes) == 1:
+            return np.asarray(body.weight @ pushes[0])[:, None]
+        raise InputError(
+            f"{body.name!r} is pushed along several directions: give gravity, or the motion of the "
+            "ground, as a vector."
+        )
+    if body.weight is None:
+        raise InputError(
+            f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
+            f" extract the model anew, give participation= or inertia="
+            + (", or a vector where the body moves in space." if body.inertia is not None else ".")
+        )
+    if not vector:
+        return body.weight[:, None]
+    axis = _axis(body)
+    if axis is None:
+        raise InputError(
+            f"gravity as a vector needs the direction of {body.name!r}: its contacts must have one"
+            f" (an extracted model, a RigidBody); else give gravity as a number."
+        )
+    return body.weight[:, None] * axis

@@ -1,0 +1,281 @@
+"""The state of a scene at any time of a run: exact for the parabolas of the contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from ctypes import byref, c_int
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import process
+from antiosc.base._types import Array
+from antiosc.engine import library
+from antiosc.engine.march import Run
+from antiosc.engine.system import System
+from antiosc.impact.bodies import SceneBody, may_rotate
+
+Index = NDArray[np.intp]
+
+#: Steps that a flight over a whole run has in a history.
+FLIGHT_STEPS = 100
+#: Modal responses that are computed at once.
+BLOCK = 1 << 18
+#: States of one mode at the ends of steps that are found at once where all are not needed together.
+STATES_AT_ONCE = 1 << 22
+#: Remedy where the motion of all modes at all times does not fit.
+MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
+
+
+def record_of(run: Run) -> tuple[library.Record, list[Array]]:
+    """A run as the march reads it, and the arrays that this points to."""
+    arrays = [np.ascontiguousarray(each) for each in (run.time, run.force, run.events)]
+    time, force, events = map(library.address, arrays)
+    counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
+    return library.Record(time=time, force=force, events=events, **counts), arrays
+
+
+def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
+    """Intervals (`library.TOUCH`) in which contact c is closed, and whether it is at the end.
+
+    Intervals of zero length do not count.
+    """
+    record, _ = record_of(run)
+    found, goes_on = np.empty(len(run.events) + 1, library.TOUCH), c_int()
+    closed = bool(system.closed[c])
+    count = library.library.aom_touches(
+        byref(record), c, closed, library.address(found), byref(goes_on)
+    )
+    return found[:count].copy(), bool(goes_on)
+
+
+def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
+    """Time [s] from the first touch to the last release of the main impact; 0 without contact.
+
+    contacts : (start [s], end [s], impulse [N s]) of each contact, in order; one that goes on at
+    the end of the run counts up to there. Successive contacts belong to one impact if the flight
+    between them is shorter than the impact up to then; the main impact has the largest impulse.
+    """
+    found = np.array([(a, b, 0.0, each, 0.0, 0, 0) for a, b, each in contacts], library.TOUCH)
+    return float(library.library.aom_main_impact(found.size, library.address(found)))
+
+
+def interpolated(t: Array, breaks: Array, values: Array) -> Array:
+    """Rows of `values` at times, linear between the breaks and constant after the last."""
+    if breaks.size == 1:
+        return np.broadcast_to(values[0], (t.size, values.shape[1]))
+    i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, breaks.size - 2)
+    u = np.clip((t - breaks[i]) / (breaks[i + 1] - breaks[i]), 0.0, 1.0)[:, None]
+    return np.asarray(values[i] * (1 - u) + values[i + 1] * u)
+
+
+def modal_loads(system: System, t: Array) -> Array:
+    """Modal loads (n, J) at times (n,)."""
+    return interpolated(t, system.breaks, system.loads)
+
+
+def locate(run: Run, t: Array) -> tuple[Index, Array]:
+    """Index of the step that contains each time (n,), and the time since its start."""
+    starts = run.time[:-2:2]
+    close = 1e-13 * float(run.time[-1])  # what is meant as a node is one
+    step = np.searchsorted(starts, t + close, side="right") - 1
+    step = np.clip(step, 0, max(starts.size - 1, 0))
+    since = t - run.time[2 * step]
+    return step, np.where(since > close, since, 0.0)
+
+
+def forces(run: Run, step: Index, since: Array) -> Array:
+    """Contact forces (n, m) from the parabola of each step, at times since its start."""
+    if run.time.size < 3:
+        return np.repeat(run.force[:1], step.size, axis=0)
+    f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
+    h = run.time[2 * step + 2] - run.time[2 * step]
+    u = np.divide(since, h, out=np.zeros_like(since), where=h > 0)[:, None]
+    return np.asarray(f0 + u * (4 * f1 - 3 * f0 - f2) + 2 * u * u * (f0 - 2 * f1 + f2))
+
+
+def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
+    """Modal displacements and velocities (n, J) at times since the starts of steps."""
+    q, v = integrated_states(run, system, step, since)
+    return _free_modes(system, q, v)
+
+
+def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
+    """States (n, I) of the integrated modes."""
+    q, v = integrated_starts(run, system, step)
+    if run.time.size < 3:
+        return q, v
+    return _advanced(run, system, step, since, q, v)
+
+
+def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
+    """Convert states of the integrated modes to states of the free modes."""
+    return (q, v) if system.first is None else system.first.motion(q, v)[:2]
+
+
+def damping_states(
+    run: Run, system: System, step: Index, since: Array
+) -> tuple[Array, list[list[Array]]]:
+    """What damping that couples the free modes adds to their motion.
+
+    Decelerations (n, J); displacements (n, J) of the spring of each branch, body by body.
+    """
+    assert system.first is not None
+    found = integrated_states(run, system, step, since)
+    return system.first.motion(*found)[2], system.first.springs(*found)
+
+
+def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
+    """Modal displacements and velocities (n, J) at the starts of steps (n,), the end as the last.
+
+    From those that the run has kept, by the exact motion over the steps in between.
+    """
+    return _free_modes(system, *integrated_starts(run, system, step))
+
+
+def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
+    """States (n, I) of the integrated modes at the starts of steps."""
+    assert run.states is not None
+    if run.every == 1:
+        return run.states[step, 0], run.states[step, 1]
+    q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
+    kept, which = np.unique(step // run.every, return_inverse=True)
+    ahead = step % run.every
+    most = max(BLOCK // max(run.states.shape[2], 1), 1)
+    for begin in range(0, kept.size, most):
+        here = np.flatnonzero((which >= begin) & (which < begin + most))
+        x, y = (run.states[kept[begin : begin + most], i] for i in range(2))
+        most_ahead = np.zeros(len(x), dtype=np.intp)
+        np.maximum.at(most_ahead, which[here] - begin, ahead[here])
+        for k in range(int(most_ahead.max()) + 1):
+            there = here[ahead[here] == k]
+            q[there], v[there] = x[which[there] - begin], y[which[there] - begin]
+            on = np.flatnonzero(most_ahead > k)
+            own = kept[begin + on] * run.every + k
+            h = run.time[2 * own + 2] - run.time[2 * own]
+            x[on], y[on] = _advanced(run, system, own, h, x[on], y[on])
+    return q, v
+
+
+def _advanced(
+    run: Run,
+    system: System,
+    step: Index,
+    since: Array,
+    q: Array,
+    v: Array,
+) -> tuple[Array, Array]:
+    """Advance the states by times since the starts of steps."""
+    whole, system = system, system.marched
+    P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
+    f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
+    start, middle = run.time[2 * step], run.time[2 * step + 1]
+    h = run.time[2 * step + 2] - start
+    long = np.where(h > 0, h, 1.0)[:, None]
+    at = modal_loads(whole, start)
+    slope = (modal_loads(whole, middle) - at) / (0.5 * long)
+    bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
+    if whole.first is not None:
+        at, slope = whole.first.rows(at), whole.first.rows(slope)
+    size = system.omega.size
+    a = bends[0] @ system.beta - at[:, :size]
+    b = bends[1] @ system.beta - slope[:, :size]
+    c = bends[2] @ system.beta
+    moved = P * q + S * v - a * J0 - b * J1 - c * J2
+    sped = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
+    if system.gamma is None:
+        return moved, sped
+    x, y, z = (each @ system.gamma for each in bends)
+    x, y = x - at[:, size:], y - slope[:, size:]
+    way, rate = x * J0 + y * J1 + z * J2, x * S + y * J0 + z * J1
+    return moved - rate, sped + system.omega**2 * way + 2 * system.decay * rate
+
+
+def node_states(
+    run: Run,
+    system: System,
+    first: int = 0,
+    last: int | None = None,
+) -> tuple[Array, Array]:
+    """Modal states (n, J) at the nodes of the steps `first` to `last`; middles from a step's start.
+
+    By blocks of steps, for the responses take several times the memory of the states.
+    """
+    last = run.time.size // 2 if last is None else last
+    size = system.omega.size
+    nodes = 2 * (last - first) + 1
+    process.require(
+        16 * nodes * size, f"the motion of {size} modes at {nodes} times", MEMORY_REMEDY
+    )
+    marched = system.marched.omega.size
+    q, v = (np.empty((nodes, marched)) for _ in range(2))
+    q[::2], v[::2] = integrated_starts(run, system, np.arange(first, last + 1))
+    block = max(BLOCK // max(size, 1), 1)
+    for begin in range(first, last, block):
+        steps = np.arange(begin, min(begin + block, last))
+        since = run.time[2 * steps + 1] - run.time[2 * steps]
+        at = 2 * (steps - first)
+        q[at + 1], v[at + 1] = _advanced(run, system, steps, since, q[at], v[at])
+    return _free_modes(system, q, v)
+
+
+def blocks(run: Run, size: int) -> list[tuple[int, int]]:
+    """First and last steps of the blocks of a run whose states of `size` modes fit in memory."""
+    steps, most = run.time.size // 2, max(STATES_AT_ONCE // max(size, 1), 1)
+    return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
+
+
+def run_slice(run: Run, first: int, last: int) -> Run:
+    """Return the steps `first` to `last` of a run, without states and events."""
+    nodes = slice(2 * first, 2 * last + 1)
+    time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
+    return replace(run, time=time, force=force, depth=depth, states=None)
+
+
+def with_flight_nodes(run: Run, system: System) -> Run:
+    """Return the run with more nodes in its flights, for pictures."""
+    if run.time.size < 3:
+        return run
+    h, pressed = run.time[2::2] - run.time[:-2:2], run.force.any(axis=1)
+    flight = ~(pressed[:-2:2] | pressed[1::2] | pressed[2::2])
+    count = np.where(flight, 1 + (FLIGHT_STEPS * h / run.time[-1]).astype(int), 1)
+    step = np.repeat(np.arange(h.size), count)
+    if step.size == h.size:
+        return run
+    length = (h / count)[step]
+    since = length * (np.arange(step.size) - np.repeat(np.cumsum(count) - count, count))
+    kept = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
+    time, force, depth = run.time[kept], run.force[kept], run.depth[kept]
+    new = np.flatnonzero(np.repeat(count[step] > 1, 2))
+    at, within = step[new // 2], since[new // 2] + new % 2 * 0.5 * length[new // 2]
+    time[new] = run.time[2 * at] + within
+    moved, _ = states(run, system, at, within)
+    depth[new] = moved @ system.beta.T - interpolated(time[new], system.breaks, system.offsets)
+    begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
+    q, v = integrated_starts(run, system, begins)
+    on = np.flatnonzero(beyond)
+    q[on], v[on] = _advanced(run, system, begins[on], beyond[on], q[on], v[on])
+    return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
+
+
+def free_steps(run: Run, system: System) -> Array:
+    """Displacements (n, J) of the free modes at the steps' ends that the run has kept."""
+    assert run.states is not None
+    return _free_modes(system, run.states[:, 0], run.states[:, 1])[0]
+
+
+def largest_rotation(
+    run: Run, system: System, bodies: Mapping[str, SceneBody], parts: Mapping[str, slice]
+) -> tuple[str, float]:
+    """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
+
+    Of bodies whose inertia in space is known.
+    """
+    q = free_steps(run, system)
+    turned = [
+        (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
+        for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
+        if may_rotate(body)
+    ]
+    return max(turned, key=lambda pair: pair[1], default=("", 0.0))

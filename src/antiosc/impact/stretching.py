@@ -1,0 +1,188 @@
+"""Impacts on parts whose sheets stretch: which modes take part, and their rows in the march.
+
+The linear run comes first. Its motion tells how much the second-order forces matter, and which
+modes move most. A row of the march is the displacement of the site in one of these modes, so that
+its force is one on the site.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.impact.histories import parts
+from antiosc.impact.histories.results import deflection, sampled_motion
+from antiosc.models.stretch import MOST, Stretch, stretch_of
+
+if TYPE_CHECKING:
+    from antiosc.impact.assembly import Assembly
+    from antiosc.impact.bodies import SceneBody
+    from antiosc.impact.histories import History
+
+H = TypeVar("H", bound="History")
+#: Integrates an assembly.
+Integrate = Callable[["Assembly"], H]
+
+#: Change of the site's displacement by second-order forces, over its largest, up to which the
+#: linear run stands: of a peak force about half of it.
+NEGLIGIBLE = 3e-3
+#: Modes that an automatic choice begins with, and the share of the error that it aims at, at least:
+#: the tensors themselves are within 1e-3 of the full second-order strain.
+FIRST, LEAST_TOL = 2, 2e-3
+#: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
+#: random sheets (benchmarks/thin_sheets.py).
+AGREE = 2
+#: Change by the last of them from which a sentence tells it; below, the error budget does.
+TOLD = 1e-2
+#: What decides on their number, and how much more it may change than the force; contact times,
+#: which may jump by a whole touch, do not.
+DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
+
+
+def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
+    """The assembly with rows for the modes of these second-order forces of its bodies."""
+    system = a.system
+    count = sum(one.size for one in taken.values())
+    rows = np.zeros((count, system.omega.size))
+    quadratic, cubic = np.zeros((count,) * 3), np.zeros((count,) * 4)
+    begin = 0
+    for name, one in taken.items():
+        part, own = np.arange(begin, begin + one.size), a.spans[name]
+        scale = float(np.abs(system.beta[: len(a.laws), own] @ one.modes).max(initial=0.0)) or 1.0
+        rows[part, own] = scale * one.modes.T
+        quadratic[np.ix_(part, part, part)] = one.quadratic / scale**3
+        cubic[np.ix_(part, part, part, part)] = one.cubic / scale**4
+        begin += one.size
+
+    def padded(values: Array, axes: tuple[int, ...]) -> Array:
+        shape = [size + count * (axis in axes) for axis, size in enumerate(values.shape)]
+        larger = np.zeros(shape)
+        larger[tuple(map(slice, values.shape))] = values
+        return larger
+
+    stretched = replace(
+        system,
+        beta=np.vstack([system.beta, rows]),
+        R=padded(system.R, (0, 1)),
+        offsets=padded(system.offsets, (1,)),
+        quadratic=quadratic,
+        cubic=cubic,
+    )
+    return replace(a, G=padded(a.G, (0,)), system=stretched, stretched=dict(taken))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion of a body that may stretch, in a run.
+
+    Attributes
+    ----------
+    forces : its second-order forces.
+    turn : (m, m) its modes, those that it moves most in front, by columns.
+    change : largest displacement of a site that the forces cause statically, over its largest.
+    """
+
+    forces: Stretch
+    turn: Array
+    change: float
+
+    def first(self, count: int) -> Stretch:
+        """The forces in the first modes; of a fixed number in so many."""
+        given = self.forces.count
+        return self.forces.turned(self.turn[:, : count if given == "auto" else given])
+
+
+def motion_of(history: History, name: str) -> Motion | None:
+    """The motion of a body in a linear run; None of one that does not stretch."""
+    a, body = history.assembly, history.assembly.bodies[name]
+    forces = stretch_of(body.body)
+    if forces is None:
+        return None
+    own, columns = a.spans[name], a.columns[name]
+    sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
+    q = sampled_motion(history, body.omega)[:, own]
+    amplitude = q @ forces.modes
+    _, _, turn = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
+    poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
+    follows = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
+    largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
+    change = float(np.abs(follows).max(initial=0.0)) / max(largest, 1e-300)
+    return Motion(forces, turn.T, change)
+
+
+def check_body(body: SceneBody) -> None:
+    """InputError for a body whose damping couples its modes."""
+    if body.modes.damping is not None:
+        raise InputError(
+            f"{body.name!r} stretches, which does not go with dampers or layers that relax."
+        )
+
+
+def stretched(linear: H, again: Integrate[H], tol: float) -> H:
+    """The run with the second-order forces of its bodies; `linear` itself where they do not matter.
+
+    again : integrates another assembly.
+    """
+    a = linear.assembly
+    found = {name: motion_of(linear, name) for name in a.bodies}
+    moves = {name: one for name, one in found.items() if one is not None}
+    fixed = not any(one.forces.count == "auto" for one in moves.values())
+    if not fixed and max(one.change for one in moves.values()) <= NEGLIGIBLE:
+        return linear
+    for name in moves:
+        check_body(a.bodies[name])
+    aim, before = max(tol, LEAST_TOL), None
+    changes: list[dict[str, float]] = []
+    most = min(max(one.forces.size for one in moves.values()), MOST)
+    count = min(FIRST, most)
+    while True:
+        taken = {name: one.first(count) for name, one in moves.items()}
+        now = again(with_rows(a, taken))
+        if fixed:
+            return now
+        changes += [] if before is None else [differences(before, now)]
+        last = largest(changes[-AGREE:])
+        worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
+        if (worst <= aim and len(changes) >= AGREE) or count >= most:
+            break
+        before, count = now, min(count + 2, most)
+    now.error.update({f"stretch {name}": value for name, value in last.items()})
+    if last and worst > max(tol, TOLD):
+        return told(now, _not_enough(count, worst))
+    return now
+
+
+def largest(changes: list[dict[str, float]]) -> dict[str, float]:
+    """The largest of each change; nothing of none."""
+    names = changes[0] if changes else {}
+    return {name: max(each[name] for each in changes) for name in names}
+
+
+def differences(one: History, other: History) -> dict[str, float]:
+    """Relative changes of the three quantities from one run to another, the largest contact's."""
+    found = dict.fromkeys(parts.QUANTITIES, 0.0)
+    for a, b in zip(one.contact_histories, other.contact_histories, strict=True):
+        changes = parts.differences(a, b) if b.contacts else found
+        found = {name: max(found[name], changes[name]) for name in found}
+    moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (one, other)]
+    apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]
+    return {**found, "deflection": max(apart, default=0.0)}
+
+
+def told(history: H, sentence: str) -> H:
+    """Warn of a sentence and append it to the message."""
+    warn(sentence, AccuracyWarning)
+    return replace(history, message=f"{history.message} {sentence}")
+
+
+def _not_enough(count: int, worst: float) -> str:
+    return (
+        f"The second-order forces of up to {count} modes change the impact by {worst:.2g} with each"
+        f" two more, more than {TOLD:g}: so local or so large a deflection needs an explicit finite"
+        " element program."
+    )

@@ -1,0 +1,1 @@
+"""Charts and surfaces in space; matplotlib is loaded when one is drawn."""

@@ -1,0 +1,219 @@
+"""Surfaces in space whose faces are coloured by a value: maps, designs, the deformed part."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from antiosc.base._types import Array, IntArray
+from antiosc.plot.charts import figure_or_path, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+
+
+#: Colour of what has no value to be trusted.
+GREY = "0.75"
+#: Direction of the light, and the darkest shade.
+LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
+
+#: Share of the axes that a part may fill, whose edge would cut it.
+LARGEST_EXTENT = 0.97
+
+
+def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
+    """A figure with axes in space, and the scale and name of the unit of its coordinates."""
+    figure = new_figure((6.5, 5.0), shown)
+    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    axes.view_init(elev=24, azim=-52)
+    return figure, axes, *((1e3, "mm") if np.ptp(points, axis=0).max() < 1.0 else (1.0, "m"))
+
+
+def draw_faces(
+    figure: Figure,
+    axes: Axes3D,
+    corners: Array,
+    value: Array,
+    label: str,
+    scale: ScalarMappable,
+    dark: float = DARK,
+) -> None:
+    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    colours = scale.to_rgba(value)
+    colours[:, :3] *= (dark + (1 - dark) * np.abs(normal @ LIGHT) / length)[:, None]
+    # an edge of the face's own colour hides the background between two faces
+    axes.add_collection3d(
+        Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
+    )
+    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+
+
+def draw_lines(
+    figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, scale: ScalarMappable
+) -> None:
+    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with the scale."""
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
+
+    colours = scale.to_rgba(value)
+    if corners.shape[1] == 2:
+        axes.add_collection3d(Line3DCollection(corners, colors=colours, linewidths=3))
+    else:
+        axes.scatter(*corners[:, 0].T, c=colours, s=20, depthshade=False)
+    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+
+
+def colour_scale(value: Array) -> ScalarMappable:
+    """Colours from the least to the largest value; NaN is grey."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    colours = colormaps["viridis"].with_extremes(bad=GREY)
+    return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), colours)
+
+
+def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
+    """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
+    for name, middle, length in zip("xyz", (low + high) / 2, side, strict=True):
+        getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
+        ticks = max(1, round(4 * length / side.max()))
+        getattr(axes, f"{name}axis").get_major_locator().set_params(nbins=ticks)
+    axes.set_box_aspect(side, zoom=zoom)
+    axes.set_box_aspect(side, zoom=zoom * min(1.0, LARGEST_EXTENT / _extent_seen(axes, x)))
+
+
+def _extent_seen(axes: Axes3D, x: Array) -> float:
+    """Largest distance of the drawn points (P, 3) from the middle of the axes; 1 is the edge."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    axes.apply_aspect()
+    seen = proj3d.proj_transform(*x.T, axes.get_proj())[:2]
+    (left, bottom), (right, top) = axes.transAxes.transform([(0, 0), (1, 1)])
+    pixels = axes.transData.transform(np.column_stack(seen))
+    share = 2 * (pixels - (left, bottom)) / (right - left, top - bottom) - 1
+    return float(np.abs(share).max(initial=LARGEST_EXTENT))
+
+
+#: Motions are drawn this share of the part's largest dimension.
+ENLARGED = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class Deformed:
+    """A surface at one time.
+
+    Attributes
+    ----------
+    points, moved : (P, 3) [m], at rest and with displacements drawn larger.
+    faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
+    values : (P,) magnitude of the displacements, in the unit that `label` states.
+    label : of the values, with the factor by which displacements are drawn larger.
+    largest : value of all times.
+    """
+
+    points: Array
+    moved: Array
+    faces: IntArray
+    values: Array
+    label: str
+    largest: float
+
+    @classmethod
+    def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
+        """The part with displacements (P, 3) [m], magnified according to the largest one [m]."""
+        shown, factor = largest or 1.0, magnification(points, largest)
+        micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
+        size = np.linalg.norm(moved, axis=1)
+        label = f"displacement ({unit}), drawn × {factor:g}"
+        return cls(points, points + factor * moved, faces, micro * size, label, micro * largest)
+
+    def arrow(self, point: Array, direction: Array) -> Array:
+        """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
+        length = 0.25 * np.ptp(self.points, axis=0).max()
+        return np.array([point - length * direction / np.linalg.norm(direction), point])
+
+
+def magnification(points: Array, largest: float) -> float:
+    """The factor by which displacements are drawn larger, of which the largest one is this [m]."""
+    return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
+
+
+def deformed_figure(
+    found: Deformed,
+    *,
+    arrow: tuple[Array, Array] | None = None,
+    view: Array | None = None,
+    whole_scale: bool = False,
+    mark: int | None = None,
+    shown: bool = False,
+) -> Figure:
+    """A figure of a deformed surface, with colours from zero on.
+
+    arrow : point and direction of the impact.
+    view : (elevation, azimuth), degrees.
+    whole_scale : colours to the largest of all times, in the box of the part at rest.
+    mark : number of a point that gets a ring and its value.
+    """
+    figure, axes, scale, _ = axes_in_space(found.points, shown)
+    corners = scale * found.moved[found.faces]
+    values = found.values[found.faces].mean(axis=1)
+    top = found.largest if whole_scale or mark is not None else values
+    colours = colour_scale(np.append(0.0, top))
+    if found.faces.shape[1] > 2:
+        draw_faces(figure, axes, corners, values, found.label, colours)
+    else:
+        draw_lines(figure, axes, corners, values, found.label, colours)
+    rest = scale * found.points[np.unique(found.faces)]
+    framed = [rest if whole_scale else corners.reshape(-1, 3)]
+    if arrow is not None:
+        tail, tip = scale * found.arrow(*arrow)
+        axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
+        framed.append(tail[None])
+    if mark is not None:
+        x = scale * found.moved[mark]
+        axes.plot(*x[:, None], "o", ms=9, mfc="none", mec="C3", mew=2, zorder=9)
+        axes.text(*x, f"  {found.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
+    if view is not None:
+        axes.view_init(elev=view[0], azim=view[1])
+    fit_limits(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)
+    axes.set_axis_off()
+    return figure
+
+
+#: Share of the faces whose values are within the colours: a few at the site are far larger.
+COLOUR_QUANTILE = 0.98
+
+
+def draw_design(
+    corners: Array, value: Array, label: str, path: str | os.PathLike[str] | None
+) -> Figure | Path:
+    """Faces (F, 2 to 4, 3) [m] coloured by `value` (F,) about zero; NaN is grey."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    top = float(np.nanquantile(np.abs(value), COLOUR_QUANTILE)) or 1.0
+    scale = ScalarMappable(Normalize(-top, top), "RdBu_r")
+    figure, axes, unit, name = axes_in_space(corners.reshape(-1, 3), shown=path is None)
+    around = [0, 1, 3, 2] if corners.shape[1] == 4 else list(range(corners.shape[1]))
+    draw = draw_lines if corners.shape[1] < 3 else draw_faces
+    draw(figure, axes, unit * corners[:, around], value, label, scale)
+    axes.set(xlabel=f"x ({name})", ylabel=f"y ({name})", zlabel=f"z ({name})")
+    plane = np.ptp(corners[..., 2]) == 0.0  # it is seen from above, and its labels stand beside it
+    if plane:
+        axes.view_init(elev=90, azim=-90)
+    fit_limits(axes, unit * corners.reshape(-1, 3), zoom=0.85 if plane else 1.0)
+    if plane:
+        axes.set(zticks=[], zlabel="")
+    return figure_or_path(figure, path)

@@ -1,0 +1,606 @@
+"""Fields on meshes: values at a point and at the nodes of all parts; errors of stresses.
+
+Strains and stresses at nodes: in solids they are the means of the cells of one material around each
+node, so that a node between two materials has two. In sheets and beams each cell has its own:
+neighbours may meet at a fold.
+
+In a corner of more than 180° the stress of linear elasticity is infinite, growing as r^-0.46 at
+270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526); what a mesh shows grows with every refinement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import shown
+from antiosc.base.errors import InputError, name_list
+from antiosc.base.stresses import PAIRS, equivalent
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.elements.solid import SOLID_EDGES
+from antiosc.fem.elements.weak_form import Material, WeakForm
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.reach import Reach
+from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
+from antiosc.fem.platform import agree, compat
+from antiosc.fem.prestress import named_from
+from antiosc.fem.prestress.loaded_part import initial_strain
+from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
+from antiosc.fem.structure.structure import Structure
+from antiosc.io.neutral import FACETS, KINDS
+from antiosc.recovery.place import (
+    NO_OUTLINE,
+    NodeTensors,
+    Origin,
+    Place,
+    layers_of,
+    on_outlines,
+    strength_of,
+)
+from antiosc.recovery.relaxation import shares_of, with_branches
+from antiosc.recovery.tensors import PointsInCells, evaluator
+
+#: Points at which shapes are evaluated at once.
+AT_ONCE = 4096
+
+
+def tensors_of_part(
+    part: MeshedStructure,
+    shapes: Array,
+    quantity: str,
+    place: Place,
+    materials: Sequence[int],
+    shares: Array | None = None,
+) -> tuple[IntArray, IntArray, Array]:
+    """Nodes (S,) of this rank, number of the material (S,), six components (S, 6, columns) there.
+
+    `quantity` "strain" or "stress"; `shapes` (rows of this rank, columns); `materials`: numbers of
+    those whose cells are meant; `shares` of their branches. To be called on all ranks.
+    """
+    mesh = part.mesh
+    shapes = compat.with_ghosts(part.form.space, shapes)
+    evaluate = evaluator(part, quantity, place)
+    material = part.part_of_cells()[: compat.cell_map(mesh.dolfinx).size_local]
+    chosen = np.flatnonzero(np.isin(material, materials))
+    nodes, material = compat.geometry_nodes(mesh.dolfinx)[chosen], material[chosen]
+    X = mesh.geometry.reference_nodes
+    solid = part.kind.name == "solid"
+    if solid:  # a slot for each node and material
+        keys = nodes * len(part.parts) + material[:, None]
+    else:
+        keys = np.arange(nodes.size).reshape(nodes.shape)
+    slots, slot_of = np.unique(keys, return_inverse=True)
+    slot_of = slot_of.reshape(keys.shape)
+    node = slots // len(part.parts) if solid else nodes.ravel()
+    kind = slots % len(part.parts) if solid else np.repeat(material, nodes.shape[1])
+    total, count = np.zeros((len(slots), 6, shapes.shape[1])), np.zeros(len(slots))
+    step = max(1, AT_ONCE // len(X))
+    error = None
+    for first in range(0, len(chosen), step):
+        cells = chosen[first : first + step]
+        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        try:
+            found = evaluate(at)
+        except InputError as caught:  # on this rank perhaps alone
+            error = caught
+            break
+        where = slot_of[first : first + step].ravel()
+        six = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
+        one, column = np.ones(len(where)), np.arange(len(where))
+        at_slots = csr_matrix((one, (where, column)), (len(slots), len(where)))
+        total += (at_slots @ six).reshape(total.shape)
+        count += np.bincount(where, minlength=len(slots))
+    agree(mesh.comm, error)
+    if solid:
+        _join_ranks(part, slots, total, count)
+    return node, kind, with_branches(total / count[:, None, None], shares, kind)
+
+
+def jumps(
+    part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None = None
+) -> Array:
+    """Largest von Mises stress (nodes,) of the differences between cells' stresses and their mean.
+
+    Zienkiewicz and Zhu's estimate of the error of a stress, at each node of this rank: the mean of
+    the cells of one material is taken for the smooth stress. Of a node of one cell, the largest
+    difference at the other nodes of this cell. `factors` (nodes, columns) of the shapes there. To
+    be called on all ranks.
+    """
+    mesh = part.mesh
+    shapes = compat.with_ghosts(part.form.space, shapes)
+    evaluate = evaluator(part, "stress", Place())
+    own = compat.cell_map(mesh.dolfinx).size_local
+    material = part.part_of_cells()
+    nodes, X = compat.geometry_nodes(mesh.dolfinx)[:own], mesh.geometry.reference_nodes
+    six = np.zeros((own, len(X), 6))
+    step = max(1, AT_ONCE // len(X))
+    for first in range(0, own, step):
+        cells = np.arange(first, min(own, first + step))
+        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        columns = with_branches(evaluate(at), shares, material[at.cells])
+        found = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
+        six[cells] = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
+    keys = nodes * len(part.parts) + material[:own, None]
+    slots, slot_of = np.unique(keys, return_inverse=True)
+    slot_of = slot_of.reshape(keys.shape)
+    total, count = np.zeros((len(slots), 6, 1)), np.zeros(len(slots))
+    np.add.at(total, slot_of, six[..., None])
+    np.add.at(count, slot_of, 1.0)
+    _join_ranks(part, slots, total, count, np.add)
+    different = equivalent(six - total[slot_of, :, 0] / count[slot_of][..., None])
+    alone = count[slot_of] == 1
+    different = np.where(alone, different.max(axis=1, keepdims=True), different)
+    largest = np.zeros((len(slots), 1, 1))
+    np.maximum.at(largest[:, 0, 0], slot_of, different)
+    _join_ranks(part, slots, largest, count, np.maximum)
+    result = np.zeros(len(mesh.dolfinx.geometry.x))
+    np.maximum.at(result, slots // len(part.parts), largest[:, 0, 0])
+    return result
+
+
+def _join_ranks(
+    part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
+) -> None:
+    """Join what other ranks have in the slots of common nodes to the totals."""
+    comm, parts = part.mesh.comm, len(part.parts)
+    if comm.size == 1:
+        return
+    number = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)
+    names = number[slots // parts] * parts + slots % parts
+    every = np.concatenate(comm.allgather(names))
+    common, times = np.unique(every, return_counts=True)
+    mine = np.flatnonzero(np.isin(names, common[times > 1]))
+    pieces = comm.allgather((names[mine], total[mine], count[mine]))
+    slot_of = {name: i for i, name in zip(mine, names[mine], strict=True)}
+    for rank, (those, sums, numbers) in enumerate(pieces):
+        if rank == comm.rank:
+            continue
+        for name, value, cells in zip(those, sums, numbers, strict=True):
+            if name in slot_of:
+                total[slot_of[name]] = joined(total[slot_of[name]], value)
+                count[slot_of[name]] += cells
+
+
+def at_point(
+    structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
+) -> Array:
+    """Displacements (gdim, columns) of the point next to x (3,) for shapes (rows, columns).
+
+    InputError for a point farther off than `reach`.
+    """
+    parts = with_parts(structure).fields(shapes, part)
+    return with_parts(structure).decided(lambda: _displacements(parts, x, reach))
+
+
+def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
+    """Displacements (gdim, columns) of the point next to x (3,) of all parts."""
+    number, found = _nearest(parts, x[None], reach)
+    member, own = parts[number]
+    values = _at_point(member, found[0], own)
+    components = [name for name in "xyz" if name in member.part.form.components]
+    return values[: len(components)]
+
+
+def recovered(
+    structure: Structure,
+    shapes: Array,
+    points: Array,
+    part: str | None,
+    quantity: str,
+    place: Place,
+    reach: Reach,
+    whole: bool = False,
+) -> Array:
+    """A quantity (P, …, columns) of every shape at the points next to `points` (P, 3).
+
+    whole : with the strain of second order of each shape.
+
+    InputError for a point farther from the structure than `reach`.
+    """
+    parts = with_parts(structure).fields(shapes, part)
+    if place.stiffener is not None:
+        parts = _stiffeners(parts, place.stiffener)
+    if whole:
+        parts = _whole(parts)
+    shares = [shares_of(structure, quantity, member) for member, _ in parts]
+
+    def work() -> Array:
+        return _recovered(parts, points, quantity, place, reach, shares)
+
+    return with_parts(structure).decided(work)
+
+
+def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
+    """The beams of the group `name` on the sheets of some parts, with the shapes on their rows."""
+    found = [
+        (replace(member, part=alone(lines, group)), lines.rows_of(own))
+        for member, own in parts
+        for group, lines in member.part.stiffeners.items()
+        if group == name
+    ]
+    if not found:
+        groups = [group for member, _ in parts for group in member.part.stiffeners]
+        raise InputError(
+            f"no stiffener, a Beam on edges of a sheet, has the name {shown(name)}; "
+            f"{name_list(name, groups, 'its stiffeners')}."
+        )
+    return found
+
+
+def _recovered(
+    candidates: Sequence[tuple[Member, Array]],
+    points: Array,
+    quantity: str,
+    place: Place,
+    reach: Reach,
+    shares: Sequence[Array | None],
+) -> Array:
+    """`recovered` of the nearest of some parts; `shares` of each in the branches."""
+    number, found = _nearest(candidates, points, reach)
+    member, own = candidates[number]
+    mesh, material = member.part.mesh, member.part.part_of_cells()
+    evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
+    with_ghosts = compat.with_ghosts(member.part.form.space, own)
+    mine = found.rank == mesh.comm.rank
+    here, error = None, None
+    try:
+        at = PointsInCells(member.part, with_ghosts, found.cell[mine], found.X[mine])
+        here = with_branches(evaluate(at), shares[number], material[at.cells])
+    except InputError as caught:
+        error = caught
+    agree(mesh.comm, error)
+    assert here is not None
+    values = np.zeros((len(points), *here.shape[1:]))
+    values[mine] = here
+    values = np.asarray(mesh.comm.allreduce(values))
+    return values if place.local else _turned(member.at.rotation, values, quantity)
+
+
+def _nearest(
+    candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
+) -> tuple[int, ClosestPoints]:
+    """The number of the part next to points (P, 3), and its points next to them."""
+    nearest = [closest_many(m.part.mesh, m.at.own(points)) for m, _ in candidates]
+    number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
+    member, found = candidates[number][0], nearest[number]
+    far, mesh = int(np.argmax(found.distance)), member.part.mesh
+    there = member.at.placed(found.x[far][None])[0]
+    element = partial(size_at, mesh, found[far])
+    reach.check(points[far], there, mesh.extent(), element)
+    return number, found
+
+
+def _turned(R: Array, values: Array, quantity: str) -> Array:
+    """Vectors and tensors of a part in the axes of the assembly."""
+    if (np.eye(3) == R).all() or quantity == "section_forces":
+        return values
+    if quantity == "rotation":
+        return values if values.shape[1] == 1 else np.einsum("ij,pjk->pik", R, values)
+    return np.einsum("ia,pabk,jb->pijk", R, values, R, optimize=True)
+
+
+def at_nodes(
+    structure: Structure, shapes: Array, part: str | None = None
+) -> tuple[Array, list[tuple[str, IntArray]], Array]:
+    """Points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns), on rank 0."""
+    parts = with_parts(structure).fields(shapes, part)
+    points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
+    kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
+    return points, list(zip(kinds, cells, strict=True)), found
+
+
+def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
+    """(part, its static displacements (rows, 1)) under the prestress, whose strains are whole."""
+    preload = structure.matrices.preload
+    assert preload is not None
+    found = []
+    for member, own in with_parts(structure).fields(preload.q[:, None], part):
+        names = named_from(f"{member.name}:", preload.initial) if member.name else preload.initial
+        strain = initial_strain(
+            member.part, {k: e for k, e in names.items() if k not in member.part.stiffeners}
+        )
+        strained = replace(member.part, initial=np.array(strain.x.array))
+        found.append((replace(member, part=strained), own))
+    return found
+
+
+def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
+    """The parts, whose strains are whole and free of stress without displacement."""
+    return [
+        (replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))), own)
+        for m, own in parts
+    ]
+
+
+def tensors_at_nodes(
+    structure: Structure,
+    shapes: Array | None,
+    quantity: str,
+    places: list[Place],
+    part: str | None = None,
+    ply: Place | None = None,
+    whole: bool = False,
+) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
+    """Points and cells as `at_nodes`, and the tensors at them; on rank 0.
+
+    A point may have several tensors: of materials, of cells of a sheet, of the places given. With
+    `ply`, a place with a layer, they are those of the laminates that have this layer. `shapes`
+    None: the one column of the static state under the prestress. `whole`: with the strain of
+    second order of each shape.
+    """
+    if shapes is None:
+        parts = loaded(structure, part)
+    else:
+        parts = with_parts(structure).fields(shapes, part)
+    if whole:
+        parts = _whole(parts)
+    points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
+    node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
+    for member, own in parts:
+        found: list[tuple[IntArray, IntArray, Array]] = []
+        shares = None if shapes is None else shares_of(structure, quantity, member)
+        for place, numbers in _requests(member.part, places, ply):
+            there = place.within(member.at.rotation)
+            asked = own, quantity, there, numbers, shares
+            nodes, kind, columns = tensors_of_part(member.part, *asked)
+            found.append((nodes, kind + len(origins), columns))
+            origins += [
+                Origin(strength_of(material, place) if n in numbers else None, place)
+                for n, (material, _) in enumerate(member.part.parts)
+            ]
+        here = len(member.part.mesh.dolfinx.geometry.x)
+        pieces = member.part.mesh.comm.gather((here, found), root=0) or []
+        for size, several in pieces:
+            for nodes, kind, columns in several:
+                node.append(nodes + start)
+                origin.append(kind)
+                tensors.append(columns)
+            start += size
+    if not node:
+        none = np.zeros(0, dtype=int)
+        return points, cells, NodeTensors(none, np.zeros((0, 6, 0)), none, origins)
+    joined = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
+    return points, cells, NodeTensors(*joined, origins)
+
+
+def materials_of(
+    structure: Structure, part: str | None, stiffener: str | None = None
+) -> list[Material]:
+    """The materials of all parts of a structure, or of one, or the beams of a stiffener."""
+    parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
+    if stiffener is not None:
+        parts = _stiffeners(parts, stiffener)
+    return [material for member, _ in parts for material, _ in member.part.parts]
+
+
+def _requests(
+    part: MeshedStructure, places: list[Place], ply: Place | None
+) -> list[tuple[Place, list[int]]]:
+    """Places at which tensors are taken, each with the numbers of the materials there."""
+    every = list(range(len(part.parts)))
+    if ply is not None:
+        stacks = [len(layers_of(material)) for material, _ in part.parts]
+        own = [n for n in every if stacks[n] > (ply.layer or 0)]
+        return [(ply, own)] if own else []
+    if part.kind.name == "beam" and places[0].fibre is None:
+        on_edge = on_outlines([beam.section for beam, _ in part.parts], places[0])
+        if not on_edge:
+            raise InputError(f"{NO_OUTLINE}.")
+        return [(place, every) for place in on_edge]
+    return [(place, every) for place in (places if part.kind.sheet else places[:1])]
+
+
+def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
+    """Points (P, 3), corners of the outer faces, shapes (P, 3, columns), on rank 0."""
+    parts = [
+        pair for pair in with_parts(structure).fields(shapes, None) if pair[0].part.mesh.tdim > 1
+    ]
+    if not parts:
+        raise InputError("a mesh of lines has no surface: write_series writes its motion.")
+    points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
+    faces = [_outer(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
+    if len({f.shape[1] for f in faces}) > 1:  # of several parts: quadrilaterals as triangles
+        faces = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
+        ]
+    return points, np.vstack(faces), found
+
+
+def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
+    """Displacements (3, columns) of a point of a part for shapes (rows of this rank, columns)."""
+    mesh, form = member.part.mesh, member.part.form
+    shapes = compat.with_ghosts(form.space, shapes)
+    values = None
+    if mesh.comm.rank == nearest.rank:
+        values = np.zeros((3, shapes.shape[1]))
+        for axis, name in enumerate("xyz"):
+            path = form.components.get(name)
+            if path is not None:
+                dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
+                weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
+                values[axis] = weights @ shapes[dofs]
+    return np.asarray(member.at.rotation @ mesh.comm.bcast(values, root=nearest.rank))
+
+
+def _kind(mesh: Mesh, cells: IntArray) -> str:
+    """meshio's name of the kind of cells."""
+    return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+
+
+def _outer(cell: str, cells: IntArray) -> IntArray:
+    """Corners of the outer faces of solid cells, or of plane cells, in order around each."""
+    faces = [cells[:, list(f)] for f in FACETS[cell]]
+    if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
+        return cells[:, [edge[0] for edge in FACETS[cell]]]
+    listed = np.vstack(faces)
+    _, first, count = np.unique(
+        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(listed[first[count == 1]])
+
+
+def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
+    """Displacement shapes at the geometry nodes of this rank: (nodes, 3, N + 1).
+
+    Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
+    the same local number, but for mid-side nodes beside displacements of degree three.
+    """
+    geometry, nodes = mesh.geometry, compat.geometry_nodes(mesh.dolfinx)
+    result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
+    for axis, name in enumerate("xyz"):
+        if name not in form.components:
+            continue
+        path = form.components[name]
+        dofs = compat.cell_dofs(form.space, path, np.arange(len(nodes)))
+        if nodes.shape[1] in (len(geometry.corners), dofs.shape[1]):
+            result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
+        else:
+            table = compat.tabulate(form.space, path, geometry.reference_nodes)
+            result[nodes, axis] = table @ shapes[dofs]
+    return result
+
+
+def displacements_of_rank(part: MeshedStructure, shapes: Array) -> Array:
+    """Shapes (nodes, 3, columns) at the geometry nodes of this rank, ghosts included."""
+    return _at_nodes(part.mesh, part.form, compat.with_ghosts(part.form.space, shapes))
+
+
+def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
+    """Points, cells (VTK's node order) and shapes of all ranks on rank 0."""
+    mesh = member.part.mesh
+    shapes = displacements_of_rank(member.part, shapes)
+    R = member.at.rotation
+    if (np.eye(3) != R).any():
+        shapes = np.einsum("cd,ndk->nck", R, shapes)
+    own = compat.cell_map(mesh.dolfinx).size_local
+    cells = compat.geometry_nodes(mesh.dolfinx)[:own]
+    points = member.at.placed(mesh.dolfinx.geometry.x)
+    pieces = mesh.comm.gather((points, cells, shapes), root=0)
+    if pieces is None:
+        return points, cells, shapes
+    order = np.argsort(compat.node_order(mesh.cell, cells.shape[1], "vtk"))
+    starts = np.cumsum([0] + [len(p) for p, _, _ in pieces[:-1]])
+    return (
+        np.vstack([p for p, _, _ in pieces]),
+        np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
+        np.concatenate([f for _, _, f in pieces]),
+    )
+
+
+def _side_by_side(
+    gathered: Sequence[tuple[Array, IntArray, Array]],
+) -> tuple[Array, list[IntArray], Array]:
+    """Points and shapes of all parts, and the cells of each part."""
+    starts = np.cumsum([0] + [len(points) for points, _, _ in gathered[:-1]])
+    return (
+        np.vstack([points for points, _, _ in gathered]),
+        [cells + start for (_, cells, _), start in zip(gathered, starts, strict=True)],
+        np.concatenate([shapes for _, _, shapes in gathered]),
+    )
+
+
+#: Corners of the edges of plane cells, dolfinx's numbers.
+PLANE_EDGES = {
+    "triangle": [(0, 1), (0, 2), (1, 2)],
+    "quadrilateral": [(0, 1), (2, 3), (0, 2), (1, 3)],
+}
+#: Distance of equal points over the size of the part.
+SAME = 1e-9
+#: Angle (rad) that may lack of the full circle around an edge within the solid.
+WITHIN = 1e-3
+
+
+def interior_angle(part: MeshedStructure, x: Array) -> float:
+    """Largest angle [degree] between outer faces that meet at the corner of a cell next to x (3,).
+
+    0 for a point within the solid. To be called on all ranks.
+    """
+    mesh = part.mesh
+    owned = compat.cell_map(mesh.dolfinx).size_local
+    cells = mesh.geometry.nodes[:owned, : len(mesh.geometry.corners)]
+    distance = np.linalg.norm(cells - x, axis=-1)
+    nearest = np.unravel_index(distance.argmin(), distance.shape) if owned else None
+    own = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
+    vertex = min(chain(*mesh.comm.allgather(own)), key=lambda pair: pair[0])[1]
+    tolerance = SAME * mesh.extent()
+    found: list[tuple[Array, float]] = []
+    for cell, at in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
+        found += _angles(mesh.cell, cells[cell], int(at))
+    every: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(found)))
+    keys = np.round(np.array([end for end, _ in every]) / tolerance)
+    _, edge = np.unique(keys, axis=0, return_inverse=True)
+    angles = np.bincount(edge.ravel(), [angle for _, angle in every])
+    return float(np.degrees(angles[angles < 2 * np.pi - WITHIN].max(initial=0.0)))
+
+
+def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
+    """(other end of an edge, angle [rad] of the cell around it) of a corner; in the plane (the
+    corner itself, angle between its edges)."""
+    edges = {**PLANE_EDGES, **SOLID_EDGES}[kind]
+    ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
+    along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
+    if len(ends) == 2:
+        return [(x[corner], _between(*along))]
+    found = []
+    for k, end in enumerate(ends):
+        across = [a - (a @ along[k]) * along[k] for i, a in enumerate(along) if i != k]
+        found.append((end, _between(*across)))
+    return found
+
+
+def _between(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def stress_jumps(
+    structure: Structure, shapes: Array, factors: Array, part: str | None = None
+) -> Array | None:
+    """Estimated errors [Pa] of the von Mises stress at the points of `at_nodes`, on rank 0.
+
+    `factors` (P, columns) of the shapes at each point. 0 in sheets and beams; None without solids.
+    """
+    if "solid" not in families(structure, shapes, part):
+        return None
+    parts = with_parts(structure).fields(shapes, part)
+    found, start = [], 0
+    for member, own in parts:
+        comm = member.part.mesh.comm
+        sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
+        first = start + sum(sizes[: comm.rank])
+        here = np.zeros(sizes[comm.rank])
+        if member.part.kind.name == "solid":
+            shares = shares_of(structure, "stress", member)
+            here = jumps(member.part, own, factors[first : first + len(here)], shares)
+        found += comm.gather(here, root=0) or []
+        start += sum(sizes)
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
+    """Kinds of the parts that are looked at: "solid", "sheet", "beam", "truss"."""
+    fields = with_parts(structure).fields(shapes, part)
+    return {member.part.kind.name for member, _ in fields}
+
+
+def corner_at(
+    structure: Structure, shapes: Array, x: Array, part: str | None = None
+) -> tuple[float, bool]:
+    """(interior angle [degree] of the solid at its node x (3,), whether this node is held)."""
+    parts = with_parts(structure).fields(shapes, part)
+    best = (np.inf, 0.0, False)
+    for member, own in parts:
+        if member.part.kind.name != "solid":
+            continue
+        mesh, point = member.part.mesh, member.at.own(x[None])[0]
+        distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
+        moves = np.abs(displacements_of_rank(member.part, own)[distance.argmin()]).max(initial=0)
+        nearest = min(mesh.comm.allgather((float(distance.min()), bool(moves == 0))))
+        if nearest[0] < best[0]:
+            best = (nearest[0], interior_angle(member.part, point), nearest[1])
+    return best[1:]

@@ -1,0 +1,95 @@
+"""Fields of given matrices with the coordinates of their nodes; the interface of `mesh_fields`."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.fem.mesh.reach import Reach, check_reach
+from antiosc.fem.structure import NodalMatrices
+from antiosc.fem.structure.structure import Structure
+from antiosc.recovery.place import NodeTensors, Place
+
+
+def at_point(
+    structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
+) -> Array:
+    """Displacements (3, columns) of the node next to x (3,) for shapes (rows, columns).
+
+    InputError for a node farther off than `reach`.
+    """
+    _one_part(part)
+    nodal = cast(NodalMatrices, structure.matrices)
+    points, rows = nodal.nodes()
+    nearest = int(np.argmin(((points - x) ** 2).sum(axis=1)))
+    check_reach(reach, x, points, nearest)
+    return _displacements(rows[nearest : nearest + 1], shapes)[0]
+
+
+def recovered(
+    structure: Structure,
+    shapes: Array,
+    points: Array,
+    part: str | None,
+    quantity: str,
+    place: Place,
+    reach: Reach,
+    whole: bool = False,
+) -> Array:
+    """InputError: matrices have neither materials nor elements."""
+    raise InputError(
+        f"given matrices have no {quantity}: they know neither elements nor materials; probe the "
+        "displacement, velocity or acceleration of a node."
+    )
+
+
+def tensors_at_nodes(
+    structure: Structure,
+    shapes: Array,
+    quantity: str,
+    places: list[Place],
+    part: str | None = None,
+    ply: Place | None = None,
+    whole: bool = False,
+) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
+    """InputError: matrices have neither materials nor elements."""
+    raise InputError(
+        f"given matrices have no {quantity}: they know neither elements nor materials; ask for the "
+        "displacement, velocity or acceleration."
+    )
+
+
+def materials_of(
+    structure: Structure, part: str | None, stiffener: str | None = None
+) -> list[object]:
+    """None: matrices have no materials."""
+    return []
+
+
+def at_nodes(
+    structure: Structure, shapes: Array, part: str | None = None
+) -> tuple[Array, list[tuple[str, IntArray]], Array]:
+    """Points (P, 3), a vertex at each, shapes (P, 3, columns)."""
+    _one_part(part)
+    points, rows = cast(NodalMatrices, structure.matrices).nodes()
+    vertices = np.arange(len(points))[:, None]
+    return points, [("vertex", vertices)], _displacements(rows, shapes)
+
+
+def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
+    """InputError: matrices have nodes, but no faces."""
+    raise InputError("matrices have nodes but no faces: write_series writes their motion.")
+
+
+def _one_part(part: str | None) -> None:
+    """InputError for the name of a part."""
+    if part is not None:
+        raise InputError(f"part={part!r} names a part of an assembly; given matrices are one.")
+
+
+def _displacements(rows: IntArray, shapes: Array) -> Array:
+    """Shapes at nodes (P, 3, columns); `rows` (P, 3) is -1 where a displacement is not a dof."""
+    return np.where(rows[:, :, None] < 0, 0.0, shapes[rows])

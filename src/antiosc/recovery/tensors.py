@@ -1,0 +1,597 @@
+"""Strain, stress, rotation and section forces at points of solids, bars, beams and sheets.
+
+In beams the strains of the section are taken at the Gauss points of the stiffness, where they are
+most accurate, and interpolated between them.
+
+In sheets they are those of the element (`antiosc.fem.elements.shell`): on triangles the shear
+strain has the interpolated rotations, on quadrilaterals it is taken at the 2×2 points of its
+quadrature and interpolated, as is the membrane strain of curved quadrilaterals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.base.stresses import PAIRS, tensors_of
+from antiosc.fem.elements import Layer, shear_stresses
+from antiosc.fem.elements.beam import Beam, heights
+from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
+from antiosc.fem.elements.solid import Solid
+from antiosc.fem.elements.weak_form import Material, axes_and_sides
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.recovery.place import Place
+
+
+def in_frame(local: Array, frame: Sequence[Array]) -> Array:
+    """Tensors (P, 3, 3, columns) whose axes are the three `frame` vectors (P, 3), in the mesh's."""
+    axes = np.stack(list(frame), axis=1)
+    return np.einsum("pai,pabk,pbj->pijk", axes, local, axes, optimize=True)
+
+
+class PointsInCells:
+    """Points of cells of this rank, and the dofs of their cells.
+
+    Parameters
+    ----------
+    part : MeshedStructure
+    shapes : (dofs of this rank, ghosts included; columns)
+    cells, X : (P,), reference coordinates (P, tdim)
+    """
+
+    def __init__(self, part: MeshedStructure, shapes: Array, cells: IntArray, X: Array) -> None:
+        self.part, self.cells, self.X = part, np.asarray(cells), np.asarray(X)
+        self._shapes = shapes
+        self._space = part.form.space
+        self._first = next(iter(part.form.components.values()))
+        _, self.J = part.mesh.geometry.at(self.cells, self.X)
+
+    def moved(self, X: Array) -> PointsInCells:
+        """Other points X (P, tdim) or (tdim,) of the same cells."""
+        where = np.broadcast_to(X, self.X.shape)
+        return PointsInCells(self.part, self._shapes, self.cells, where)
+
+    def dofs(self, names: str | tuple[str, ...]) -> Array:
+        """Components (P, functions, len(names), columns) of the dofs of the cells; 0 for absent."""
+        components = self.part.form.components
+        count = self._shapes.shape[1]
+        found = []
+        for name in names:
+            if name in components:
+                numbers = compat.cell_dofs(self._space, components[name], self.cells)
+                found.append(self._shapes[numbers])
+            else:
+                found.append(np.zeros((len(self.cells), self.functions, count)))
+        return np.stack(found, axis=2)
+
+    @property
+    def functions(self) -> int:
+        """Number of basis functions of a cell."""
+        return int(compat.cell_dofs(self._space, self._first, self.cells[:0]).shape[1])
+
+    def each(self, value: Callable[[Material], list[float]]) -> Array:
+        """Numbers (P, m) of the material at each point."""
+        table = np.array([value(material) for material, _ in self.part.parts])
+        return np.asarray(table[self.part.part_of_cells()[self.cells]])
+
+    def values(self, dofs: Array) -> Array:
+        """Values (P, components, columns) at the points."""
+        if not len(self.X):
+            return np.zeros((0, *dofs.shape[2:]))
+        table = compat.tabulate(self._space, self._first, self.X)
+        return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
+
+    def slopes(self, dofs: Array) -> Array:
+        """Derivatives (P, components, tdim, columns) along the reference directions."""
+        if not len(self.X):
+            return np.zeros((0, dofs.shape[2], self.part.mesh.tdim, dofs.shape[3]))
+        table = compat.tabulate_slopes(self._space, self._first, self.X)
+        return np.einsum("pfd,pfck->pcdk", table, dofs, optimize=True)
+
+
+def lagrange_1d(nodes: Array, x: Array) -> Array:
+    """Lagrange's polynomials (points, nodes) through `nodes` (n,) at x (points,)."""
+    table = np.ones((len(x), len(nodes)))
+    for i, own in enumerate(nodes):
+        for j, other in enumerate(nodes):
+            if i != j:
+                table[:, i] *= (x - other) / (own - other)
+    return table
+
+
+def gauss_points(count: int) -> Array:
+    """Gauss's points (count,) of the interval from 0 to 1."""
+    return np.asarray((np.polynomial.legendre.leggauss(count)[0] + 1) / 2)
+
+
+def solid_strain(at: PointsInCells, place: Place) -> Array:
+    """Tensors (P, 3, 3, columns)."""
+    gradient = _gradient(at)
+    result = (gradient + np.swapaxes(gradient, 1, 2)) / 2
+    if at.part.initial is not None:
+        result += np.einsum("pkic,pkjc->pijc", gradient, gradient) / 2
+    number = at.part.part_of_cells()[at.cells]
+    for k, (material, _) in enumerate(at.part.parts):
+        if getattr(material, "plane", None) == "stress":  # it contracts freely across the plane
+            own = result[number == k]
+            across = -material.nu / (1 - material.nu) * (own[:, 0, 0] + own[:, 1, 1])
+            result[number == k, 2, 2] = across
+    return _turned(at, result, place)
+
+
+def solid_stress(at: PointsInCells, place: Place) -> Array:
+    """Tensors (P, 3, 3, columns), Pa."""
+    strains = solid_strain(at, Place())
+    engineering = np.stack([(1 if i == j else 2) * strains[:, i, j] for i, j in PAIRS], axis=1)
+    number = at.part.part_of_cells()[at.cells]
+    result = np.zeros_like(engineering)
+    for k, (material, _) in enumerate(at.part.parts):
+        own = number == k
+        result[own] = np.einsum("ij,pjk->pik", material.voigt, engineering[own])
+    return _turned(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
+
+
+def solid_rotation(at: PointsInCells, place: Place) -> Array:
+    """Half the curl of the displacement (P, 3, columns), rad; (P, 1, columns) of plane parts."""
+    g = _gradient(at)
+    if at.part.mesh.gdim == 2:
+        return np.asarray((g[:, 1, 0] - g[:, 0, 1])[:, None] / 2)
+    pairs = ((2, 1), (0, 2), (1, 0))
+    return np.stack([(g[:, i, j] - g[:, j, i]) / 2 for i, j in pairs], axis=1)
+
+
+def solid_section_forces(at: PointsInCells, place: Place) -> Array:
+    """InputError: a solid has stresses."""
+    raise InputError("a solid has no section forces: probe its 'stress'.")
+
+
+def _gradient(at: PointsInCells) -> Array:
+    """∂u_i/∂x_j (P, 3, 3, columns)."""
+    gdim = at.part.mesh.gdim
+    inverse = np.linalg.inv(at.J[:, :gdim, :])
+    slopes = at.slopes(at.dofs("xyz"[:gdim]))
+    result = np.zeros((len(at.cells), 3, 3, slopes.shape[-1]))
+    result[:, :gdim, :gdim] = np.einsum("pcdk,pdj->pcjk", slopes, inverse, optimize=True)
+    return result
+
+
+def _turned(at: PointsInCells, tensors: Array, place: Place) -> Array:
+    """The tensors in the axes of an anisotropic material, where the local ones are meant."""
+    if not place.local:
+        return tensors
+    number = at.part.part_of_cells()[at.cells]
+    result = tensors.copy()
+    for k, (material, _) in enumerate(at.part.parts):
+        if not isinstance(material, Solid):
+            R = np.asarray(material.axes)
+            own = number == k
+            result[own] = np.einsum("ia,pabk,jb->pijk", R, tensors[own], R, optimize=True)
+    return result
+
+
+def truss_strain(at: PointsInCells, place: Place) -> Array:
+    """Tensors (P, 3, 3, columns): along the bar, and its contraction across."""
+    return _bar_tensors(at, place, at.each(lambda bar: [1.0, -bar.nu]))
+
+
+def truss_stress(at: PointsInCells, place: Place) -> Array:
+    """Tensors (P, 3, 3, columns), Pa."""
+    return _bar_tensors(at, place, at.each(lambda bar: [bar.E, 0.0]))
+
+
+def truss_section_forces(at: PointsInCells, place: Place) -> Array:
+    """The axial force N (P, 1, columns), N."""
+    return np.asarray((at.each(lambda bar: [bar.E * bar.area]) * _axial(at))[:, None])
+
+
+def truss_rotation(at: PointsInCells, place: Place) -> Array:
+    """InputError: the ends of the bars are hinges."""
+    raise InputError("the bars of a truss end in hinges, which have no rotation to probe.")
+
+
+def _axial(at: PointsInCells) -> Array:
+    """Axial strain (P, columns)."""
+    length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
+    slope = at.slopes(at.dofs("xyz"))[:, :, 0] / length[:, :, None]
+    along = np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
+    return np.asarray(along + _lengthening(at, slope))
+
+
+def _lengthening(at: PointsInCells, slope: Array) -> Array:
+    """Axial strain (P, columns) of second order, without what is free of stress; else 0."""
+    if at.part.initial is None:
+        return np.zeros(slope[:, 0].shape)
+    return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
+
+
+def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
+    """Tensors with these sizes (P, 2) along and across the bar, times the axial strain."""
+    if place.local:
+        along = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
+    else:
+        t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
+        along = np.einsum("pi,pj->pij", t, t)
+    shape = sizes[:, :1, None] * along + sizes[:, 1:, None] * (np.eye(3) - along)
+    return np.asarray(shape[..., None] * _axial(at)[:, None, None])
+
+
+class BeamFrame(NamedTuple):
+    """Axes (P, 3) of the beam at points: its tangent, its height y and z = t × y."""
+
+    t: Array
+    y: Array
+    z: Array
+
+
+def section_strains(at: PointsInCells) -> tuple[Array, BeamFrame]:
+    """(ε, γy, γz, twist, κy, κz) (P, 6, columns) of the centroid, and the axes."""
+    frame = _frame(at)
+    nodes = gauss_points(at.part.form.space.element.basix_element.degree)
+    found = 0.0
+    for x, weight in zip(nodes, lagrange_1d(nodes, at.X[:, 0]).T, strict=True):
+        found = found + weight[:, None, None] * _strains(at.moved(np.array([x])), frame)
+    return np.asarray(found), frame
+
+
+def beam_section_forces(at: PointsInCells, place: Place) -> Array:
+    """(N, Vy, Vz, T, My, Mz) (P, 6, columns) of beams in space, (N, V, M) of plane ones; N, N m."""
+    strains, _ = section_strains(at)
+    size = at.part.mesh.extent()
+
+    def stiffness(beam: Beam) -> list[float]:
+        s = beam.section
+        shear = [beam.shear_stiffness(s.I, size), beam.shear_stiffness(s.side, size)]
+        return [beam.E * s.A, *shear, beam.G * s.torsion, beam.E * s.side, beam.E * s.I]
+
+    forces = strains * at.each(stiffness)[:, :, None]
+    return forces if at.part.mesh.gdim == 3 else forces[:, [0, 1, 5]]
+
+
+def beam_strain(at: PointsInCells, place: Place) -> Array:
+    """Tensors (P, 3, 3, columns) of a fibre: along it, and its contraction across."""
+    strains, frame = section_strains(at)
+    y, z = at.each(lambda beam: _fibre(beam, place)).T[:, :, None]
+    along = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
+    nu = at.each(lambda beam: [beam.nu])
+    local = np.zeros((len(at.cells), 3, 3, along.shape[1]))
+    local[:, 0, 0] = along
+    local[:, 1, 1] = local[:, 2, 2] = -nu * along
+    return local if place.local else in_frame(local, frame)
+
+
+def beam_stress(at: PointsInCells, place: Place) -> Array:
+    """Tensors (P, 3, 3, columns) of a fibre, Pa: the normal stress of N, My and Mz alone."""
+    strains = beam_strain(at, Place(fibre=place.fibre, local=True))
+    local = np.zeros_like(strains)
+    local[:, 0, 0] = at.each(lambda beam: [beam.E]) * strains[:, 0, 0]
+    return local if place.local else in_frame(local, _frame(at))
+
+
+def beam_rotation(at: PointsInCells, place: Place) -> Array:
+    """Rotation of the section (P, 3, columns), rad; (P, 1, columns) of plane beams."""
+    names = ("rx", "ry", "rz") if at.part.mesh.gdim == 3 else ("rz",)
+    return at.values(at.dofs(names))
+
+
+def _fibre(beam: Beam, place: Place) -> list[float]:
+    """(y, z) of the fibre in the section of a beam, m."""
+    if isinstance(place.fibre, int):
+        outline = beam.section.outline
+        return list(outline[place.fibre % len(outline)])
+    return list(place.fibre or (0.0, 0.0))
+
+
+def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
+    length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None, None]
+    displacements, rotations = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
+    slope = at.slopes(displacements)[:, :, 0] / length
+    bend = at.slopes(rotations)[:, :, 0] / length
+    turn = at.values(rotations)
+    offset = at.each(lambda beam: [beam.offset])
+
+    def along(vectors: Array, axis: Array) -> Array:
+        return np.einsum("pck,pc->pk", vectors, axis)
+
+    stretch = -offset * along(bend, frame.z)
+    sideways = offset * along(bend, frame.t) if at.part.form.twist_shifts else 0.0
+    # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
+    forces = [
+        along(slope, frame.t) + stretch + _lengthening(at, slope),
+        along(slope, frame.y) - along(turn, frame.z),
+        along(slope, frame.z) + along(turn, frame.y) + sideways,
+    ]
+    return np.stack([*forces, *(along(bend, axis) for axis in frame)], axis=1)
+
+
+def _frame(at: PointsInCells) -> BeamFrame:
+    t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
+    if at.part.mesh.gdim == 2:
+        z = np.broadcast_to([0.0, 0.0, 1.0], t.shape)
+        return BeamFrame(t, np.cross(z, t), z)
+    middle = at.part.mesh.geometry.nodes[at.cells].mean(axis=1)
+    number = at.part.part_of_cells()[at.cells]
+    height = np.zeros_like(t)
+    for k, (beam, _) in enumerate(at.part.parts):
+        own = number == k
+        if own.any():
+            height[own] = heights(beam, t[own], middle[own])
+    y = height - np.einsum("pc,pc->p", height, t)[:, None] * t
+    y /= np.linalg.norm(y, axis=1)[:, None]
+    return BeamFrame(t, y, np.cross(t, y))
+
+
+#: Cosine of the angle to the normal from which x is near it.
+ALONG = 0.9
+
+
+class SheetFrame(NamedTuple):
+    """Axes (P, 3) at points: 0°, 90° and the normal, which points to the top."""
+
+    e1: Array
+    e2: Array
+    n: Array
+
+
+class Strains(NamedTuple):
+    """Strains and curvatures of the middle surface of a sheet, in its axes."""
+
+    #: (ε1, ε2, γ12) (P, 3, columns)
+    membrane: Array
+    #: (κ1, κ2, 2κ12) (P, 3, columns)
+    bending: Array
+    #: (γ13, γ23) (P, 2, columns)
+    shear: Array
+
+
+class SheetAxes:
+    """Directions of 0° and sides of all cells of this rank; to be made on all ranks.
+
+    0° of a sheet without an axis is x along its surface, or y where x is near its normal.
+    """
+
+    def __init__(self, part: MeshedStructure) -> None:
+        axis, side = axes_and_sides(part.mesh, part.parts)
+        self.axis, self.side = axis.x.array.reshape(-1, 3), side.x.array
+        given = np.array([material.axis is not None for material, _ in part.parts])
+        self.given = given[part.part_of_cells()]
+
+    def frame(self, at: PointsInCells) -> SheetFrame:
+        """The axes at points."""
+        n = np.cross(at.J[:, :, 0], at.J[:, :, 1])
+        n *= (self.side[at.cells] / np.linalg.norm(n, axis=1))[:, None]
+        usual = np.where(np.abs(n[:, :1]) < ALONG, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        a = np.where(self.given[at.cells][:, None], self.axis[at.cells], usual)
+        e1 = a - np.einsum("pc,pc->p", a, n)[:, None] * n
+        e1 /= np.linalg.norm(e1, axis=1)[:, None]
+        return SheetFrame(e1, np.cross(n, e1), n)
+
+
+def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
+    """Strains of the middle surface at points, as the energy of the element takes them."""
+    own = _raw(at, axes)
+    if at.part.mesh.cell == "triangle":
+        return own
+    g = gauss_points(2)
+    table = [lagrange_1d(g, at.X[:, axis]) for axis in (0, 1)]
+    shear, membrane = np.zeros_like(own.shear), np.zeros_like(own.membrane)
+    for i in (0, 1):
+        for j in (0, 1):
+            weight = (table[0][:, i] * table[1][:, j])[:, None, None]
+            there = _raw(at.moved(np.array([g[i], g[j]])), axes)
+            shear += weight * there.shear
+            membrane += weight * there.membrane
+    curved = at.part.mesh.order > 1
+    return Strains(membrane if curved else own.membrane, own.bending, shear)
+
+
+def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
+    """(N1, N2, N12, M1, M2, M12, Q1, Q2) (P, 8, columns) per width, N/m and N, in local axes."""
+    strains = middle_strains(at, axes)
+    result = np.zeros((len(at.cells), 8, strains.membrane.shape[2]))
+    number = at.part.part_of_cells()[at.cells]
+    for k, (sheet, _) in enumerate(at.part.parts):
+        own, s = number == k, sheet.section
+        stretch, bend = strains.membrane[own], strains.bending[own]
+        result[own, :3] = _times(s.A, stretch) + _times(s.B, bend)
+        result[own, 3:6] = _times(s.B, stretch) + _times(s.D, bend)
+        result[own, 6:] = _times(s.S, strains.shear[own])
+    return result
+
+
+def sheet_strain(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
+    """Tensors (P, 3, 3, columns)."""
+    return _sheet_tensors(at, place, axes, of_stress=False)
+
+
+def sheet_stress(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
+    """Tensors (P, 3, 3, columns), Pa; the stress normal to the sheet is zero."""
+    return _sheet_tensors(at, place, axes, of_stress=True)
+
+
+def sheet_rotation(at: PointsInCells, place: Place) -> Array:
+    """Rotation vector of the normal (P, 3, columns), rad."""
+    return at.values(at.dofs(("rx", "ry", "rz")))
+
+
+def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress: bool) -> Array:
+    strains, frame = middle_strains(at, axes), axes.frame(at)
+    result = np.zeros((len(at.cells), 3, 3, strains.membrane.shape[2]))
+    number = at.part.part_of_cells()[at.cells]
+    angle = np.zeros(len(at.cells))
+    for k, (sheet, _) in enumerate(at.part.parts):
+        for up in (1.0, -1.0):
+            own = (number == k) & (_toward(place, frame) == up)
+            if not own.any():
+                continue
+            which, z = _height(sheet, place, up)
+            layer = _layers(sheet)[which]
+            angle[own] = np.deg2rad(layer.angle)
+            plane = strains.membrane[own] + (z + sheet.offset) * strains.bending[own]
+            # stresses of the shear forces in equilibrium, and the strains that they cause
+            f = shear_stresses(_layers(sheet), which, z)
+            across = _times(f @ sheet.section.S, strains.shear[own])
+            if of_stress:
+                plane = _times(layer.plane_stress(), plane)
+                half = 1.0
+                result[own, 2, 2] = 0.0
+            else:
+                thin = _times(layer.contraction(), plane)
+                across = _times(np.linalg.inv(layer.transverse_shear()), across)
+                half = 0.5
+                result[own, 2, 2] = thin[:, 0]
+            result[own, 0, 0], result[own, 1, 1] = plane[:, 0], plane[:, 1]
+            for (i, j), value in (
+                ((0, 1), plane[:, 2]),
+                ((0, 2), across[:, 0]),
+                ((1, 2), across[:, 1]),
+            ):
+                result[own, i, j] = result[own, j, i] = half * value
+    if not place.local:
+        return in_frame(result, frame)
+    c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+    R = np.stack([np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1)], axis=1)
+    R = np.concatenate([R, np.broadcast_to([[[0.0, 0.0, 1.0]]], (len(angle), 1, 3))], axis=1)
+    return np.einsum("pia,pabk,pjb->pijk", R, result, R, optimize=True)
+
+
+def _toward(place: Place, frame: SheetFrame) -> Array:
+    """±1 (P,): whether the surface of a given side is the top of the sheet."""
+    if isinstance(place.surface, str):
+        return np.ones(len(frame.n))
+    along = frame.n @ np.asarray(place.surface)
+    size = float(np.linalg.norm(place.surface))
+    if np.any(np.abs(along) < 0.05 * size):
+        raise InputError(
+            "the direction of surface lies along the sheet there: give one that points away from "
+            "its surface, or surface='top' or 'bottom'."
+        )
+    return np.where(along > 0, 1.0, -1.0)
+
+
+def _layers(sheet: Sheet) -> list[Layer]:
+    if isinstance(sheet, Laminate):
+        return list(sheet.layers)
+    if isinstance(sheet, GivenSheet):
+        raise InputError(
+            "the stresses in a shell that is given by its stiffnesses are not known; probe section "
+            "forces instead."
+        )
+    return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
+
+
+def _height(sheet: Sheet, place: Place, up: float) -> tuple[int, float]:
+    """(number of the layer, distance from the middle surface) that is meant, m."""
+    layers = _layers(sheet)
+    steps = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
+    z = steps - steps[-1] / 2
+    surface = place.surface if isinstance(place.surface, str) else ("bottom", "top")[up > 0]
+    if place.layer is not None:
+        if place.layer >= len(layers):
+            raise InputError(
+                f"layer must be below {len(layers)}, the number of layers (0 is the lowest); got "
+                f"{place.layer}."
+            )
+        k = place.layer
+        low, high = float(z[k]), float(z[k + 1])
+        return k, {"top": high, "bottom": low, "middle": (low + high) / 2}[surface]
+    if surface == "middle":
+        k = int(np.clip(np.searchsorted(z, 0.0, side="right") - 1, 0, len(layers) - 1))
+        return k, 0.0
+    return (len(layers) - 1, float(z[-1])) if surface == "top" else (0, float(z[0]))
+
+
+def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
+    frame = axes.frame(at)
+    e1, e2, n = frame
+    # contravariant tangents: ds along e_α of the reference coordinates
+    inverse = np.linalg.pinv(at.J)  # (P, 2, 3)
+    along = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
+    displacements, rotations = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
+    du = np.einsum("pcdk,pda->pcak", at.slopes(displacements), along, optimize=True)
+    dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), along, optimize=True)
+
+    def dotted(vectors: Array, axis: Array) -> Array:
+        return np.einsum("pc...,pc->p...", vectors, axis)
+
+    u1, u2, r1, r2 = dotted(du, e1), dotted(du, e2), dotted(dr, e1), dotted(dr, e2)
+    membrane = np.stack([u1[:, 0], u2[:, 1], u1[:, 1] + u2[:, 0]], axis=1)
+    if at.part.initial is not None:
+        products = np.einsum("pcak,pcbk->pabk", du, du)
+        second = [products[:, 0, 0] / 2, products[:, 1, 1] / 2, products[:, 0, 1]]
+        membrane += np.stack(second, axis=1)
+    # θ × n = (θ·e2) e1 − (θ·e1) e2
+    bending = np.stack([r2[:, 0], -r1[:, 1], r2[:, 1] - r1[:, 0]], axis=1)
+    lean = _leaning(at, rotations, frame)
+    return Strains(membrane, bending, dotted(du, n) + lean)
+
+
+def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
+    """(θ×n) along e1 and e2 (P, 2, columns), of triangles interpolated as in the energy."""
+    e1, e2, n = frame
+    tangents = np.stack([e1, e2], axis=1)
+    if at.part.mesh.cell != "triangle":
+        rotated = np.cross(at.values(rotations), n[:, :, None], axis=1)
+        return np.einsum("pck,pac->pak", rotated, tangents)
+    if not len(at.X):
+        return np.zeros((0, 2, rotations.shape[-1]))
+    space, path = at.part.form.space, at.part.form.components["rx"]
+    table = compat.tabulate(space, path, compat.edge_points())
+    # θ×n along the reference directions at the points of the edges: n × J is θ·(n × J_d)
+    across = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
+    covariant = np.einsum("qf,pfck,pdc->pdqk", table, rotations, across, optimize=True)
+    near = np.einsum("pabq,pbqk->pak", compat.edge_interpolation(at.X), covariant, optimize=True)
+    to_axes = np.einsum("pac,pdc->pad", tangents, np.linalg.pinv(at.J))
+    return np.einsum("pad,pdk->pak", to_axes, near)
+
+
+def _times(matrix: Array, columns: Array) -> Array:
+    """Products (P, m, columns) of a matrix (m, n) with vectors (P, n, columns)."""
+    return np.einsum("ij,pjk->pik", matrix, columns)
+
+
+#: What gives a quantity of parts of a kind.
+QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
+    "strain": {
+        "solid": solid_strain,
+        "truss": truss_strain,
+        "beam": beam_strain,
+        "sheet": sheet_strain,
+    },
+    "stress": {
+        "solid": solid_stress,
+        "truss": truss_stress,
+        "beam": beam_stress,
+        "sheet": sheet_stress,
+    },
+    "rotation": {
+        "solid": solid_rotation,
+        "truss": truss_rotation,
+        "beam": beam_rotation,
+        "sheet": sheet_rotation,
+    },
+    "section_forces": {
+        "solid": solid_section_forces,
+        "truss": truss_section_forces,
+        "beam": beam_section_forces,
+        "sheet": sheet_section_forces,
+    },
+}
+
+
+def evaluator(
+    part: MeshedStructure, quantity: str, place: Place
+) -> Callable[[PointsInCells], Array]:
+    """What gives "strain", "stress", "rotation" or "section_forces" (P, …, columns) at points.
+
+    To be made on all ranks.
+    """
+    function = QUANTITIES[quantity][part.kind.name]
+    if part.kind.name == "sheet" and quantity != "rotation":
+        axes = SheetAxes(part)
+        return lambda at: function(at, place, axes)
+    return lambda at: function(at, place)

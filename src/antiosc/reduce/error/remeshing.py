@@ -1,0 +1,282 @@
+"""Meshes that follow wanted sizes of cells: of a geometry by gmsh, of others by halving.
+
+Meshes of lines are made finer everywhere alike: they are so small that the second solve which would
+say where costs more than the cells that it would save.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from antiosc.base._types import Array
+from antiosc.fem.mesh import Mesh, distributed
+from antiosc.fem.mesh.reading import flattened, read_mesh
+from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.platform import bounds, compat, on_root, warn
+from antiosc.fem.structure import in_space
+from antiosc.io.by_gmsh import GEOMETRY, SizeField
+from antiosc.io.neutral import RawMesh
+from antiosc.io.reading import read
+from antiosc.io.request import GRADING as USUAL, Refinement
+from antiosc.reduce.error.bisection import (
+    DIVIDED,
+    KIND_OF,
+    divisible,
+    edge_lengths,
+    gathered,
+    halved,
+    refined,
+    with_node,
+)
+
+#: About the largest number of cells of the first mesh of a geometry.
+MOST_FIRST = 6000
+#: Rounds of divisions around the site before the first mesh.
+MOST_DIVISIONS = 6
+#: A size [m] above that of any part: gmsh then takes the coarsest mesh that the geometry allows.
+ANY = 1e6
+#: Growth and reach of the small sizes at the site in the first mesh of a geometry, and in all
+#: further ones, where they only keep the patch resolved.
+FIRST_GRADING, GRADING = (0.5, 1.5), (0.7, 1.5)
+#: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
+LINES = 8
+
+
+class Source(ABC):
+    """The source of ever finer meshes of one part; `coarsest` is the first of them."""
+
+    #: why there is only one mesh; "" if there are more
+    fixed = ""
+    coarsest: Mesh
+
+    def thickness(self) -> float:
+        """Twice the volume over the surface of the part [m]: of a thin wall its thickness."""
+        return thickness_of(self.coarsest)
+
+    def extent(self) -> float:
+        """Diagonal of the box around the part [m]."""
+        return self.coarsest.extent()
+
+    @abstractmethod
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """A coarse mesh with elements of at most `size` [m], and smaller ones at points."""
+
+    @abstractmethod
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """A mesh whose sizes are `ratio` (cells of this rank) times those of `mesh`."""
+
+
+def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
+    """The source for a file or a mesh; `order`: of the faces of a geometry's cells."""
+    if isinstance(given, Mesh):
+        return OfLines(given) if given.tdim == 1 else OfMesh(given)
+    path = Path(given)
+    if path.suffix.lower() in GEOMETRY:
+        geometry = OfGeometry(path, order)
+        return OfLines(geometry.coarsest, path) if geometry.coarsest.tdim == 1 else geometry
+    mesh = read_mesh(path)
+    return OfLines(mesh) if mesh.tdim == 1 else OfMesh(mesh)
+
+
+class OfMesh(Source):
+    """A mesh, whose cells are divided if they are straight simplices."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.coarsest = mesh
+        if not divisible(mesh):
+            kind = f"{mesh.cell} cells" if mesh.order == 1 else f"curved {mesh.cell} cells"
+            self.fixed = (
+                f"{mesh.name} was used as it is: {kind} are not divided; give a geometry, or a "
+                "mesh of straight triangles or tetrahedra."
+            )
+
+    def thickness(self) -> float:
+        """Twice the volume over the surface [m]; of other cells than simplices the least extent."""
+        if self.coarsest.cell in KIND_OF:
+            return super().thickness()
+        low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
+        return float(np.min((high - low)[: self.coarsest.gdim]))
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """The mesh itself, divided around the points."""
+        mesh = self.coarsest
+        for _ in range(0 if self.fixed else MOST_DIVISIONS):
+            ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
+            if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED))) == 0:
+                break
+            mesh = refined(mesh, ratio)
+        return mesh
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """The mesh with cells divided."""
+        return refined(mesh, ratio)
+
+
+class OfGeometry(Source):
+    """A geometry that gmsh meshes."""
+
+    def __init__(self, path: Path, order: int) -> None:
+        self._path, self._order = path, order
+        self._refine: Sequence[Refinement] = ()
+
+    @cached_property
+    def coarsest(self) -> Mesh:  # type: ignore[override]
+        """The mesh of the largest cells that the geometry allows."""
+        raw = self._read(None, 1, (), None, USUAL)
+        for sentence in raw.told:
+            warn(MPI.COMM_WORLD, sentence)
+        return distributed(raw, self._path.name, MPI.COMM_WORLD)
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """A mesh of about `size`, of some thousand cells at most."""
+        coarse = self.coarsest
+        self._refine = refine
+        share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
+        few = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
+        wished = wished_sizes(coarse, max(size, few) / edge_lengths(coarse))
+        return self._meshed(coarse, wished, FIRST_GRADING)
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """The geometry meshed anew, with about Σ 1 / ratio^d cells.
+
+        The patch stays resolved.
+        """
+        asked = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
+        wished = wished_sizes(mesh, ratio)
+        if wished is not None:
+            sizes = np.array(wished.sizes) * (wished.expected() / asked) ** (1 / mesh.tdim)
+            wished = replace(wished, sizes=sizes.tolist())
+        return self._meshed(mesh, wished, GRADING)
+
+    def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
+        raw = self._read(like.gdim, self._order, self._refine, wished, grading)
+        return distributed(raw, self._path.name, MPI.COMM_WORLD)
+
+    def _read(
+        self,
+        gdim: int | None,
+        order: int,
+        refine: Sequence[Refinement],
+        wished: SizeField | None,
+        grading: Sequence[float],
+    ) -> RawMesh:
+        def checked(raw: RawMesh) -> RawMesh:
+            return sound(flattened(raw, gdim, self._path.name), self._path.name, True)
+
+        def work() -> RawMesh:
+            return read(
+                self._path, ANY, order, refine, sizes=wished, grading=grading, sound=checked
+            )
+
+        return on_root(MPI.COMM_WORLD, work)
+
+
+class OfLines(Source):
+    """A mesh of lines, which are halved, or a geometry of them, which is meshed more finely.
+
+    The site becomes a node.
+    """
+
+    def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
+        self.coarsest, self._path, self._size = mesh, path, 0.0
+        self._site: Array | None = None
+
+    def thickness(self) -> float:
+        """0: a line has no thickness."""
+        return 0.0
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""
+        if refine:
+            self._site = in_space(refine[0][0])
+        self._size = self.extent() / LINES
+        if self._path is not None:
+            return self._meshed(self._path)
+        mesh = self._struck(self.coarsest)
+        while largest(mesh) > self._size:
+            mesh = halved(mesh)
+        return mesh
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """All cells halved, as often as it brings them to `ratio`, and at least once."""
+        wanted = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
+        for _ in range(max(1, round(-np.log2(wanted)))):
+            self._size /= 2
+            mesh = halved(mesh) if self._path is None else mesh
+        return mesh if self._path is None else self._meshed(self._path)
+
+    def _meshed(self, path: Path) -> Mesh:
+        return self._struck(read_mesh(path, size=self._size, order=1, comm=self.coarsest.comm))
+
+    def _struck(self, mesh: Mesh) -> Mesh:
+        return mesh if self._site is None else with_node(mesh, self._site)
+
+
+def largest(mesh: Mesh) -> float:
+    """Length [m] of the longest line of a mesh."""
+    return float(mesh.comm.allreduce(float(np.max(edge_lengths(mesh), initial=0.0)), MPI.MAX))
+
+
+def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
+    """Sizes [m] of the cells of this rank around points, as gmsh gets them (`read_mesh`)."""
+    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
+    sizes = np.full(len(centres), np.inf)
+    for point, local in refine:
+        distance = np.linalg.norm(centres - in_space(point), axis=1)
+        grown = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
+        sizes = np.minimum(sizes, grown)
+    return sizes
+
+
+def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
+    """The field of sizes on the first rank: at each corner the least of its cells.
+
+    A mean would lose the small sizes of single cells, such as those under a patch.
+    """
+    pieces = gathered(mesh, ratio * edge_lengths(mesh))
+    if pieces is None:
+        return None
+    corners = pieces.cells[:, : mesh.tdim + 1]
+    used, local = np.unique(corners, return_inverse=True)
+    local = local.reshape(corners.shape)
+    sizes = np.full(len(used), np.inf)
+    np.minimum.at(sizes, local.ravel(), np.repeat(pieces.values, corners.shape[1]))
+    x = np.zeros((len(used), 3))
+    x[:, : mesh.gdim] = pieces.points[used]
+    return SizeField(x.tolist(), local.tolist(), sizes.tolist())
+
+
+def thickness_of(mesh: Mesh) -> float:
+    """Twice the volume over the surface of a mesh of simplices [m]."""
+    volume, surface = measures(mesh)
+    return 2 * volume / surface
+
+
+def measures(mesh: Mesh) -> tuple[float, float]:
+    """(volume, surface) of a mesh of simplices, by their corners; in the plane area, length."""
+    x = mesh.dolfinx.geometry.x
+    cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    cells = cells[:, : mesh.tdim + 1]
+    facets = compat.exterior_facets(mesh.dolfinx)
+    sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
+    both = np.array([_measure(x[cells]), _measure(x[sides])])
+    volume, surface = mesh.comm.allreduce(both)
+    return float(volume), float(surface)
+
+
+def _measure(corners: Array) -> float:
+    """Total measure of simplices (n, dim + 1, 3)."""
+    if not len(corners):
+        return 0.0
+    sides = corners[:, 1:] - corners[:, :1]
+    dim = sides.shape[1]
+    gram = np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
+    return float(np.sqrt(gram).sum() / (1, 1, 2, 6)[dim])

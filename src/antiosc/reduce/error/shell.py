@@ -1,0 +1,535 @@
+"""Errors of the strains of shells, by recovery.
+
+The strains of each shape, the interpolated shear strains among them, are projected (L2, consistent
+mass matrix) to continuous functions of degree two, their own degree, on each smooth piece of the
+surface. What is left, recovered minus discontinuous strain e_j, stands for the error; the layers
+along free edges, which neither of them shows, are added.
+
+It is not all of the error of a flexibility. With the exact section forces σ and the strains s_h of
+the element, which are ε(u_h) + d_h, d_h being what the interpolation changes in the shear strains,
+
+    σ:C⁻¹:σ - σ_h:C⁻¹:σ_h = |σ - σ_h|² + 2 ∫ (σ:s_h - σ_h:s_h) = |σ - σ_h|² + 2 ∫ Q·d_h,
+
+for σ and σ_h are in equilibrium with one load: with the displacements ε(u_h) and with the strains
+s_h. The first term is the energy of the error; the second one, which vanishes in elements without
+interpolation, may have either sign, and can make a coarse mesh softer than the part. The recovered
+shear forces stand for Q. Likewise E_ij = ∫ e_i:C:e_j and the misfit ∫ Q_i·d_j + Q_j·d_i for the
+products of all shapes.
+
+Layers: where an edge is free to turn about its normal, its twisting moment m vanishes, but over a
+length of the order of the thickness only: farther inside, and in a mesh of larger cells, it is
+that of a plate without shear deformation. The layer decays as exp(-s/ℓ), with ℓ² = D66/S of the
+twisting and the shear stiffness along the edge (t²/10 if isotropic), and holds the energy m² ℓ/D66
+per length: half in the twisting moment that it takes away, half in the shear force m/ℓ that is in
+equilibrium with it (D. N. Arnold, R. S. Falk, SIAM J. Numer. Anal. 26 (1989) 1276-1312).
+
+Where the section changes, m jumps likewise in such a mesh, and both sides have a layer: with c =
+ℓ/D66 of each, their moments are in the ratio that gives them one rotation, and their energy is that
+of the jump with c1 c2/(c1 + c2). At folds and ribs the other sheet, or the rib, holds the rotation.
+
+The strains are those that made the stiffness matrix, with the interpolated shear strain
+(`antiosc.fem.elements.shell`); beside it stands what the interpolation changed in it.
+
+A piece ends at folds, where three cells or more meet, at stiffeners, and where the section of the
+sheet changes: there section forces jump, and no continuous function stands for them. Strains are
+compared in axes that turn with the surface: over a piece they follow one coordinate axis, or those
+of the layers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+from scipy.sparse.csgraph import connected_components
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
+from antiosc.fem.elements.weak_form import CORNERS_IN_TURN
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.recovery.tensors import PointsInCells, SheetAxes, gauss_points
+
+#: Angles in degrees between neighbouring cells: from FOLD on the surface has a fold there; above
+#: FLAT the cells stand for a curved surface.
+FOLD, FLAT = 20.0, 0.2
+#: Edges of a triangle, and their corners.
+EDGES, ENDS = 3, [[1, 2], [0, 2], [0, 1]]
+#: Cosine between an axis and a normal from which they are near one another.
+NEAR = 0.95
+
+
+@dataclass(frozen=True)
+class SmoothPieces:
+    """Pieces of the surface of a structure on one rank.
+
+    Attributes
+    ----------
+    number : (cells,) of the piece that a cell belongs to.
+    axes : axes and normals of the cells, which turn continuously over each piece.
+    bent : largest angle between neighbouring cells of one piece [degree].
+    """
+
+    number: IntArray
+    axes: SheetAxes
+    bent: float
+
+
+def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
+    """The pieces; InputError for a surface with one side only."""
+    mesh = part.mesh
+    count = compat.cell_map(mesh.dolfinx).size_local
+    corners = compat.geometry_nodes(mesh.dolfinx)[:, CORNERS_IN_TURN[mesh.cell]]
+    normals = edge_normals(part)
+    edges, places, cells = neighbours(compat.cell_entities(mesh.dolfinx, 1))
+    edges, places = edges[cells == 2], places[:, cells == 2]
+    pairs = places // EDGES
+    angle = angles(normals, places)
+    own = part.part_of_cells()
+    axes = SheetAxes(part)
+    smooth = (own[pairs[0]] == own[pairs[1]]) & (angle < FOLD)
+    turn = angles(_tangents(np.repeat(axes.axis, EDGES, axis=0), normals), places)
+    smooth &= ~axes.given[pairs[0]] | (turn < FOLD)
+    for name in part.stiffeners:
+        smooth &= ~np.isin(edges, mesh.groups[name][1])
+    ends = compat.entity_vertices(mesh.dolfinx, 1)[edges[smooth]]
+    a, b = pairs[:, smooth]
+    turned = _ahead(corners[a], ends) == _ahead(corners[b], ends)
+    number = _connected(count, a, b)
+    side = _sides(number, a, b, turned, mesh.name)
+    # layers have a side of their own, which turns with the surface, or the piece ends there
+    layered = np.array([material.section.has_sides for material, _ in part.parts])[own]
+    number = 2 * number + (layered & (side != axes.side))
+    axes.side[:] = np.where(layered, axes.side, side)
+    best, cut = _axis_of_pieces(number, np.abs(normals).reshape(count, EDGES, 3).max(axis=1))
+    free = ~axes.given
+    axes.axis[free], axes.given[:] = np.eye(3)[best[free]], True
+    return SmoothPieces(3 * number + np.where(free & cut, best, 0), axes, _largest(angle[smooth]))
+
+
+def edge_normals(part: MeshedStructure) -> Array:
+    """Unit normals (cells · 3, 3) at the middles of the edges of all triangles."""
+    geometry = part.mesh.geometry
+    slopes = geometry.slopes(geometry.corners[ENDS].mean(axis=1))
+    J = np.swapaxes(geometry.nodes, 1, 2)[:, None] @ slopes
+    normals = np.cross(J[..., 0], J[..., 1]).reshape(-1, 3)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def neighbours(cell_edges: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """(edges (n,), the places of two of their cells (2, n), number of all of them (n,)).
+
+    Places are among the edges of all cells in turn, those of an edge of one cell twice.
+    """
+    edge = cell_edges.ravel()
+    order = np.argsort(edge, kind="stable")
+    edges, first, count = np.unique(edge[order], return_index=True, return_counts=True)
+    return edges, order[np.stack([first, first + (count > 1)])], count
+
+
+def _tangents(axis: Array, normals: Array) -> Array:
+    """Unit vectors (n, 3): the axes along the surface."""
+    along = axis - np.einsum("ni,ni->n", axis, normals)[:, None] * normals
+    return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
+
+
+def angles(vectors: Array, places: IntArray) -> Array:
+    """Angles in degrees (edges,), up to 90, between unit vectors (n, 3) at places (2, edges)."""
+    one, other = vectors[places]
+    cosine = np.abs(np.einsum("ec,ec->e", one, other))
+    sine = np.linalg.norm(np.cross(one, other), axis=1)
+    return np.asarray(np.degrees(np.arctan2(sine, cosine)))
+
+
+def _largest(values: Array) -> float:
+    return float(values.max(initial=0.0))
+
+
+def _ahead(corners: IntArray, ends: IntArray) -> BoolArray:
+    """Whether cells with these corners around them go along an edge from its first end."""
+    at = np.argmax(corners == ends[:, :1], axis=1)
+    after = (at + 1) % corners.shape[1]
+    return np.asarray(corners[np.arange(len(at)), after] == ends[:, 1])
+
+
+def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: str) -> Array:
+    """±1 (cells,): the sign with which a cell's normal points to the same side of its piece.
+
+    `turned` says of neighbours a and b whether their normals are opposite.
+    """
+    count = len(number)
+    # each cell twice: with its normal, and with the opposite one
+    ahead, back = np.where(turned, b + count, b), np.where(turned, b, b + count)
+    sides = _connected(2 * count, np.append(a, a + count), np.append(ahead, back))
+    if np.any(sides[:count] == sides[count:]):
+        raise InputError(
+            f"error='estimate' needs surfaces with two sides, and {name} has one that turns over "
+            "(a Moebius strip): leave error=None."
+        )
+    first = np.unique(number, return_index=True)[1]
+    return np.where(sides[:count] == sides[first][number], 1.0, -1.0)
+
+
+def _connected(count: int, a: IntArray, b: IntArray) -> IntArray:
+    """Number of the connected part of each of `count` nodes, which edges from a to b connect."""
+    graph = scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray]:
+    """(the coordinate axis (cells,) farthest from all normals of the piece, cells where none is).
+
+    Where each axis comes near to a normal of the piece, cells get the one farthest from their own.
+    `along` (cells, 3): cosines between the axes and the normals of a cell.
+    """
+    near = np.zeros((int(number.max()) + 1, 3))
+    np.maximum.at(near, number, along)
+    best = np.argmin(near, axis=1)
+    cut = (near.min(axis=1) > NEAR)[number]
+    return np.where(cut, np.argmin(along, axis=1), best[number]), cut
+
+
+#: Quadrature degree of the squares of strains, which are quadratic.
+RULE_DEGREE = 4
+#: Number of strains: (ε1, ε2, γ12), (κ1, κ2, 2κ12), (γ13, γ23), drilling.
+STRAINS = 9
+MEMBRANE, BENDING, SHEAR, DRILLING = slice(0, 3), slice(3, 6), slice(6, 8), 8
+
+
+class SheetStrains(NamedTuple):
+    """Strains of some cells at all their points (P,), in the axes of the cells' plane."""
+
+    #: (P, 9, k)
+    own: Array
+    #: interpolated shear strains minus those of the displacements and rotations (P, 2, k)
+    gap: Array
+    #: (P,) m²
+    weights: Array
+
+
+class StrainsOfSheets:
+    """Strains of blocks of shapes (rows of this rank, k), on one rank."""
+
+    def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
+        self._part, self._axes = part, pieces.axes
+        self._shapes = compat.with_ghosts(part.form.space, shapes)
+        self.X, self._weights = compat.quadrature(part.mesh.cell, RULE_DEGREE)
+        space, path = part.form.space, part.form.components["rx"]
+        self._values = compat.tabulate(space, path, self.X)
+        slopes = compat.tabulate_slopes(space, path, self.X)
+        self._slopes = np.swapaxes(slopes, 1, 2).reshape(2 * len(self.X), -1)
+        # the field whose components along two reference directions b are interpolated, as values of
+        # its interpolant along a: (points, a, b) from the functions
+        on_edges = compat.tabulate(space, path, compat.edge_points())
+        near = compat.edge_interpolation(self.X) @ on_edges
+        self._interpolation = near.reshape(4 * len(self.X), -1)
+        middles = [material.section.middle for material, _ in part.parts]
+        self._middle = np.array(middles)[part.part_of_cells()]
+
+    def at(self, cells: IntArray) -> SheetStrains:
+        """The strains at all points of `cells`."""
+        points, k = len(self.X), self._shapes.shape[1]
+        every = np.repeat(cells, points)
+        at = PointsInCells(self._part, self._shapes, every, np.tile(self.X, (len(cells), 1)))
+        frame = self._axes.frame(at)
+        axes = np.stack(frame, axis=1)
+        metric = np.linalg.inv(np.swapaxes(at.J, 1, 2) @ at.J)
+        along = metric @ np.swapaxes(at.J, 1, 2) @ np.swapaxes(axes[:, :2], 1, 2)  # (P, d, axis)
+        u, turn = self._dofs(cells, "xyz"), self._dofs(cells, ("rx", "ry", "rz"))
+
+        def slopes(dofs: Array, axes: Array) -> Array:
+            """Components along the axes of derivatives along e1, e2: (P, axes, 2, k)."""
+            found = (self._slopes @ dofs).reshape(len(every), 2, 3 * k)
+            found = (np.swapaxes(along, 1, 2) @ found).reshape(len(every), 2, 3, k)
+            found = axes @ np.swapaxes(found, 1, 2).reshape(len(every), 3, 2 * k)
+            return np.asarray(found.reshape(len(every), -1, 2, k))
+
+        du, dr = slopes(u, axes), slopes(turn, axes[:, :2])
+        theta = axes @ (self._values @ turn).reshape(len(every), 3, k)
+        # (θ×n) along e1 and e2, and interpolated: θ×n along a reference direction is θ·(n × J)
+        lean = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
+        across = np.cross(frame.n[:, None], np.swapaxes(at.J, 1, 2))
+        near = (self._interpolation @ turn).reshape(len(every), 2, 6, k)
+        near = (across.reshape(-1, 1, 1, 6) @ near)[:, :, 0]
+        gap = np.swapaxes(along, 1, 2) @ near - lean
+        own = np.empty((len(every), STRAINS, k))
+        own[:, 0], own[:, 1], own[:, 2] = du[:, 0, 0], du[:, 1, 1], du[:, 0, 1] + du[:, 1, 0]
+        own[:, 3], own[:, 4], own[:, 5] = dr[:, 1, 0], -dr[:, 0, 1], dr[:, 1, 1] - dr[:, 0, 0]
+        own[:, SHEAR] = du[:, 2] + lean + gap
+        own[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
+        own[:, DRILLING] -= self._middle[every, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
+        area = np.linalg.norm(np.cross(at.J[:, :, 0], at.J[:, :, 1]), axis=1)
+        return SheetStrains(own, gap, area * np.tile(self._weights, len(cells)))
+
+    def _dofs(self, cells: IntArray, names: str | tuple[str, ...]) -> Array:
+        """(cells, functions, components · k)."""
+        form = self._part.form
+        numbers = [compat.cell_dofs(form.space, form.components[name], cells) for name in names]
+        found = np.stack([self._shapes[each] for each in numbers], axis=2)
+        return found.reshape(*found.shape[:2], -1)
+
+
+#: Numbers of the strains of a block of cells.
+BLOCK_NUMBERS = 1_000_000
+#: Degree of the recovered strains.
+DEGREE = 2
+
+
+class Block(NamedTuple):
+    """Some of the cells, their strains at all points, and what was recovered there (P, 9, k)."""
+
+    cells: slice
+    strains: SheetStrains
+    recovered: Array
+    #: section forces of unit strains (P, 9, 9)
+    D: Array
+
+
+class SheetRecovery:
+    """The L2 projection (consistent mass) of the strains of shapes (rows, k), piece by piece."""
+
+    def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
+        self._part, self.count = part, shapes.shape[1]
+        strains = StrainsOfSheets(part, shapes, pieces)
+        self._space = compat.lagrange(part.mesh.dolfinx, DEGREE, 0)
+        every = np.arange(compat.cell_map(part.mesh.dolfinx).size_local)
+        dofs = compat.cell_dofs(self._space, (0,), every).astype(np.int64)
+        # a function of its own for each piece
+        known, dofs = np.unique(
+            pieces.number[:, None] * (dofs.max() + 1) + dofs, return_inverse=True
+        )
+        self._dofs = dofs.reshape(len(every), -1)
+        table, self._points = compat.tabulate(self._space, (), strains.X), len(strains.X)
+        width = max(1, BLOCK_NUMBERS // (STRAINS * self._points * self.count))
+        self._blocks: list[tuple[slice, SheetStrains, scipy.sparse.csr_matrix]] = []
+        mass = scipy.sparse.csc_matrix((len(known), len(known)))
+        loads = np.zeros((len(known), STRAINS * self.count))
+        for first in range(0, len(every), width):
+            some = slice(first, min(first + width, len(every)))
+            own = strains.at(every[some])
+            rows = len(own.weights)
+            columns = np.repeat(self._dofs[some], self._points, axis=0)
+            values = np.tile(table, (rows // self._points, 1))
+            starts = np.arange(rows + 1) * columns.shape[1]
+            at = scipy.sparse.csr_matrix(
+                (values.ravel(), columns.ravel(), starts), shape=(rows, len(known))
+            )
+            self._blocks.append((some, own, at))
+            weighted = at.T @ scipy.sparse.diags(own.weights)
+            mass = mass + weighted @ at
+            loads += weighted @ own.own.reshape(rows, -1)
+        options = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+        solver = scipy.sparse.linalg.splu(scipy.sparse.csc_matrix(mass), **options)
+        used = np.flatnonzero(loads.any(axis=0))  # a plate that bends is not stretched
+        self._values = np.zeros_like(loads)
+        self._values[:, used] = solver.solve(loads[:, used])
+        self._D = section_forces(part)
+
+    def blocks(self) -> Iterator[Block]:
+        """All cells, in blocks."""
+        number = self._part.part_of_cells()
+        for some, own, at in self._blocks:
+            recovered = (at @ self._values).reshape(own.own.shape)
+            yield Block(some, own, recovered, self._D[np.repeat(number[some], self._points)])
+
+    def at(self, cells: IntArray, X: Array) -> tuple[Array, Array]:
+        """(recovered strains (P, 9, k), D (P, 9, 9)) at X (P, 2) in cells (P,)."""
+        table = compat.tabulate(self._space, (), X)
+        values = self._values[self._dofs[cells]]
+        found = np.einsum("pf,pfc->pc", table, values).reshape(len(cells), STRAINS, self.count)
+        return found, self._D[self._part.part_of_cells()[cells]]
+
+
+def section_forces(part: MeshedStructure) -> Array:
+    """Section forces of unit strains (parts, 9, 9), in the axes of each sheet."""
+    D = np.zeros((len(part.parts), STRAINS, STRAINS))
+    for own, (material, _) in zip(D, part.parts, strict=True):
+        s = material.section
+        own[MEMBRANE, MEMBRANE], own[SHEAR, SHEAR] = s.A, s.S
+        own[MEMBRANE, BENDING], own[BENDING, MEMBRANE] = s.B, s.B.T
+        own[BENDING, BENDING] = s.bending + s.B.T @ np.linalg.solve(s.A, s.B)
+        own[DRILLING, DRILLING] = s.drilling
+    return D
+
+
+#: Gauss points of an edge, and their weights.
+POINTS = gauss_points(3)
+WEIGHTS = np.polynomial.legendre.leggauss(3)[1] / 2
+#: Component of the normal of an edge below which it is taken for 0.
+ALONG = 1e-6
+
+
+class _Side(NamedTuple):
+    """Points of edges as one of their cells sees them."""
+
+    #: normals of the sheet (P, 3), and of the edges (P, 3)
+    n: Array
+    outward: Array
+    #: twisting moments (P, k) and flexibility ℓ/D66 (P,)
+    m: Array
+    c: Array
+    #: (P,) m
+    weights: Array
+
+
+class Layers(NamedTuple):
+    """Boundary layers along edges of a sheet, at Gauss points of the edges."""
+
+    #: moments that vanish in the layers (P, k)
+    m: Array
+    #: their flexibility times length, 1/N
+    weights: Array
+    #: (P,) in which they lie
+    cells: IntArray
+
+    def energies(self) -> Array:
+        """∮ m_i m_j ℓ/D66 (k, k)."""
+        return np.asarray(self.m.T @ (self.weights[:, None] * self.m))
+
+
+def layers_of(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery) -> Layers:
+    """The layers along all free edges, and where sections change."""
+    exterior, changes = _edges(part, pieces)
+    m, weights = [np.zeros((0, found.count))], [np.zeros(0)]
+    if exterior.size:
+        one = _side(part, pieces, found, exterior)
+        free = np.repeat(_free(part, exterior, one.outward[:: len(POINTS)]), len(POINTS))
+        m.append(one.m)
+        weights.append(free * one.weights * one.c)
+    if changes.size:
+        one, other = (_side(part, pieces, found, places) for places in changes)
+        same = np.sign(np.einsum("pc,pc->p", one.n, other.n))
+        m.append(one.m - same[:, None] * other.m)
+        weights.append(one.weights * one.c * other.c / (one.c + other.c))
+    cells = np.append(exterior, changes[:1]) // EDGES
+    return Layers(np.vstack(m), np.concatenate(weights), np.repeat(cells, len(POINTS)))
+
+
+def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntArray]:
+    """Places among the edges of all cells in turn: (of exterior ones (n,), of two cells (2, n)).
+
+    The latter are edges of different pieces that meet at an angle of no fold. No beams stiffen
+    either.
+    """
+    edges, first, count = neighbours(compat.cell_entities(part.mesh.dolfinx, 1))
+    for name in part.stiffeners:
+        count[np.isin(edges, part.mesh.groups[name][1])] = 0
+    pairs = first[:, count == 2]
+    number = pieces.number[pairs // EDGES]
+    flat = angles(edge_normals(part), pairs) < FOLD
+    return first[0, count == 1], pairs[:, (number[0] != number[1]) & flat]
+
+
+def _side(
+    part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery, places: IntArray
+) -> _Side:
+    """Gauss's points of edges, in the order of the numbers of the corners."""
+    cells, edges = places // EDGES, places % EDGES
+    ends = np.array(ENDS)[edges]
+    nodes = compat.geometry_nodes(part.mesh.dolfinx)[cells[:, None], ends]
+    ends = np.take_along_axis(ends, np.argsort(nodes, axis=1), axis=1)
+    corners = part.mesh.geometry.corners[ends]  # (edges, ends, 2)
+    along = np.repeat(corners[:, 1] - corners[:, 0], len(POINTS), axis=0)
+    X = np.repeat(corners[:, 0], len(POINTS), axis=0) + np.tile(POINTS, len(cells))[:, None] * along
+    where = np.repeat(cells, len(POINTS))
+    at = PointsInCells(part, np.zeros((0, 0)), where, X)
+    tangent = np.einsum("pcd,pd->pc", at.J, along)
+    length = np.linalg.norm(tangent, axis=1)
+    tangent /= length[:, None]
+    frame = pieces.axes.frame(at)
+    c, s = (np.einsum("pc,pc->p", tangent, axis) for axis in (frame.e1, frame.e2))
+    strains, D = found.at(where, X)
+    moments = D[:, BENDING, MEMBRANE] @ strains[:, MEMBRANE]
+    moments += D[:, BENDING, BENDING] @ strains[:, BENDING]
+    # M_ns of M1, M2, M12, the normal being (s, -c)
+    twist = np.stack([s * c, -s * c, s * s - c * c], axis=1)
+    D66 = np.einsum("pa,pab,pb->p", twist, D[:, BENDING, BENDING], twist)
+    t = np.stack([c, s], axis=1)
+    S = np.einsum("pa,pab,pb->p", t, D[:, SHEAR, SHEAR], t)
+    return _Side(
+        n=frame.n,
+        outward=np.cross(tangent, frame.n),
+        m=np.einsum("pa,pak->pk", twist, moments),
+        c=1 / np.sqrt(D66 * S),
+        weights=np.tile(WEIGHTS, len(cells)) * length,
+    )
+
+
+def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
+    """Whether edges at these places may turn about their normals (n, 3)."""
+    form, cells = part.form, places // EDGES
+    held = np.zeros(normal.shape, dtype=bool)
+    for axis, name in enumerate(("rx", "ry", "rz")):
+        dofs = compat.cell_dofs(form.space, form.components[name], cells)
+        # two nodes of a cubic triangle lie on each edge between its corners, in the edges' order
+        inside = 3 + 2 * (places % EDGES)
+        held[:, axis] = np.isin(dofs[np.arange(len(cells)), inside], part.fixed)
+    return np.asarray(np.any(~held & (np.abs(normal) > ALONG), axis=1))
+
+
+class ShellErrors:
+    """The estimator of shells of triangles, on one rank."""
+
+    def __init__(self, part: MeshedStructure) -> None:
+        if part.comm.size > 1:
+            raise InputError("error='estimate' of shells runs on one rank; leave error=None here.")
+        if part.mesh.cell != "triangle":
+            raise InputError(
+                "error='estimate' of shells takes triangles: the strains of quadrilaterals are "
+                f"most accurate where {part.mesh.name} takes them, and their recovery finds a half "
+                "to a fifth of the error. Mesh with triangles, or leave error=None and compare two "
+                "element sizes."
+            )
+        self._part = part
+        self._pieces = smooth_pieces(part)
+
+    @property
+    def faceted(self) -> str:
+        """A sentence if flat cells stand for a curved surface."""
+        if self._part.mesh.order > 1 or self._pieces.bent < FLAT:
+            return ""
+        return (
+            f"Not included: the flat cells of {self._part.mesh.name}, which meet at angles of up "
+            f"to {self._pieces.bent:.2g}°, for a curved surface; read its geometry with order=2."
+        )
+
+    def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
+        """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each."""
+        found = SheetRecovery(self._part, shapes, self._pieces)
+        E = layers_of(self._part, self._pieces, found).energies()
+        work = np.zeros_like(E)
+        for block in found.blocks():
+            strains, recovered = block.strains, block.recovered
+            left = recovered - strains.own
+            E += _products(left, block.D, left, strains.weights)
+            S = block.D[:, SHEAR, SHEAR]
+            work += _products(recovered[:, SHEAR], S, strains.gap, strains.weights)
+        return (E + E.T) / 2, work + work.T
+
+    def gram(self, shapes: Array) -> Array:
+        """E_ij = ∫ e_i:C:e_j, (k, k)."""
+        return self.gram_and_misfit(shapes)[0]
+
+    def of_cells(self, shapes: Array) -> Array:
+        """Σ_j ∫ e_j:C:e_j over each cell, (cells,)."""
+        found = SheetRecovery(self._part, shapes, self._pieces)
+        layers = layers_of(self._part, self._pieces, found)
+        along = layers.weights * (layers.m**2).sum(axis=1)
+        count = compat.cell_map(self._part.mesh.dolfinx).size_local
+        energies = np.asarray(np.bincount(layers.cells, along, minlength=count), dtype=float)
+        for block in found.blocks():
+            left = block.recovered - block.strains.own
+            at_points = np.einsum("pik,pik->p", left, block.D @ left) * block.strains.weights
+            own = energies[block.cells]
+            own += at_points.reshape(len(own), -1).sum(axis=1)
+        return energies
+
+
+def _products(a: Array, D: Array, b: Array, weights: Array) -> Array:
+    """∫ a_i:D:b_j (k, k) of fields (P, m, k)."""
+    forces = (D * weights[:, None, None]) @ b
+    return np.asarray(a.reshape(-1, a.shape[2]).T @ forces.reshape(-1, b.shape[2]))

@@ -1,0 +1,309 @@
+"""Extraction; here the shapes with unit displacements at p sites: static, or rigid-body motions.
+
+With B (n, p) the loads of the sites, A = K + sM and C = BᵀA⁻¹B, the limit s → 0 of A⁻¹B C⁻¹ is
+φ_st, φ_CR, or a mixture of both, whatever the supports. It is computed in the basis of loads
+B W = B L⁻ᵀU, with C = L Lᵀ and the singular value decomposition RᵀB L⁻ᵀ/√s = V Σ Uᵀ of the
+M-orthonormal rigid-body modes R. In this basis C is the identity (a single site keeps its own unit,
+W = ±1), and every load moves at most one rigid-body mode of its own, with the share σ² of its
+compliance:
+
+    Φ_r = R V₁/(√s Σ₁)                        the q loads that move one, without a solve;
+    K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
+    Φ = [Φ_r, Y₀C₀⁻¹ - Φ_r(B₁ᵀY₀C₀⁻¹)],       K0 = diag(0, C₀⁻¹).
+
+With one site that is φ_st = A⁻¹b/(bᵀA⁻¹b), or φ_CR = R Rᵀb/|Rᵀb|², which is M-orthogonal to the
+rigid-body modes that vanish at the site, so that these drop out (Article, section 3.3). A
+rigid-body mode with a share below `SMALL_RIGID_SHARE` is not one of Φ_r: its mass 1/(sσ²)
+would hide all others. The static modes are then those of the elastic motions, and the weak
+rigid-body mode is modelled separately (`antiosc.models.motion`).
+Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import NotConvergedError
+from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
+from antiosc.fem.linalg.solver import Solver
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, Inertia
+from antiosc.reduce.site import Functional
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+#: Relative error in energy of the static solve beside rigid-body modes: wanted, and taken where
+#: rounding leaves no less (the error of the compliance is the square of it).
+STATIC_TOL, STATIC_SOUND = 1e-13, 1e-8
+#: Most steps of that solve, and how many without progress are rounding.
+STATIC_STEPS, STATIC_IDLE = 200, 5
+#: Rounding of the terms of RᵀB: those of R, and their sum.
+SUM_ROUNDING = 4 * float(np.finfo(float).eps)
+#: A site whose load has less than this share of its compliance outside the span of the others
+#: follows their motion: its own would make Z = H⁻¹ lose the square of it.
+FOLLOWS = 1e-10
+#: Share of the largest pivot from which a pivot is as good.
+AS_GOOD = 0.5
+
+
+@dataclass(frozen=True)
+class SiteShapes:
+    """Shapes Φ of unit displacements at p >= 1 independent sites, in the basis of loads `B W`.
+
+    Attributes
+    ----------
+    kept : columns of B that are independent, (p,).
+    dependence : (c, p) displacements of all columns for unit displacements of those.
+    W : (p, p) as above.
+    load : (rows, p) reactions that hold the sites: BW without its load on the rigid modes `nodal`.
+    phi, m_phi : (rows, p) the shapes, and M times them.
+    k0 : (p, p) ΦᵀKΦ.
+    mass : (p, p) ΦᵀMΦ.
+    moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
+        0: none.
+    nodal : (rows, h) M-orthonormal rigid-body modes from which the constraint modes are kept free.
+    weak : (h, p) displacements of the sites in those of them that hardly move the sites and are
+        modelled separately; usually 0.
+    missed : (h, p) what of them is left out.
+    uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
+    y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
+    share : largest share σ² of a rigid-body mode in the compliances.
+    """
+
+    kept: IntArray
+    dependence: Array
+    W: Array
+    load: Array
+    phi: Array
+    m_phi: Array
+    k0: Array
+    mass: Array
+    moved: Array
+    nodal: Array
+    weak: Array
+    missed: Array
+    uncertainty: Array
+    y: Array
+    bAb: Array
+    share: float
+
+    @cached_property
+    def _pin(self) -> Array:
+        return np.linalg.inv(self.bAb)
+
+    def constrained(self, comm: MPI.Comm, x: Array) -> Array:
+        """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""
+        return np.asarray(x - self.y @ (self._pin @ dot(comm, self.load, x)))
+
+    @property
+    def rigid(self) -> Array:
+        """(p, q) displacements of the sites in the rigid-body modes that move them, kg^-½."""
+        own = np.flatnonzero(self.moved)
+        return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, own]))
+
+    @property
+    def slide(self) -> Array:
+        """(p, h) the same in the rigid-body modes `nodal`: the weak ones."""
+        return np.asarray(np.linalg.solve(self.W.T, self.weak.T))
+
+    @property
+    def rigid_shapes(self) -> Array:
+        """(rows, q + h) M-orthonormal rigid-body modes: those of `rigid`, then `nodal`."""
+        own = np.flatnonzero(self.moved)
+        return np.hstack([self.phi[:, own] * self.moved[own], self.nodal])
+
+
+def site_shapes(structure: Structure, B: Array) -> SiteShapes:
+    """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
+    return shapes_of_models(structure, [B])[0]
+
+
+def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteShapes]:
+    """The same for the sites of several models, from one block of right-hand sides."""
+    solved = structure.factorize().solve_checked(np.hstack(loads))
+    parts = np.split(solved, np.cumsum([B.shape[1] for B in loads])[:-1], axis=1)
+    return [_shapes(structure, B, Y) for B, Y in zip(loads, parts, strict=True)]
+
+
+def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
+    comm, factor = structure.comm, structure.factorize()
+    kept, dependence, W, Y, V, sigma = _basis(structure, B, Y)
+    given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
+    root = np.sqrt(structure.shift) or 1.0
+    q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
+    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(kept) == 1 else 1.0
+    moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
+    strong, nodal = R[:, :q], R[:, q:]
+    slides = dot(comm, nodal, B)
+    weak = np.zeros_like(slides)
+    own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
+    weak[own, q + own] = slides[own, q + own]
+    load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
+    y = Y - nodal @ (slides / root**2)
+    phi, k0, strain = strong / moved[:q], np.zeros_like(W), np.zeros(len(kept))
+    if q < len(kept):
+        y0 = y[:, q:]
+        if R.shape[1]:
+            y0 = np.column_stack([beside_rigid(structure, factor, b) for b in B[:, q:].T])
+            strain[q:] = moved_by_strain(structure, R, y0)
+        C0 = dot(comm, B[:, q:], y0)
+        k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
+        elastic = y0 @ k0[q:, q:] if len(kept) > 1 else y0 / C0
+        elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
+        phi = np.hstack([phi, elastic])
+    m_phi = multiply(structure.M, phi)
+    uncertainty = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
+    return SiteShapes(
+        kept=kept,
+        dependence=dependence,
+        W=W,
+        load=load,
+        phi=phi,
+        m_phi=m_phi,
+        k0=(k0 + k0.T) / 2,
+        mass=dot(comm, phi, m_phi),
+        moved=moved,
+        nodal=nodal,
+        weak=weak,
+        missed=slides - weak,
+        uncertainty=uncertainty,
+        y=y,
+        bAb=dot(comm, load, y),
+        share=float(sigma.max(initial=0.0) ** 2),
+    )
+
+
+def _basis(
+    structure: Structure, B: Array, Y: Array
+) -> tuple[IntArray, Array, Array, Array, Array, Array]:
+    """(kept, dependence, W, A⁻¹BW, V, σ) of `SiteShapes` from Y = A⁻¹B; σ (p,), descending."""
+    comm, factor, R = structure.comm, structure.factorize(), structure.rigid_modes
+    root = np.sqrt(structure.shift) or 1.0
+    C = dot(comm, B, Y)
+    kept, dependence = independent((C + C.T) / 2)
+    B, Y = B[:, kept], Y[:, kept]
+    W = np.eye(len(kept))
+    for again in (False, True):
+        if again and len(kept) > 1:  # differences of nearly equal loads are solved for anew
+            Y = factor.solve_block(B @ W)
+        C = dot(comm, B @ W, Y)
+        L = np.linalg.cholesky((C + C.T) / 2)
+        along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T
+        V, sigma, U = np.linalg.svd(along)
+        turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
+        if len(kept) == 1:  # a single site keeps its own unit, and no rounding is added
+            turn = U.T
+        W, Y = W @ turn, Y @ turn
+    sigma = np.append(sigma, np.zeros(len(kept) - len(sigma)))
+    return kept, dependence, W, Y, V, sigma
+
+
+def independent(C: Array) -> tuple[IntArray, Array]:
+    """(independent columns (p,), displacements of all c columns per unit ones of those (c, p)).
+
+    By a pivoted Cholesky factorization of the compliances C (c, c), scaled by their diagonal. A
+    column that cannot move has C = 0.
+    """
+    size = np.sqrt(np.maximum(C.diagonal(), 0.0))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    unit = C * scale[:, None] * scale
+    left, chosen = unit.copy(), []
+    while left.size and left.diagonal().max() > FOLLOWS:
+        pivots = left.diagonal()
+        # the first of nearly equal ones: rounding must not decide which of two equal sites is kept
+        k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
+        chosen.append(k)
+        left = left - np.outer(left[k], left[k]) / pivots[k]
+        left[k], left[:, k] = 0.0, 0.0
+    kept = np.sort(np.array(chosen, dtype=int))
+    follow = np.linalg.solve(unit[np.ix_(kept, kept)], unit[kept]).T
+    follow = follow * size[:, None] * scale[kept]
+    follow[kept] = np.eye(len(kept))
+    return kept, follow
+
+
+def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
+    """Bound on the displacement of sites by the error of rigid-body modes R (rows, r): (p,).
+
+    Such an error strains, and moves a site whose deflection under its load is y, a column of
+    Y (rows, p), by yᵀKR. That is known to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
+    bounds its entries, and products by strains have a rounding of their own.
+    """
+    comm, K = structure.comm, structure.K
+    entries = diagonal(K)
+    forces = multiply(K, Y) if by_strains(K) else entries[:, None] * Y
+    sizes = comm.allreduce(np.einsum("ij,ij->j", Y, forces))
+    sizes = sizes * comm.allreduce(np.einsum("ij,i,ij->", R, entries, R))
+    strained = np.linalg.norm(dot(comm, Y, multiply(K, R)), axis=1)
+    return np.asarray(strained + np.sqrt(sizes) * np.finfo(float).eps)
+
+
+def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
+    """K y = b with y M-orthogonal to the rigid modes: conjugate gradients with the factor of A.
+
+    A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
+    """
+    comm, K, R = structure.comm, structure.K, structure.rigid_modes
+    MR = multiply(structure.M, R)
+
+    def load(r: Array) -> Array:  # without its part on the rigid motions
+        return np.asarray(r - MR @ dot(comm, R, r))
+
+    def shape(z: Array) -> Array:
+        return np.asarray(z - R @ dot(comm, MR, z))
+
+    r = load(b)
+    y = np.zeros_like(b)
+    z = p = shape(factor.solve(r))
+    rz = first = best = float(dot(comm, r, z))
+    idle = 0
+    # rᵀz is the square of the error in energy, to the tenth that A differs from K.
+    for _ in range(STATIC_STEPS):
+        Kp = multiply(K, p)
+        step = rz / float(dot(comm, p, Kp))
+        y, r = y + step * p, load(r - step * Kp)
+        z = shape(factor.solve(r))
+        rz, before = float(dot(comm, r, z)), rz
+        idle = 0 if rz < best else idle + 1
+        best = min(best, rz)
+        if rz <= STATIC_TOL**2 * first or (idle == STATIC_IDLE and best <= STATIC_SOUND**2 * first):
+            return shape(y)
+        p = z + rz / before * p
+    raise NotConvergedError(
+        f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge: "
+        f"relative error in energy {np.sqrt(best / first):.1e} after {STATIC_STEPS} steps, goal "
+        f"{STATIC_TOL:.0e}: the matrices are ill-conditioned (very uneven elements or materials)."
+    )
+
+
+def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
+    """The inertia of a body that can move as a whole, with the momentum of these shapes."""
+    if structure.rigid_inertia is None:
+        return None
+    inertia, loads = structure.rigid_inertia
+    return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
+
+
+def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
+    """Me on the rows of this rank; None for matrices, which have no coordinates."""
+    return None if target.direction is None else structure.uniform_inertia(target.direction)
+
+
+def weights_of(structure: Structure, shapes: Array) -> Array | None:
+    """Generalised masses (k, 3) of unit uniform accelerations along x, y, z of shapes (rows, k).
+
+    None for matrices. A plane structure does not move along z.
+    """
+    loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
+    if any(load is None for load in loads):
+        return None
+    return np.asarray(dot(structure.comm, shapes, np.column_stack(loads)))  # type: ignore[arg-type]

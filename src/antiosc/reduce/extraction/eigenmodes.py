@@ -1,0 +1,415 @@
+"""Constraint modes: Kφ = ω²Mφ in the space Bᵀφ = 0, on the structure's one factorization.
+
+With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solution of A x = r under
+Bᵀx = 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r.
+Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shift-and-invert
+transformation. No row is deleted and there is only one factorization. Without the constraint the
+same solver computes the natural modes of the structure. For those of a map, block Lanczos takes
+half of SLEPc's time to the same residual, but a whole map with 20 modes is 1.14 (43 263 dofs) and
+1.11 times (175 470) as fast, with 60 modes 1.40 times (benchmarks/speed/free_modes.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+from antiosc.base._types import Array, IntArray, Matrix
+from antiosc.base.errors import NotConvergedError
+from antiosc.fem.linalg.algebra import (
+    by_scipy,
+    by_strains,
+    dot,
+    frequency,
+    gathered,
+    multiply,
+    norm,
+    row_range,
+)
+from antiosc.fem.platform import on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.reduce.extraction import SiteShapes
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+
+#: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
+RESIDUAL = 1e-11
+#: Number of additional modes that are computed and dropped: of a repeated frequency the search may
+#: have found only one of the shapes.
+GUARD = 4
+#: Most restarts of SLEPc.
+RESTARTS = 200
+
+
+@dataclass(frozen=True)
+class Search:
+    """The lowest modes of a structure beside those that are known."""
+
+    structure: Structure
+    #: the sites that are constrained; None for natural modes
+    held: SiteShapes | None
+    #: M-orthonormal shapes that are deflated (rows of this rank, k)
+    known: Array
+    #: number of modes to find, and the number that there is
+    wanted: int
+    limit: int
+
+    @property
+    def computed(self) -> int:
+        """Number of modes to compute."""
+        return min(self.wanted + GUARD, self.limit)
+
+    def inverse(self, r: Array) -> Array:
+        """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; A⁻¹r for natural modes."""
+        x = self.structure.factorize().solve(r)
+        return x if self.held is None else self.held.constrained(self.structure.comm, x)
+
+    def start(self) -> Array:
+        """A random vector in the range of A⁻¹M."""
+        structure = self.structure
+        random = np.random.default_rng(structure.comm.rank).standard_normal(structure.rows)
+        return structure.factorize().solve(multiply(structure.M, random))
+
+
+def lowest(search: Search) -> tuple[Array, Array]:
+    """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the modes wanted, in any order."""
+    return _by_arpack(search) if by_scipy(search.structure.K) else _by_slepc(search)
+
+
+def _by_arpack(search: Search) -> tuple[Array, Array]:
+    """By ARPACK, for SciPy matrices."""
+    structure, known = search.structure, search.known
+    known_loads = multiply(structure.M, known)
+
+    def inverse(r: Array) -> Array:
+        x = search.inverse(r)
+        return np.asarray(x - known @ (known_loads.T @ x))
+
+    shape = (structure.size, structure.size)
+    try:
+        values, shapes = eigsh(
+            structure.K,
+            search.computed,
+            structure.M,
+            sigma=-structure.shift,
+            OPinv=LinearOperator(shape, inverse, dtype=float),
+            v0=search.start(),
+            tol=RESIDUAL,
+        )
+    except ArpackError as error:
+        raise NotConvergedError(
+            f"ARPACK did not find {search.wanted} modes ({error}): ask for fewer modes."
+        ) from error
+    return values, shapes
+
+
+def _by_slepc(search: Search) -> tuple[Array, Array]:
+    """By SLEPc's Krylov–Schur method."""
+    from petsc4py import PETSc
+    from slepc4py import SLEPc
+
+    structure = search.structure
+    eps = SLEPc.EPS().create(structure.K.getComm())
+    eps.setOperators(structure.K, structure.M)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+    eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+    eps.setDimensions(search.computed)
+    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+    eps.setTarget(-structure.shift)
+    eps.setTolerances(RESIDUAL, RESTARTS)
+    st = eps.getST()
+    st.setType(SLEPc.ST.Type.SINVERT)
+    st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
+    ksp = st.getKSP()
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(_Inverse(search))
+    eps.setInitialSpace([_vector(structure.K, search.start())])
+    if search.known.shape[1]:
+        eps.setDeflationSpace([_vector(structure.K, shape) for shape in search.known.T])
+    try:
+        eps.solve()
+    except (PETSc.Error, SystemError) as error:  # code 95: a vector with xᵀMx < 0, by rounding
+        code = getattr(error, "ierr", None) or getattr(error.__cause__, "ierr", None)
+        eps.incRef()  # SLEPc 3.25 cannot destroy what it broke off
+        raise NotConvergedError(
+            f"SLEPc broke off (PETSc's error {code}): of structures of equal parts whose "
+            "motions have little mass the search finds no further shapes; ask for other modes, or "
+            "give the parts slightly different sections."
+        ) from None
+    found = eps.getConverged()
+    if found < search.wanted:
+        raise NotConvergedError(
+            f"SLEPc found {found} of {search.wanted} modes within {eps.getIterationNumber()} "
+            f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
+        )
+    x = structure.K.createVecRight()
+    values, shapes = np.zeros(found), np.zeros((structure.rows, found))
+    for k in range(found):
+        values[k] = eps.getEigenpair(k, x).real
+        shapes[:, k] = x.array_r
+    eps.destroy()
+    return values, shapes
+
+
+def _vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
+    x = K.createVecRight()
+    x.setArray(values)
+    return x
+
+
+class _Inverse:
+    """PETSc's Python preconditioner: the inverse of the search."""
+
+    def __init__(self, search: Search) -> None:
+        self._search = search
+
+    def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        x.setArray(self._search.inverse(r.array_r))
+
+
+#: LAPACK computes all modes of structures with at most this many rows, on one rank for all …
+DENSE = 600
+#: … and with at most this many rows if more than a fifth of all modes is wanted: Krylov methods are
+#: efficient only at the ends of a spectrum.
+DENSE_MANY = 5000
+#: Lowest ω² over the mean of all above which LAPACK, whose errors are 1e-16 of the highest,
+#: resolves it.
+EVEN = 1e-7
+#: The least number of modes by which a search goes on that has not reached its frequency.
+FEWEST_MORE = 8
+#: φᵀMφ over the sum of the absolute values of its terms below which a shape has no mass.
+NO_MASS = 1e-12
+#: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
+CLOSE_MODES = 1e-8
+#: Residuals (of forces, relative) above which natural and constraint modes are searched again.
+LOST_NATURAL, LOST_CONSTRAINT = 1e-6, 1e-3
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes, ascending."""
+
+    #: circular frequencies (k,), rad/s: antiresonances of the site if it is constrained
+    omega: Array
+    #: M-orthonormal shapes on the rows of this rank (rows, k)
+    phi: Array
+    #: whether these are all modes that the structure has
+    complete: bool
+
+
+class ModeSolver:
+    """Finds the lowest elastic modes, in as many rounds as the caller wants.
+
+    With the shapes of sites it finds the constraint modes, otherwise the natural modes.
+    """
+
+    def __init__(self, structure: Structure, held: SiteShapes | None = None) -> None:
+        self._structure = structure
+        self._rows = structure.rows
+        self._held = held
+        #: rigid-body modes that remain
+        self._rigid = structure.rigid_modes if held is None else held.nodal
+        sites = 0 if held is None else held.load.shape[1]
+        self.limit = structure.dofs - sites - self._rigid.shape[1]
+        self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
+
+    def lowest(self, count: int, reach: float = 0.0, most: float = math.inf) -> Modes:
+        """At least the `count` lowest modes and all up to `reach` rad/s, or all there are.
+
+        The search up to `reach` ends at about `most` modes.
+        """
+        found = self._at_least(count)
+        while not found.complete and found.omega.max(initial=0.0) < reach:
+            if len(found.omega) >= most:
+                break
+            found = self._at_least(int(min(_expected(found.omega, reach), most)))
+        return found
+
+    def _at_least(self, count: int) -> Modes:
+        count = min(count, self.limit)
+        if self._found.complete or len(self._found.omega) >= count:
+            return self._found
+        rows = self._structure.size
+        dense = rows <= DENSE_MANY if count > rows / 5 else rows <= DENSE and not self._uneven()
+        if dense:
+            self._found = self._by_lapack()
+        else:
+            try:
+                self._found = self._by_krylov(count)
+            except NotConvergedError:
+                if rows > DENSE_MANY:
+                    raise
+                self._found = self._by_lapack()
+        return self._found
+
+    def _by_krylov(self, count: int) -> Modes:
+        """One more round: modes found before are deflated, not computed again.
+
+        A Krylov space holds each frequency once. Where equal parts repeat all of them it ends
+        early, and what the library goes on with is rounding, by its own estimate converged: shapes
+        with a large measured residual are not taken. LAPACK computes those of a small structure;
+        of a large one they are searched again beside those that are right.
+        """
+        structure, known = self._structure, self._found
+        before = len(known.omega)
+        shapes = np.column_stack([self._rigid, known.phi])
+        search = Search(structure, self._held, shapes, count - before, self.limit - before)
+        values, found = lowest(search)
+        # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
+        # others
+        massive = values > -structure.shift
+        values, found = values[massive], found[:, massive]
+        omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
+        # the solve amplifies the rigid-body modes in their rounding
+        found = found - self._rigid @ dot(structure.comm, multiply(structure.M, self._rigid), found)
+        phi = _normalised(structure, np.column_stack([known.phi, found]))
+        order = np.argsort(omega, kind="stable")[:count]
+        complete = len(omega) >= self.limit or not massive.all()
+        modes = Modes(omega[order], phi[:, order], complete)
+        # those of slender beams span so many decades of ω² that the first show in the last
+        modes = _polished(structure, modes) if by_strains(structure.K) else modes
+        limit = LOST_NATURAL if self._held is None else LOST_CONSTRAINT
+        right = residuals(structure, modes, self._held) <= limit
+        if not right.all() and structure.size <= DENSE_MANY:
+            raise NotConvergedError("shapes are not what the search takes them for")  # to LAPACK
+        if right.all() or right.sum() <= before:
+            return modes
+        self._found = Modes(modes.omega[right], modes.phi[:, right], False)
+        return self._by_krylov(count)
+
+    def _uneven(self) -> bool:
+        """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
+        it."""
+        K, M = self._structure.K, self._structure.M
+        if not by_strains(K):
+            return False
+        return self._lowest() < EVEN * frequency(K, M)
+
+    def _by_lapack(self) -> Modes:
+        """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.
+
+        The rounding error of 1/(ω² + σ) is ε/σ. With σ equal to the geometric mean of the lowest
+        and the highest ω² it is small at both ends of the spectrum.
+        """
+        structure, comm = self._structure, self._structure.comm
+        conditions = multiply(structure.M, self._rigid)
+        if self._held is not None:
+            conditions = np.column_stack([self._held.load, conditions])
+        first = row_range(structure.K)[0]
+        own = np.setdiff1d(np.arange(self._rows), structure.fixed)
+        parts = comm.gather((first + own, conditions[own])) or []
+        K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
+        sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
+
+        def all_modes() -> tuple[Array, Array]:
+            free, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
+            return _dense_modes(K, M, free, rows, sigma)
+
+        omega, phi = on_root(comm, all_modes)
+        phi = phi[first : first + self._rows]
+        return _polished(structure, Modes(omega, _normalised(structure, phi), True))
+
+    def _lowest(self) -> float:
+        """An ω² + shift of the size of the lowest, by inverse iteration."""
+        structure = self._structure
+        x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
+        for _ in range(4):
+            x = structure.factorize().solve(multiply(structure.M, x / norm(structure.comm, x)))
+        return (
+            float(dot(structure.comm, x, multiply(structure.K, x)))
+            / float(dot(structure.comm, x, multiply(structure.M, x)))
+            + structure.shift
+        )
+
+
+def _expected(omega: Array, reach: float) -> int:
+    """How many modes to seek, if as many as a power law of those known has up to `reach`.
+
+    Modes are dense as ω^-1/2 in beams, ω^0 in plates and ω² in solids; each round of a search
+    begins anew, and few of them are wanted.
+    """
+    known = len(omega)
+    more = max(FEWEST_MORE, known // 2)
+    if known < FEWEST_MORE or not omega[known // 2 - 1] > 0:
+        return known + more
+    octaves = np.log2(omega[-1] / omega[known // 2 - 1])
+    power = np.clip(1 / max(octaves, 1 / 3), 0.5, 3.0)
+    return known + int(np.clip(known * ((reach / omega[-1]) ** power - 1), more, 4 * known))
+
+
+def _dense_modes(
+    K: Matrix, M: Matrix, free: IntArray, conditions: Array, sigma: float
+) -> tuple[Array, Array]:
+    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions` (free, c)."""
+    stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
+    conditions = conditions / np.linalg.norm(conditions, axis=0)
+    basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
+    A = basis.T @ (stiffness + sigma * mass) @ basis
+    theta, vectors = scipy.linalg.eigh(basis.T @ mass @ basis, (A + A.T) / 2)
+    shapes = basis @ vectors
+    # displacements without mass have no frequency: what they seem to have is rounding of M's terms
+    terms = np.einsum("ij,ij->j", np.abs(shapes), np.abs(mass) @ np.abs(shapes))
+    keep = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > NO_MASS * terms)
+    omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
+    phi = np.zeros((K.shape[0], int(keep.sum())))
+    phi[free] = shapes[:, keep][:, ::-1]
+    return omega, phi
+
+
+def residuals(structure: Structure, modes: Modes, held: SiteShapes | None = None) -> Array:
+    """‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the forces that hold the sites."""
+    forces = multiply(structure.K, modes.phi)
+    rest = forces - multiply(structure.M, modes.phi) * modes.omega**2
+    if held is not None:  # loadᵀΦ = 1 gives the reactions
+        rest = rest - held.load @ dot(structure.comm, held.phi, rest)
+    left, size = np.split(structure.factorize().force_sizes(np.hstack([rest, forces])), 2)
+    return np.asarray(left / np.maximum(size, np.finfo(float).tiny))
+
+
+def _polished(structure: Structure, modes: Modes) -> Modes:
+    """The modes with improved orthogonality in M and in K (`polish`)."""
+
+    def gram(matrix: Matrix, phi: Array) -> Array:
+        return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
+
+    poles, phi = polish(modes.phi, lambda x: gram(structure.K, x), lambda x: gram(structure.M, x))
+    omega = np.sqrt(np.maximum(poles, 0.0))
+    order = np.argsort(omega, kind="stable")
+    return Modes(omega[order], phi[:, order], modes.complete)
+
+
+def polish(
+    phi: Array, strains: Callable[[Array], Array], masses: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """(ω², φ) of approximate eigenvectors φ of unit mass, by the step of Ogita and Aishima.
+
+    The error of a dense eigensolver is ε times the highest ω² in all ω², or ε over the lowest ω² in
+    all 1/ω²: too much if the spectrum spans many decades. For φ(1 + T) the products φᵀKφ and φᵀMφ,
+    measured by `strains` and `masses`, are diagonal up to the square of their previous error (Japan
+    J. Indust. Appl. Math. 35 (2018) 1007).
+    """
+    one = np.eye(phi.shape[1])
+    poles = np.zeros(phi.shape[1])
+    for _ in range(2):
+        own, strain = masses(phi) - one, strains(phi)
+        poles = np.diag(strain) / (1 + np.diag(own))
+        gap = poles[:, None] - poles
+        apart = np.abs(gap) > CLOSE_MODES * np.maximum(poles[:, None], poles)
+        step = np.where(apart, (poles * own - strain) / np.where(apart, gap, 1.0), -own / 2)
+        phi = phi + phi @ step
+    return poles, phi
+
+
+def _normalised(structure: Structure, phi: Array) -> Array:
+    masses = structure.comm.allreduce(np.einsum("ij,ij->j", phi, multiply(structure.M, phi)))
+    return phi / np.sqrt(masses)

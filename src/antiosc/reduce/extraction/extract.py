@@ -1,0 +1,607 @@
+"""`extract`: the anti-oscillators of a structure at one site, or at several."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Literal, cast, get_args, overload
+
+import numpy as np
+
+from antiosc.base import checks, process
+from antiosc.base._types import Array
+from antiosc.base.checks import (
+    choice,
+    flag,
+    instance,
+    positive,
+    tolerance,
+    whole,
+    within_range,
+)
+from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
+from antiosc.base.process import one_thread
+from antiosc.base.texts import engineering
+from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure.structure import Structure, refuse_dampers
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import NOT_KNOWN, Band, ModelInfo
+from antiosc.models.modal import Damping, as_damping
+from antiosc.models.stretch import Count, checked_count
+from antiosc.reduce.extraction import (
+    SiteShapes,
+    inertia_of,
+    shapes_of_models,
+    uniform_inertia,
+    weights_of,
+)
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.reduce.extraction.krylov import (
+    BASIS_STEP,
+    Reached,
+    by_krylov,
+    every_mode,
+    with_damping,
+)
+from antiosc.reduce.extraction.oscillators import (
+    Found,
+    Kept,
+    OneSite,
+    Remainder,
+    at_one_site,
+    checked_modes,
+    elastic_count,
+    error_bound,
+    left_out,
+    lumped,
+    oscillators,
+)
+from antiosc.reduce.extraction.stretching import with_stretch
+from antiosc.reduce.site import Functional, Site, functionals
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.reduce.error.model_errors import ModelErrors
+
+
+#: Default number of anti-oscillators, and the largest number with a band.
+DEFAULT_COUNT, MOST_FOR_BAND = 20, 400
+
+#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
+#: fewer.
+SEARCHED = 10
+#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
+#: more finely and includes the dropped modes.
+STEP_AIM = 0.6
+#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
+SETTLED_FROM = 10
+
+Method = Literal["krylov", "modes"]
+ErrorOption = Literal["estimate"] | None
+
+#: The functionals of the columns of each site of a model, the normal first.
+Columns = Mapping[str, Sequence[Functional]]
+#: The name of the site of a model of one site without a name.
+UNNAMED = ""
+
+
+@dataclass(frozen=True)
+class ExtractOptions:
+    """What the caller asked for, checked."""
+
+    n: int
+    method: Method
+    tol: float
+    band: float | None  # rad/s
+    accuracy: float
+
+
+def models_of(
+    structure: Structure,
+    groups: Sequence[Columns],
+    options: ExtractOptions,
+    shapes: bool,
+    spent: float,
+    errors: ModelErrors | None,
+) -> list[AntiOscillators]:
+    """The models of groups of sites. `spent`: seconds taken by the factorization for the sites."""
+    started = time.perf_counter()
+    terms = structure.matrices.dissipation()
+    if terms and (options.method == "modes" or errors is not None):
+        what = 'method="modes"' if options.method == "modes" else 'error="estimate"'
+        raise InputError(f"{what} does not take dampers, nor layers that relax: leave it out.")
+    loads = [np.column_stack([c.b for own in each.values() for c in own]) for each in groups]
+    statics = shapes_of_models(structure, loads)
+    counts = [
+        elastic_count(static, options.n) if UNNAMED in each else options.n
+        for each, static in zip(groups, statics, strict=True)
+    ]
+    if options.method == "krylov":
+        found = by_krylov(
+            structure,
+            statics,
+            counts,
+            options.tol,
+            options.band,
+            STEP_AIM * options.accuracy,
+            terms,
+        )
+    else:
+        found = [_by_modes(structure, s, n, options) for s, n in zip(statics, counts, strict=True)]
+    models: list[AntiOscillators] = []
+    for each, static, n in zip(groups, statics, counts, strict=True):
+        modes, remainder = found.pop(0)
+        known = lumped(structure, static, modes)
+        kept = every_mode(known, n) if terms else oscillators(known, n, options.tol)
+        one = at_one_site(static, kept, options.n) if UNNAMED in each else None
+        band: Band | None = None
+        if options.band is not None and isinstance(remainder, Reached):
+            band = _band(remainder.bottom, options.band, remainder.error)
+        elif options.band is not None and callable(remainder):
+            omega = kept.omega if one is None else one.omega
+            bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
+            band = _band(lowest, options.band, bound)
+        info = replace(
+            _info(structure, known, kept, options),
+            band=band,
+            seconds={
+                **structure.seconds,
+                "site": spent,
+                "modes": (time.perf_counter() - started) / (len(models) + 1),
+            },
+        )
+        elastic, complete = len(kept.omega), modes.complete
+        del known, modes  # as large as the shapes
+        if one is None:
+            model = _at_named_sites(structure, each, static, kept, info)
+        else:
+            (target,) = each[UNNAMED]
+            del kept
+            model = _at_one_site(structure, target, one, elastic, info)
+            if errors is not None:
+                model = errors.added_to(model, target)
+        if terms or structure.matrices.lossy:
+            model = with_damping(structure, model, static, terms)
+        on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
+        models.append(model if shapes else replace(model, shapes=None, hidden=None))
+    return models
+
+
+def _by_modes(
+    structure: Structure, static: SiteShapes, n: int, options: ExtractOptions
+) -> tuple[Modes, Remainder | None]:
+    """The lowest constraint modes until n of them are observable (or the error of Z meets the
+    bound)."""
+    solver = ModeSolver(structure, static)
+    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
+    asked = n + 2 if n and options.band is None else min(n, DEFAULT_COUNT)
+    while True:
+        modes = solver.lowest(asked)
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, options.tol)
+        remainder = None if options.band is None else left_out(known)
+        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
+        if not enough and remainder is not None and options.band is not None:
+            error, _ = error_bound(structure, known, remainder, kept, options.band)
+            enough = error <= options.accuracy
+        if enough:
+            return modes, remainder
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+
+
+def _info(structure: Structure, known: Found, kept: Kept, options: ExtractOptions) -> ModelInfo:
+    measured, converged = checked_modes(structure, known, options.method)
+    return ModelInfo(
+        structure=structure.describe(),
+        dofs=structure.dofs,
+        method=options.method,
+        modes_computed=len(known.modes.omega),
+        converged=converged,
+        modes_unobservable=kept.unobservable,
+        modes_merged=kept.merged,
+        rigid_modes=int(structure.rigid_modes.shape[1]),
+        rigid_share=known.static.share,
+        checks=measured,
+        solver=structure.factorize().told,
+        **structure.matrices.plausibility,
+    )
+
+
+def _at_one_site(
+    structure: Structure, target: Functional, one: OneSite, elastic: int, info: ModelInfo
+) -> AntiOscillators:
+    """The model of one site without a name."""
+    info = replace(
+        info,
+        meshed=structure.matrices.meshed,
+        converged=(info.converged or 0) + len(one.m) - elastic,  # the weak rigid-body mode is one
+    )
+    if target.point is not None and target.direction is not None:
+        info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
+    if target.cell is not None:
+        info = replace(info, cells={"": target.cell})
+    info = replace(info, surfaces=surfaces(structure, {UNNAMED: target}))
+    weight = uniform_inertia(structure, target)
+    shapes = np.column_stack([one.residual + one.psi.sum(axis=1), one.psi])
+    participation: Array | None = None
+    if weight is not None:
+        own = (dot(structure.comm, part, weight) for part in (one.residual, one.psi))
+        participation = np.hstack(list(own))
+    info = with_second_order(structure, info, [""], shapes[:, :1], np.array([[one.k0]]))
+    return AntiOscillators(
+        m0=one.m0,
+        k0=one.k0,
+        m=one.m,
+        omega=one.omega,
+        local_compliance=target.local_compliance,
+        radius=target.radius,
+        participation=participation,
+        shapes=shapes,
+        direction=target.direction,
+        inertia=inertia_of(structure, shapes, one.hidden),
+        hidden=one.hidden if structure.rigid_inertia is not None else None,
+        info=info,
+    )
+
+
+def surfaces(
+    structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
+) -> dict[str, dict[str, object]] | None:
+    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of matrices.
+
+    Without `lengths` for balls alone: see `surface_at`.
+    """
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        return None
+    from antiosc.reduce.site.surface import surface_at  # given matrices do without meshes
+
+    found: dict[str, dict[str, object]] = {}
+    for name, one in sites.items():
+        place = one.point, one.direction, one.radius
+        try:
+            found[name] = surface_at(structure, *place, lengths).as_dict()
+        except InputError as error:
+            found[name] = {NOT_KNOWN: str(error)}
+    return found
+
+
+def _at_named_sites(
+    structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: ModelInfo
+) -> AntiOscillators:
+    """The model of several sites, and of one with a name."""
+    ends = np.cumsum([len(own) for own in sites.values()])
+    columns = {
+        name: tuple(range(end - len(own), end))
+        for (name, own), end in zip(sites.items(), ends.tolist(), strict=True)
+    }
+    firsts = [own[0] for own in sites.values()]
+    directions = [column.direction for own in sites.values() for column in own]
+    placed = all(direction is not None for direction in directions)
+    info = replace(info, independent=static.kept.tolist())
+    if placed:
+        places = {name: own[0].point for name, own in sites.items()}
+        points = {name: place.tolist() for name, place in places.items() if place is not None}
+        info = replace(info, points=points)
+    cells = {name: own[0].cell for name, own in sites.items() if own[0].cell is not None}
+    info = replace(info, cells=cells or None)
+    firsts_by_name = {name: own[0] for name, own in sites.items()}
+    info = replace(info, surfaces=surfaces(structure, firsts_by_name))
+    shapes = np.hstack([static.phi @ static.W.T, kept.phi])
+    unit = static.phi @ static.W.T
+    info = with_second_order(structure, info, list(sites), unit, _turned(static.W, static.k0))
+    return AntiOscillators(
+        m0=_turned(static.W, kept.m0),
+        k0=_turned(static.W, static.k0),
+        P=static.W @ kept.P.T,
+        omega=kept.omega,
+        sites=tuple(sites),
+        columns=columns,
+        dependence=static.dependence,
+        rigid=static.rigid,
+        slide=static.slide,
+        local_compliance=np.array([one.local_compliance for one in firsts]),
+        radius=tuple(one.radius for one in firsts),
+        participation=weights_of(structure, shapes) if placed else None,
+        shapes=shapes,
+        direction=np.array(directions) if placed else None,
+        inertia=inertia_of(structure, shapes, static.nodal),
+        hidden=static.nodal,
+        info=info,
+    )
+
+
+def with_second_order(
+    structure: Structure, info: ModelInfo, sites: list[str], phi: Array, k0: Array
+) -> ModelInfo:
+    """The record with the second-order change of the force on curved sheets that are held.
+
+    phi (rows of this rank, p): shapes of unit displacements of p sites, k0 (p, p) their stiffness.
+    """
+    alone = structure.matrices.meshed and not structure.matrices.assembled
+    held = structure.rigid_modes.shape[1] == 0
+    if info.thickness is None or not (alone and held) or len(sites) != len(k0):
+        return info
+    from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
+
+    C = np.linalg.inv(k0)
+    part = cast("MeshedStructure", structure.matrices)
+    found = {
+        site: quadratic_share(part, phi @ C[:, i] / C[i, i], 1 / C[i, i])
+        for i, site in enumerate(sites)
+    }
+    return replace(info, second_order=found) if any(found.values()) else info
+
+
+def _turned(W: Array, matrix: Array) -> Array:
+    """W matrix Wᵀ, positive semidefinite as `matrix` is."""
+    values, vectors = np.linalg.eigh(matrix)
+    factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(factor @ factor.T)
+
+
+def _band(bottom: float, top: float, bound: float) -> Band:
+    """The record of a band whose ends are given in rad/s."""
+    return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
+
+
+def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
+    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
+    too low."""
+    if options.band is None and model.n < options.n and not complete:
+        warn(
+            f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
+            f"the site (share in Z above {options.tol:g}), fewer than n = {options.n}: the model "
+            "contains these; reduce tol for more.",
+            AccuracyWarning,
+        )
+    if model.info.converged == 0 and model.n >= SETTLED_FROM:
+        warn(
+            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
+            "frequencies are unreliable; check whether some part is very slender.",
+            AccuracyWarning,
+        )
+    if options.band is None or model.info.band is None:
+        return
+    error, top = model.info.band["error_bound"], engineering(model.info.band["top"], "Hz")
+    if not error <= options.accuracy:
+        warn(
+            f"with {model.n} anti-oscillators the error of Z up to {top} is at most {error:.1e}, "
+            f"above accuracy = {options.accuracy:g}: raise n or lower the band, which is in Hz.",
+            AccuracyWarning,
+        )
+    elif model.n and options.band < model.omega[0]:
+        warn(
+            f"the band ends at {top}, below the first antiresonance "
+            f"{engineering(model.omega[0] / (2 * np.pi), 'Hz')}: the model consists almost only of "
+            "its static stiffness and mass; raise the band if the impact is shorter.",
+            AccuracyWarning,
+        )
+
+
+#: Share in |Z| of an observable mode, over the accuracy wanted. Clamped disc struck at its centre,
+#: shell elements of a fifth of the radius: the modes that symmetry hides have up to 0.0094 of the
+#: default accuracy, those of a tenth 0.0001; the others have 500 times the accuracy and more.
+OBSERVABLE = 0.01
+#: Bytes of basis vectors of the sites that are processed at once.
+SLICE = 5e8
+
+log = logging.getLogger(__name__)
+
+
+@overload
+def extract(
+    structure: Structure,
+    site: Site | Mapping[str, Site],
+    n: int | None = None,
+    method: Method = "krylov",
+    tol: float | None = None,
+    *,
+    band: float | None = None,
+    accuracy: float = 1e-3,
+    shapes: bool = True,
+    error: ErrorOption = None,
+    damping: float | Sequence[float] | Damping | None = None,
+    stretch: Count | Literal[False] = False,
+) -> AntiOscillators: ...
+@overload
+def extract(
+    structure: Structure,
+    site: Sequence[Site],
+    n: int | None = None,
+    method: Method = "krylov",
+    tol: float | None = None,
+    *,
+    band: float | None = None,
+    accuracy: float = 1e-3,
+    shapes: bool = True,
+    error: ErrorOption = None,
+    damping: float | Sequence[float] | Damping | None = None,
+    stretch: Count | Literal[False] = False,
+) -> list[AntiOscillators]: ...
+@collective()
+@within_range
+@one_thread()
+def extract(
+    structure: Structure,
+    site: Site | Sequence[Site] | Mapping[str, Site],
+    n: int | None = None,
+    method: Method = "krylov",
+    tol: float | None = None,
+    *,
+    band: float | None = None,
+    accuracy: float = 1e-3,
+    shapes: bool = True,
+    error: ErrorOption = None,
+    damping: float | Sequence[float] | Damping | None = None,
+    stretch: Count | Literal[False] = False,
+) -> AntiOscillators | list[AntiOscillators]:
+    """The anti-oscillator model of a structure at a site, or at several.
+
+    Parameters
+    ----------
+    structure : Structure
+    site : Site, sequence of Site, or mapping of names to Site
+        A mapping gives one model with several sites, which a `Scene` takes. A sequence gives one
+        model for each site; all share one factorization and blocks of right-hand sides.
+    n : int, optional
+        Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
+        if the structure has fewer observable modes at the site.
+    method : "krylov" or "modes"
+        "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators
+        (`info.converged` of them) have converged to antiresonances of the structure; the upper
+        ones represent all higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as
+        in the article.
+    tol : float, optional
+        Share in |Z| at the frequency of a mode, at 1 % damping, below which the mode is
+        unobservable: it is not counted, and its mass is added to m0. Default: a hundredth of
+        `accuracy`. At a site of symmetry an uneven mesh gives every mode that the symmetry hides a
+        little mass.
+    band : float, optional
+        Highest frequency of interest, Hz (see `impact_band`). The number of anti-oscillators is
+        chosen so that the error of Z(ω) up to this frequency is at most `accuracy`.
+    accuracy : float
+        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
+        that was reached, including truncation and rounding. Of several sites: the largest relative
+        error of their displacements under any forces, in units in which their compliances are the
+        identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [Hz] on.
+    shapes : bool
+        Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
+    error : "estimate", optional
+        Estimate what the mesh leaves out: the model gets its `strain_error`, so that `corrected()`
+        and the `error_budget` of a `simulate` are available. Solids, beams, shells of triangles; no
+        named sites. It takes at most one further solve (of beams one on a mesh of half the size).
+    stretch : int, "auto" or False
+        Second-order forces of so many modes: a sheet or a beam whose edges are held stretches as it
+        bends, and is stiffer for it; a curved sheet is softer where it is pushed toward flat.
+        "auto": each impact takes as many modes as it needs, none if they do not matter. `stretch`
+        of the model has them; `simulate` and `Scene.run` alone take it. Shell, Laminate, Solid,
+        AnisotropicSolid and Beam, of one mesh.
+    damping : float, sequence of float, or Damping, optional
+        Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
+        (the last one for all higher modes), or a `Damping`.
+
+    Returns
+    -------
+    AntiOscillators, or a list of them for a sequence of sites
+        A site that cannot move independently of those before it (a second site on a rigid part,
+        say) follows them: `dependence` of the model.
+        `info` holds the numbers of modes that were found and dropped, and the checks. If the share
+        of the rigid-body modes in the compliance of the site (`rigid_share`) is below 1e-4, they
+        are represented by an anti-oscillator of nearly zero frequency; below 1e-16 they are left
+        out, and k0 > 0.
+
+    Raises
+    ------
+    InputError
+        A site off the structure or fixed by its supports; n not below the number of dofs.
+    NotConvergedError, AccuracyError
+        A solver that failed, or a result that fails its own check.
+
+    Notes
+    -----
+    Article (12), (15), (20), (23); with a rigid-body mode its section 3.3. The method "krylov":
+    `antiosc.reduce.extraction.krylov`.
+    """
+    instance("structure", structure, Structure, "a Structure")
+    names, sites = _checked_sites(site)
+    flag("shapes", shapes)
+    choice("error", error, (None, "estimate"))
+    options = _checked_options(structure, n, method, tol, band, accuracy)
+    stretch = checked_count(stretch)
+    given = as_damping(damping)
+    if given is not None:
+        refuse_dampers(structure, "damping=")
+    errors = None if error is None else _model_errors(structure, len(names))
+    started = time.perf_counter()
+    targets = functionals(structure, sites)
+    factored = "factorization" in structure.seconds
+    structure.factorize()
+    spent = time.perf_counter() - started
+    if not factored:
+        spent -= structure.seconds["factorization"]
+    groups: list[Columns] = [{UNNAMED: [one]} for one in targets]
+    if names:
+        groups = [{n: [one, *one.across] for n, one in zip(names, targets, strict=True)}]
+    models: list[AntiOscillators] = []
+    width = _together(structure, options)
+    for first in range(0, len(groups), width):
+        models += models_of(
+            structure, groups[first : first + width], options, shapes, spent, errors
+        )
+        if len(groups) > width:
+            log.info("extracted %d of %d sites", len(models), len(groups))
+    if stretch is not False:
+        models = [with_stretch(structure, model, stretch) for model in models]
+    if given is not None:
+        models = [replace(model, damping=given) for model in models]
+    return models if isinstance(site, list | tuple) else models[0]
+
+
+def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
+    """The estimates of models; their modules need meshes, which given matrices do without."""
+    with finite_element_packages():
+        from antiosc.reduce.error.model_errors import ModelErrors
+
+    return ModelErrors(structure, named_sites)
+
+
+def _together(structure: Structure, options: ExtractOptions) -> int:
+    """Number of models processed at once: as many as fit in SLICE bytes of basis vectors."""
+    if options.method == "modes":
+        return 1
+    columns = options.n + 2 if options.band is None else 2 * BASIS_STEP
+    return max(1, int(SLICE / (16 * columns * structure.size)))
+
+
+def _checked_options(
+    structure: Structure,
+    n: int | None,
+    method: Method,
+    tol: float | None,
+    band: float | None,
+    accuracy: float,
+) -> ExtractOptions:
+    """The options; InputError for numbers out of range and vectors that memory cannot hold."""
+    choice("method", method, get_args(Method))
+    if n is None:
+        n = min(DEFAULT_COUNT if band is None else MOST_FOR_BAND, structure.dofs - 1)
+    n = whole("n", n, least=0 if band is None else 1)
+    if n >= structure.dofs:
+        raise InputError(
+            f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
+            "ask for fewer anti-oscillators."
+        )
+    if band is None:
+        what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
+        free = on_root(structure.comm, process.free_memory) / structure.comm.size
+        process.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
+    else:
+        band = checks.band(band)
+    accuracy = positive("accuracy", accuracy)
+    tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
+    return ExtractOptions(n, method, tol, band, accuracy)
+
+
+def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
+    """(names, sites) of the argument of `extract`; no names but those of a mapping."""
+    names: list[str] = []
+    if isinstance(site, Mapping):
+        names, site = list(site), list(site.values())
+        if not names:
+            raise InputError("site names no site: give {name: Site(point, direction), ...}.")
+        for name in names:
+            if ":" in checks.name("the name of a site", name):
+                raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
+    sites: list[Site] = []
+    for one in site if isinstance(site, list | tuple) else [site]:
+        sites.append(instance("site", one, Site, "a Site(point, direction)"))
+        if sites[-1].tangential and not names:
+            raise InputError(
+                "tangential directions belong to a model of named sites: "
+                "extract(part, {name: Site(..., tangential=True)})."
+            )
+    return names, sites

@@ -1,0 +1,474 @@
+"""Krylov anti-oscillators: N solves for N anti-oscillators, and the most accurate Z(ω) for them.
+
+With the shapes Φ of unit displacements at p ≥ 1 sites (`site_shapes`), A = K + sM and the operator
+T = A⁻¹M - Y(loadᵀY)⁻¹YᵀM under the constraint that all sites are held, the block Lanczos recurrence
+starts at TΦ and runs in the inner product of A, in which T is symmetric. Its Ritz pairs are those
+of (K, M) on the space {TΦ, …, TᴺΦ}: a Galerkin model, so every m_i is positive semidefinite and
+Σm_i ≤ M_st. With z = ω² + s,
+
+    Z = K0 - ω²M_st - ω⁴G,    G = ΦᵀM (I - zT)⁻¹TΦ = Σ_j z^j ΦᵀM T^(j+1) Φ,
+
+and N steps match the first 2N of these moments (Gauss quadrature of G: Golub and Meurant,
+*Matrices, Moments and Quadrature*, 2010, ch. 6). An unobservable mode is orthogonal to the start
+block: only rounding may introduce it, without mass. The highest Ritz pairs represent the mass of
+all higher modes. Directions that the block does not add to the basis are dropped, so that its width
+falls.
+
+What the first n basis vectors V leave out is the residual Q = TΦ - (I - zT)VX of the Galerkin
+solution X,
+
+    G - G_N = QᵀA(I - zT)⁻¹Q,    ‖Z - Z_N‖₂ ≤ |ω|⁴ ‖Q‖²/|sin arg z|,
+
+since T has real eigenvalues ≥ 0: a bound at every damped frequency. Q needs the products TV, which
+are known one block later.
+
+The shift s is 0 if K is regular. A shift inside the band (s < 0) would save at most a fifth of the
+steps (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for 1e-3),
+but requires a second, indefinite factorization, whose solves are slower.
+
+With dampers, a model's shapes V span what the sites and the ends of the dampers start: the Krylov
+space of A⁻¹M from A⁻¹[MΦ, Gᵀ], into which A⁻¹C leads too; a layer that relaxes adds A⁻¹CV of each
+block. K, M and C are projected on V alike: VᵀCV is semidefinite for every number of shapes, so that
+every model is passive.
+
+Bound: the model's displacements Vy under unit forces on the sites at the complex frequency s leave
+the residual ρ, the error of the receptance is ρᵀD⁻¹ρ with D = K + sC + s²M. For Re s > 0
+
+    |xᴴDx| ≥ Re(s̄ xᴴDx)/|s| ≥ Re s/|s| (xᴴKx + |s|² xᴴMx),
+
+since damping gives no energy: ‖ΔH‖ ≤ |s|/Re s max(1, σ/|s|²) ‖ρ‖² in the norm of A⁻¹, A = K + σM.
+The residual lies in the space of the vectors that follow V in the recurrence.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from antiosc.base._types import Array, ComplexArray
+from antiosc.base.errors import InputError
+from antiosc.base.progress import doing
+from antiosc.engine.damping import DampingMatrix, from_factors
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.structure import Dissipation, ends, projected
+from antiosc.fem.structure.structure import Structure
+from antiosc.models import driving_point
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.driving_point import semidefinite
+from antiosc.models.free_modes import EXHAUSTED
+from antiosc.models.modal import Damping
+from antiosc.reduce.extraction import SiteShapes
+from antiosc.reduce.extraction.eigenmodes import Modes, polish
+from antiosc.reduce.extraction.oscillators import Found, Kept, Remainder
+
+#: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
+LEAST_SHARE = 1e-12
+#: Share of the damping of the model by which dampers may brake motions that it has not.
+UNBRAKED = 1e-12
+#: Frequencies at which the residual is found at once.
+AT_ONCE = 64
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The bound on the relative error of the receptance that a damped model has in its band."""
+
+    error: float
+    bottom: float
+
+
+def every_mode(known: Found, n: int) -> Kept:
+    """The n lowest of all modes found, whether the sites see them or the dampers alone."""
+    order = np.argsort(known.poles, kind="stable")
+    order = order[known.poles[order] > 0][:n]
+    P = known.P[order].copy()
+    if P.shape[1] == 1:
+        least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
+        P = np.where(np.abs(P) < least, least, P)
+    lost = np.delete(known.P, order, axis=0)
+    return Kept(
+        m0=semidefinite(known.m0 + lost.T @ lost),
+        P=P,
+        omega=known.modes.omega[order],
+        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lost,
+        phi=known.modes.phi[:, order],
+        unobservable=0,
+        merged=0,
+    )
+
+
+def with_damping(
+    structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
+) -> AntiOscillators:
+    """The model with the damping of the structure; InputError where it brakes a motion that the
+    model does not have."""
+    shapes = model.shapes
+    assert shapes is not None
+    V = (
+        shapes
+        if model.sites
+        else np.column_stack([shapes[:, :1], shapes[:, 1:] / np.sqrt(model.m)])
+    )
+    if model.hidden is not None:
+        V = np.column_stack([V, model.hidden])
+    elif static.nodal.size:
+        left = np.trace(projected(structure.comm, terms, static.nodal).matrix)
+        whole = np.trace(projected(structure.comm, terms, V).matrix)
+        if left > UNBRAKED * whole:
+            raise InputError(
+                "a damper brakes a rigid-body motion that the site does not see, and that matrices "
+                "without coordinates do not tell: give them a map with coordinates."
+            )
+    return _with_losses(structure, model, projected(structure.comm, terms, V) if terms else None)
+
+
+def _with_losses(
+    structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
+) -> AntiOscillators:
+    """The model with this damping and the loss factors of the materials, by modal strain energy.
+
+    ζ_j = Σ η_m U_jm/(2 U_j) with the shares U_jm of the materials in the strain energy of mode j
+    (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
+    """
+    body = model.free_modes
+    assert body.basis is not None
+    assert body.shape is not None
+    losses = structure.matrices.loss_stiffness(np.column_stack(body.basis))
+    if losses is None:
+        return replace(model, damping=damping)
+    phi = body.amplitudes(body.shape.T)
+    elastic = body.omega > 0
+    ratio = np.einsum("ja,ab,jb->j", phi, losses, phi)[elastic] / (2 * body.omega[elastic] ** 2)
+    ratio = np.maximum(ratio, 0.0)
+    if damping is None:
+        return replace(model, damping=Damping(ratio=ratio.tolist()))
+    # in the coordinates of the matrix: q of what moves, by the inverse of the modes
+    amplitude = phi.T.copy()
+    if not model.sites:
+        amplitude[1 : 1 + model.n] *= np.sqrt(model.m)[:, None]
+    modes = np.linalg.pinv(amplitude)[elastic]
+    own = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
+    factor = np.vstack([damping.factor, own])
+    return replace(model, damping=from_factors(factor, damping.factors))
+
+
+def band_error(
+    structure: Structure,
+    static: SiteShapes,
+    vectors: Array,
+    H: Array,
+    c: Array,
+    n: int,
+    band: float,
+    terms: Sequence[Dissipation],
+) -> Reached:
+    """The bound of the module for the first n of the vectors V; H = VᵀMV and c = VᵀMΦ of all."""
+    p, k = len(static.kept), vectors.shape[1]
+    shift = structure.shift
+    K, M = np.zeros((p + k, p + k)), np.zeros((p + k, p + k))
+    M[:p, :p], M[p:, :p], M[:p, p:] = static.mass, c, c.T
+    M[p:, p:] = H
+    K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
+    damping = projected(structure.comm, terms, np.column_stack([static.phi, vectors]))
+    own = slice(0, p + n)
+    theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
+    poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)
+    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
+    omega = np.conj(driving_point.samples(band, lowest))
+    load, root = np.eye(p + k)[:, :p], np.linalg.cholesky(K + shift * M)
+    inverse = np.linalg.inv(root)
+    worst = 0.0
+    for at in np.array_split(omega, -(-omega.size // AT_ONCE)):
+        s = 1j * at
+        D = K + s[:, None, None] ** 2 * M + damping.stiffness(at)
+        y = np.linalg.solve(D[:, own, own], load[None, own])
+        rest = driving_point.spectral_norms(inverse @ (load - D[:, :, own] @ y))
+        Z = driving_point.spectral_norms(np.linalg.inv(y[:, :p]))
+        coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
+        worst = max(worst, float(np.max(coercive * rest**2 * Z)))
+    return Reached(worst, float(abs(omega[0])))
+
+
+#: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
+WIDE_RANGE = 1e-8
+#: θ over the largest below which it is rounding.
+NOISE = 1e-18
+#: Columns by which a basis grows.
+BASIS_STEP = 16
+
+#: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
+#: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
+#: again).
+STEPS_PER_ONE, MORE = 3, 20
+
+log = logging.getLogger(__name__)
+
+
+class Lanczos:
+    """The recurrence of one model of p >= 1 sites, in vectors V with VᵀAV = 1 that vanish there.
+
+    Attributes
+    ----------
+    load : the next right-hand sides (rows, k), whose solutions `advance` takes.
+    steps : number of vectors; there is `room` for so many at first.
+    H : VᵀMV (steps, steps), that is T in the basis.
+    applied : how many of the vectors T has been applied to.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        static: SiteShapes,
+        room: int = BASIS_STEP,
+        terms: Sequence[Dissipation] = (),
+    ) -> None:
+        self._structure, self._static, self._terms = structure, static, terms
+        self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
+        self._solver = structure.factorize()
+        self._A = self._solver.A
+        rows, self._locked = static.nodal.shape
+        self._most = structure.dofs - static.load.shape[1] - self._locked
+        self.steps, self.H, self.applied = 0, np.zeros((0, 0)), -1
+        # V, and F = A V. In front stand the rigid-body modes that do not move the sites, which no
+        # step may pick up again.
+        self._V = np.empty((rows, self._locked + room), order="F")
+        self._F = np.empty_like(self._V)
+        if self._locked:
+            scale = np.sqrt(self._shift)  # RᵀAR = s
+            self._V[:, : self._locked] = static.nodal / scale
+            self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
+        self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
+        #: lengths of what was dropped of TΦ and of TV, and of what the solver left out
+        self._dropped = np.zeros(2)
+        self.load = static.m_phi
+        #: how many of the loads are inertia, the others those of damping
+        self._inertial = static.m_phi.shape[1]
+        forces = ends(terms)
+        if forces is not None:
+            self.load = np.hstack([self.load, forces])
+
+    @property
+    def vectors(self) -> Array:
+        """V (rows of this rank, steps)."""
+        return self._V[:, self._locked : self._locked + self.steps]
+
+    def _add(self, w: Array, load: Array, size: float) -> float:
+        """Orthogonalise w = A⁻¹ load and add it, or return the length of what is dropped.
+
+        `size`: what its energy wᵀ load is at least taken to be, where rounding may make it. The
+        length is an upper bound; it is 0 if the space has no more dimensions.
+        """
+        k = self._locked + self.steps
+        V, F = self._V[:, :k], self._F[:, :k]
+        w = self._constrained(w)
+        before = max(float(dot(self._comm, w, load)), size)
+        w = self._constrained(w - V @ dot(self._comm, F, w))
+        # f = A w is computed anew: with an update f and w would diverge by a constant factor in
+        # each step.
+        f = multiply(self._A, w)
+        h = dot(self._comm, V, f)  # twice is enough (Kahan)
+        # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
+        h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
+        w, f = self._constrained(w - V @ h), f - F @ h
+        left = float(dot(self._comm, w, f))
+        if self.steps == self._most:  # rounding may produce directions outside the space
+            return 0.0
+        if not left > EXHAUSTED**2 * before:
+            return EXHAUSTED * float(np.sqrt(max(before, 0.0)))
+        if k == self._V.shape[1]:
+            self._V, self._F = (
+                np.concatenate([x.T, np.empty((BASIS_STEP, len(x)))]).T for x in (self._V, self._F)
+            )
+        length = float(np.sqrt(left))
+        self._V[:, k], self._F[:, k] = w / length, f / length
+        self.steps += 1
+        return 0.0
+
+    def _constrained(self, w: Array) -> Array:
+        return self._static.constrained(self._comm, w)
+
+    def _project(self) -> Array:
+        """M times the vectors that H does not contain yet, the next loads; then H contains them."""
+        first = len(self.H)
+        loads = multiply(self._M, self.vectors[:, first:])
+        column = dot(self._comm, self.vectors, loads)
+        H = np.zeros((self.steps, self.steps))
+        H[:first, :first] = self.H
+        H[:, first:], H[first:] = column, column.T
+        self.H = (H + H.T) / 2
+        return loads
+
+    def ritz(self, n: int) -> tuple[Array, Array]:
+        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.
+
+        Of far higher frequencies double precision leaves no θ: it is 0.
+        """
+        H = self.H[:n, :n]
+        theta, turn = np.linalg.eigh(H)
+        noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
+        own, vectors = theta[noise:], turn[:, noise:]
+        if len(own) and own[0] < WIDE_RANGE * own[-1]:
+            poles, x = polish(vectors / np.sqrt(own), lambda x: x.T @ x, lambda x: x.T @ H @ x)
+            order = np.argsort(-poles)
+            own, vectors = 1 / poles[order], (x / np.sqrt(poles))[:, order]
+        theta = np.concatenate([np.zeros(noise), own])
+        return theta[::-1], np.column_stack([turn[:, :noise], vectors])[:, ::-1]
+
+    def resolved(self, n: int) -> tuple[Array, Array]:
+        """The Ritz pairs of `ritz` whose θ is positive."""
+        theta, turn = self.ritz(n)
+        return theta[theta > 0], turn[:, theta > 0]
+
+    def modes(self, n: int) -> Modes:
+        """The Ritz pairs of the first n vectors; M-orthonormal, and orthogonal through K too."""
+        theta, turn = self.resolved(n)
+        omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
+        return Modes(omega, self.vectors[:, :n] @ (turn / np.sqrt(theta)), self.exhausted)
+
+    def release(self) -> None:
+        """Release the memory of the basis."""
+        self._V = self._F = np.zeros((0, 0))
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the basis spans all that the sites see."""
+        return self.load.shape[1] == 0
+
+    def advance(self, solutions: Array) -> None:
+        """Make the next basis vectors and the next `load` from A⁻¹ load."""
+        first = self.steps
+        for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
+            energy = float(dot(self._comm, w, load))
+            lost = self._solver.error * np.sqrt(max(energy, 0.0))
+            size = energy if i >= self._inertial else 0.0
+            self._dropped[int(self.applied >= 0)] += lost + self._add(w, load, size)
+        self.applied = first
+        self.load = self._project()
+        new = self.vectors[:, first:]
+        relaxing = [multiply(one.matrix, new) for one in self._terms if one.matrix is not None]
+        self._inertial = self.load.shape[1]
+        self.load = np.hstack([self.load, *relaxing])
+        self._c = np.vstack([self._c, dot(self._comm, new, self._static.m_phi)])
+
+    def parameters(self, n: int) -> tuple[Array, Array, Array]:
+        """(M0 (p, p) without cancellation below rounding, P (n, p), ω² (n,)) of the first n."""
+        theta, turn = self.resolved(n)
+        P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
+        poles = np.maximum(1 / theta - self._shift, 0.0)
+        return driving_point.semidefinite(self._static.mass - P.T @ P), P, poles
+
+    def observable(self, n: int, tol: float) -> int:
+        """How many pairs of the first n vectors have more than the share `tol` in Z."""
+        m0, P, poles = self.parameters(n)
+        return int(np.sum(driving_point.shares_at_sites(self._static.k0, m0, P, poles) > tol))
+
+    def remainder(self, n: int) -> Remainder:
+        """Bound on ‖Z - Z_N‖₂ of the model of the first n <= `applied` vectors, at complex x."""
+        theta, turn = self.ritz(n)
+        start, rest, shift = turn.T @ self._c[:n], self._c[n:], self._shift
+        following = self.H[n:, :n] @ turn
+        none, beside = self._dropped
+
+        def bound(x: ComplexArray) -> Array:
+            z = x + shift
+            X = start / (1 - z[:, None] * theta)[:, :, None]
+            Q = driving_point.spectral_norms(rest + z[:, None, None] * (following @ X))
+            Q += none + beside * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
+            return np.asarray(np.abs(x * Q) ** 2 * np.abs(z) / z.imag)
+
+        return bound
+
+    def damped_error(self, n: int, band: float) -> Reached:
+        """The bound on the error of the receptance with damping (`dampers.band_error`)."""
+        both = self.vectors, self.H
+        return band_error(self._structure, self._static, *both, self._c, n, band, self._terms)
+
+    def error(self, n: int, band: float) -> float:
+        """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors over the band up to `band` [rad/s]."""
+        m0, P, poles = self.parameters(n)
+        k0 = self._static.k0
+        P, poles = P[poles > 0], poles[poles > 0]
+        lowest = driving_point.lowest_frequency_at_sites(k0, self._static.mass, poles)
+        x = driving_point.samples(band, lowest) ** 2
+        Z = driving_point.stiffness_at_sites(x, k0, m0, P, poles)
+        inverse = driving_point.spectral_norms(np.linalg.inv(Z))
+        return float(np.max(self.remainder(n)(x) * inverse))
+
+
+def by_krylov(
+    structure: Structure,
+    statics: Sequence[SiteShapes],
+    counts: Sequence[int],
+    tol: float,
+    band: float | None,
+    accuracy: float,
+    terms: Sequence[Dissipation] = (),
+) -> list[tuple[Modes, Remainder | Reached | None]]:
+    """(Ritz pairs, with a band the bound of their truncation error) of each model.
+
+    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
+    if the structure has so many and the largest number of steps finds them. With a band, it is the
+    least number of blocks for which the error of Z is at most `accuracy`, and at most `counts`.
+    Each step solves one block of right-hand sides.
+    """
+    runs = [
+        Lanczos(structure, static, n + len(static.kept) if band is None else BASIS_STEP, terms)
+        for static, n in zip(statics, counts, strict=True)
+    ]
+    done: dict[int, tuple[Modes, Remainder | Reached | None]] = {}
+    if band is None:
+        done = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
+    with doing("extracting anti-oscillators", structure.comm.rank) as further:
+        step = 0
+        while len(done) < len(runs):
+            step += 1
+            further(f"step {step}, about {max(counts)}; {len(done)} of {len(runs)} models done")
+            active = [i for i in range(len(runs)) if i not in done]
+            loads = [runs[i].load for i in active]
+            shapes = structure.factorize().solve_block(np.hstack(loads))
+            ends = np.cumsum([load.shape[1] for load in loads])
+            for i, own in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
+                before = runs[i].steps
+                runs[i].advance(own)
+                bound: Remainder | Reached | None = None
+                if terms:
+                    kept, bound = _enough(runs[i], counts[i], band, accuracy)
+                else:
+                    kept = _finished(runs[i], before, counts[i], tol, band, accuracy)
+                    bound = None if band is None or kept is None else runs[i].remainder(kept)
+                if kept is not None:
+                    done[i] = runs[i].modes(kept), bound
+                    runs[i].release()
+            log.debug("Krylov step: %d of %d models done", len(done), len(runs))
+    return [done[i] for i in range(len(runs))]
+
+
+def _enough(
+    run: Lanczos, n: int, band: float | None, accuracy: float
+) -> tuple[int | None, Reached | None]:
+    """How many vectors of a damped model to keep, or None to continue, and their bound."""
+    if band is None:
+        return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
+    tried = min(run.steps if run.exhausted else run.applied, n)
+    if not tried:
+        return None, None
+    found = run.damped_error(tried, band)
+    enough = tried == n or run.exhausted or found.error <= accuracy
+    return (tried if enough else None), found
+
+
+def _finished(
+    run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float
+) -> int | None:
+    """How many vectors to keep, or None to continue; the last block added those after `before`."""
+    if band is not None:
+        tried = min(run.applied, n)  # the truncation error of these is known only now
+        enough = tried == n or run.exhausted
+        return tried if enough or (tried and run.error(tried, band) <= accuracy) else None
+    for count in range(max(before + 1, n), run.steps + 1):
+        if run.observable(count, tol) >= n:
+            return count
+    return run.steps if run.exhausted or run.steps >= STEPS_PER_ONE * n + MORE else None

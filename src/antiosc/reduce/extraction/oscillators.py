@@ -1,0 +1,424 @@
+"""Anti-oscillators of p ≥ 1 sites from their constraint modes, and a bound on the error of Z.
+
+All matrices are in the basis of loads of `SiteShapes`, in which the compliances of several sites
+are the identity.
+
+The error of Z at every damped frequency of a band is the sum of the truncation error of the method
+(`Remainder`), of the unobservable modes that were dropped and the repeated ones that were merged,
+of the limited number of anti-oscillators, and of rounding. The latter is the effect of a relative
+change ε of every entry of K and M on Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shapes φ(x) of the
+structure at that frequency, estimated with the diagonals of K and M. ‖ΔZ‖₂‖Z⁻¹‖₂ bounds the
+relative error of the displacements of the sites under any forces on them, of one site |ΔZ|/|Z|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
+from antiosc.base.errors import AccuracyError, AccuracyWarning
+from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
+from antiosc.fem.platform import warn
+from antiosc.fem.structure.structure import Structure
+from antiosc.models import driving_point
+from antiosc.models.free_modes import MASSLESS
+from antiosc.models.motion import with_rigid_mode
+from antiosc.reduce.extraction import SiteShapes
+from antiosc.reduce.extraction.eigenmodes import Modes, residuals
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+#: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
+REPEATED = 1e-6
+#: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
+TOLD_APART = 1e-8
+#: Distance of the samples of a bound, and the largest share by which it rises between two of them.
+SAMPLE_STEP, SAMPLE_RISE = driving_point.DAMPING / 4, 0.05
+#: Rounding of the solves, in units of ε for every entry of the matrices.
+SOLVE_ROUNDING = 64.0
+
+#: Bound on the spectral norm of Z - Z_N [N/m] at complex x = ω² of shape (W,): (W,).
+Remainder = Callable[[ComplexArray], Array]
+
+
+@dataclass(frozen=True)
+class Found:
+    """All constraint modes φ_i that were found, and the static shapes Φ projected on them.
+
+    Attributes
+    ----------
+    P : φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p).
+    m0 : residual mass (p, p).
+    residual : (rows, p) the shapes that move with m0, on the rows of this rank.
+    off : residual forces of the modes over their elastic ones, (n,).
+    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
+    coupling : φ_iᵀKΦ as it is, (n, p).
+    """
+
+    static: SiteShapes
+    modes: Modes
+    P: Array
+    m0: Array
+    residual: Array
+    off: Array
+    stiffnesses: Array
+    masses: Array
+    coupling: Array
+
+    @property
+    def poles(self) -> Array:
+        """ω_i², rad²/s²."""
+        return self.modes.omega**2
+
+    def stiffness(self, x: ComplexArray) -> Numbers:
+        """Z (W, p, p) with all modes found."""
+        real = self.poles > 0
+        return driving_point.stiffness_at_sites(
+            x, self.static.k0, self.m0, self.P[real], self.poles[real]
+        )
+
+
+def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
+    """Residual masses and shapes: Φ without the M-orthonormal modes, free of cancellation."""
+    comm, phi = structure.comm, modes.phi
+    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
+    residual, P = static.phi, np.zeros((phi.shape[1], static.phi.shape[1]))
+    for _ in range(2):  # twice is enough (Kahan)
+        part = dot(comm, m_phi, residual)
+        P, residual = P + part, residual - phi @ part
+    m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
+    massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
+    m0[massless], m0[:, massless] = 0.0, 0.0
+    return Found(
+        static=static,
+        modes=modes,
+        P=P,
+        m0=m0,
+        residual=residual,
+        stiffnesses=dot(comm, phi, k_phi),
+        masses=dot(comm, phi, m_phi),
+        coupling=dot(comm, k_phi, static.phi),
+        off=_forces_left(structure, static, modes.omega, k_phi, m_phi),  # overwrites both
+    )
+
+
+def _forces_left(
+    structure: Structure, static: SiteShapes, omega: Array, k_phi: Array, m_phi: Array
+) -> Array:
+    """Residual forces of the modes over their elastic ones (n,); KΦ and MΦ are overwritten.
+
+    The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
+    """
+    sizes = structure.factorize().force_sizes
+    size = sizes(k_phi)
+    m_phi *= omega**2
+    k_phi -= m_phi
+    for column, reaction in zip(k_phi.T, dot(structure.comm, k_phi, static.phi), strict=True):
+        column -= static.load @ reaction
+    return sizes(k_phi) / np.maximum(size, np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The anti-oscillators of a model.
+
+    Attributes
+    ----------
+    m0, P, omega : residual mass (p, p), P (N, p) and circular frequencies (N,).
+    residual, phi : (rows, p) and (rows, N) the shapes that move with m0 and with the modes of unit
+        mass, on the rows of this rank.
+    unobservable, merged : numbers of modes that were dropped and merged.
+    """
+
+    m0: Array
+    P: Array
+    omega: Array
+    residual: Array
+    phi: Array
+    unobservable: int
+    merged: int
+
+
+def oscillators(known: Found, n: int, tol: float) -> Kept:
+    """The n lowest anti-oscillators with more than the share `tol` in Z.
+
+    Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
+    all others are added to m0.
+    """
+    static, omega = known.static, known.modes.omega
+    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+    groups = np.split(np.arange(len(omega)), start[1:]) if len(omega) else []
+    mixed = [(group, u) for group in groups for u in _told_apart(known, group).T]
+    P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
+    poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
+    # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
+    seen = np.flatnonzero(driving_point.shares_at_sites(static.k0, known.m0, P, poles) > tol)
+    modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in seen)}.values())
+    order = seen[np.argsort(poles[seen], kind="stable")[:n]]
+    turn = np.zeros((len(omega), len(order)))
+    for column, i in enumerate(order):
+        turn[mixed[i][0], column] = mixed[i][1]
+    lost = known.P - turn @ P[order]  # what is not kept goes back to m0
+    return Kept(
+        m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
+        P=P[order],
+        omega=np.sqrt(poles[order]),
+        residual=known.residual + known.modes.phi @ lost,
+        phi=known.modes.phi @ turn,
+        unobservable=len(omega) - modes,
+        merged=modes - len(seen),
+    )
+
+
+def _told_apart(known: Found, group: IntArray) -> Array:
+    """Combinations (g, k) of the g modes of one frequency that the sites can distinguish."""
+    if len(group) < 2:
+        return np.eye(len(group))
+    scale = np.sqrt(known.static.mass.diagonal())
+    U, size, _ = np.linalg.svd(known.P[group] / scale)
+    count = int(np.sum(size > TOLD_APART * size[0]))
+    if count == len(group):
+        return np.eye(count)
+    U = U[:, :count]
+    # their own frequencies differ by rounding, and the stiffness between them is to vanish
+    _, own = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
+    return np.asarray(U @ own)
+
+
+@dataclass(frozen=True)
+class OneSite:
+    """The parameters of a model of one site, in units of the site itself.
+
+    Attributes
+    ----------
+    k0, m0, omega, m : as of `AntiOscillators`.
+    residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
+    hidden : (rows, h) rigid-body modes that are not in the model.
+    """
+
+    k0: float
+    m0: float
+    omega: Array
+    m: Array
+    residual: Array
+    psi: Array
+    hidden: Array
+
+
+def elastic_count(static: SiteShapes, n: int) -> int:
+    """Number of elastic anti-oscillators of n at one site: a weak rigid-body mode takes one."""
+    return n - 1 if n and static.weak.any() else n
+
+
+def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
+    """The n anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
+
+    A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
+    """
+    w = float(static.W[0, 0])
+    k0, m0, omega = w**2 * float(static.k0[0, 0]), w**2 * float(kept.m0[0, 0]), kept.omega
+    c = w * kept.P[:, 0]
+    m, residual, psi, hidden = c**2, w * kept.residual[:, 0], kept.phi * c, static.nodal
+    if n and static.weak.any():
+        a = float(static.slide[0, 0])
+        weak, hidden = hidden[:, 0] * np.sign(a), hidden[:, 1:]
+        shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
+        m0, m, omega, own, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
+        k0, residual, psi = 0.0, shapes @ own, shapes @ turn
+    return OneSite(k0, m0, omega, m, residual, psi, hidden)
+
+
+def error_bound(
+    structure: Structure,
+    known: Found,
+    remainder: Remainder,
+    kept: Kept,
+    band: float,
+    omega: Array | None = None,
+) -> tuple[float, float]:
+    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) of the band up to `band` [rad/s].
+
+    Below that frequency Z is quasi-static. `omega`: frequencies of the finished model, if they are
+    others than those of `kept`.
+    """
+    static = known.static
+    poles = (kept.omega if omega is None else omega) ** 2
+    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles)
+    x = driving_point.samples(band, lowest, SAMPLE_STEP) ** 2
+    elastic = driving_point.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = driving_point.spectral_norms(known.stiffness(x) - elastic)
+    sizes = np.linalg.svd(elastic, compute_uv=False)
+    # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
+    spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
+    stored = np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
+    left = remainder(x) + change + stored + _rounding(structure, known, x)
+    off = (1 + SAMPLE_RISE) * left / sizes[:, -1]
+    off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
+    # with the weak rigid-body modes: H = H_e - a aᵀ/x
+    moved = static.weak.T @ static.weak / x[:, None, None]
+    whole = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
+    off = off * driving_point.spectral_norms(whole)
+    # displacements of the sites in rigid-body motions: their rounding, and what is left out
+    rounding = driving_point.spectral_norms(static.uncertainty[None])
+    largest = static.moved.max(initial=0.0) + driving_point.spectral_norms(static.weak[None])
+    hidden = driving_point.spectral_norms(static.missed[None]) + rounding
+    off = off + driving_point.spectral_norms(elastic @ whole) / np.abs(x) * (
+        hidden**2 + 2 * largest * rounding
+    )
+    return float(np.max(off)), float(np.sqrt(x[0]).real)
+
+
+def left_out(known: Found) -> Remainder:
+    """Bound on the effect of the truncated modes on Z: their mass, on poles above the last.
+
+    Without them their mass is in m0.
+    """
+    mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
+    top = float(known.poles.max(initial=0.0))
+
+    def bound(x: ComplexArray) -> Array:
+        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
+        return np.asarray(np.abs(x) ** 2 * mass / nearest)
+
+    return bound
+
+
+def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
+    """Norm of the rounding error of Z at complex x = ω²: (W,).
+
+    From the entries, the solves, and the measured orthogonality of the modes.
+    """
+    real = known.poles > 0
+    poles, P = known.poles[real], known.P[real]
+    count = P.shape[1]
+    shapes = np.column_stack([known.residual, known.modes.phi[:, real]])
+    lever = poles / (poles - x[:, None])
+    sized = np.broadcast_to(np.eye(count), (len(x), count, count))
+    weight = np.concatenate([sized, lever[:, :, None] * P], axis=1)
+    parts = []
+    for matrix in (structure.K, structure.M):
+        gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
+        parts.append(
+            driving_point.spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight))
+        )
+    if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
+        bent = (x / np.sqrt(poles)[:, None]).T[:, :, None] * weight[:, count:]
+        bent = np.abs(bent).transpose(0, 2, 1) @ np.abs(bent)
+        energy = driving_point.spectral_norms(known.static.k0 + bent)
+        parts[0] = np.sqrt(parts[0] * energy)
+    left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
+    # amplitudes of the modes relative to the residual shapes, and to the static ones
+    size = np.abs(weight[:, count:])
+    bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
+    left += 2 * driving_point.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    for matrix, own, times in (
+        (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
+        (known.masses - np.eye(len(known.P)), size, np.abs(x)),
+    ):
+        off = np.abs(matrix[np.ix_(real, real)]) @ own
+        left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
+    return left
+
+
+#: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
+CHECK = 1e-6
+#: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
+USABLE = 100
+#: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
+#: strain; the error of ω² is the square of it.
+FORCES = 1e-5
+#: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
+MECHANISM = 1e-9
+#: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
+#: then right to about the square of this.
+CONVERGED = 1e-3
+
+
+def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
+    """Accept a measured error, warn of it, or refuse it."""
+    if value <= limit:
+        return
+    why = (
+        "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
+        "elements or materials: take fewer elements, more even ones, smaller penalties."
+    )
+    if not value <= USABLE * limit:
+        raise AccuracyError(
+            f"the constraint modes fail their own check: {name} {value:.1e}, limit "
+            f"{USABLE * limit:.0e}; {why}"
+        )
+    warn(
+        comm,
+        f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
+        f"{limit:.0e}): {why}",
+        AccuracyWarning,
+    )
+
+
+def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict[str, float], int]:
+    """Check constraint modes against their equations; AccuracyError far beyond CHECK.
+
+    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
+
+    Returns
+    -------
+    What was measured, and the number of modes that have converged.
+    """
+    modes, static, comm = known.modes, known.static, structure.comm
+    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
+        raise AccuracyError(
+            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
+            "rigid body: some part is attached by a hinge, a single common point or line; join it "
+            "along a face."
+        )
+    off = known.off
+    scale = np.sqrt(modes.omega**2 + structure.shift)
+    projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
+    strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
+    sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
+    own = {"residual": off} if method == "modes" else {"projection": projection}
+    measured = {
+        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
+        "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
+        "constraint": _displacement(comm, static.load, modes.phi),
+        "mass": _excess(static.mass, known.P),
+        "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
+    }
+    for name, value in measured.items():
+        check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
+    return measured, int(np.sum(off < CONVERGED))
+
+
+def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
+    """Largest displacement of a site in a mode, over their sizes."""
+    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
+    sizes = np.sqrt(np.outer(*squares))
+    return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
+
+
+def _excess(mass: Array, P: Array) -> float:
+    """How much the masses of the modes exceed those of the shapes, relatively."""
+    scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
+    left = (mass - P.T @ P) * scale[:, None] * scale
+    return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
+
+
+def check_modes(structure: Structure, modes: Modes) -> None:
+    """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
+    gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
+    worst = {
+        "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
+        "residual": residuals(structure, modes).max(initial=0.0),
+    }
+    for name, value in worst.items():
+        if not value <= CHECK:
+            raise AccuracyError(
+                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
+                " the matrices may be ill-conditioned (very uneven elements or materials)."
+            )

@@ -1,0 +1,474 @@
+"""The structure in its natural modes: the modes, their superposition, and the unreduced model.
+
+Both are references for an anti-oscillator model, and `simulate` accepts them as models:
+`superposition` keeps n modes (as Goldsmith and Stronge, Article section 1), `full` keeps all modes,
+which is the finite-element model in other coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks, files
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import flag, instance, whole, within_range
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.process import one_thread
+from antiosc.base.texts import ReprMixin
+from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.platform import collective, on_root
+from antiosc.fem.structure.structure import Structure, refuse_dampers
+from antiosc.models.body import Body, ModelInfo
+from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
+from antiosc.models.free_modes import RESIDUAL_ROUNDING
+from antiosc.models.modal import Damping, ModalBody, as_damping
+from antiosc.models.motion import Inertia
+from antiosc.recovery import source
+from antiosc.recovery.series import Frames
+from antiosc.reduce.extraction import (
+    SiteShapes,
+    beside_rigid,
+    inertia_of,
+    site_shapes,
+    uniform_inertia,
+    weights_of,
+)
+from antiosc.reduce.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
+from antiosc.reduce.extraction.extract import DEFAULT_COUNT, SEARCHED
+from antiosc.reduce.extraction.oscillators import REPEATED, check_modes
+from antiosc.reduce.site import Functional, Site, functional
+
+#: Modes that are searched beyond those asked; of a repeated last one twice as many each time.
+BEYOND = 1
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureModes(ReprMixin):
+    """The lowest natural modes of a structure, ascending; rigid-body modes first.
+
+    Attributes
+    ----------
+    omega : (n,) circular frequencies, rad/s; exactly 0 of rigid-body modes.
+    multiplicity : (n,) number of modes that the structure has of each frequency. Frequencies that
+        differ by less than 1e-6 are one; the shapes of a repeated one are any basis of their space.
+    participation : (n, 3) modal force of a unit acceleration of the supports along x, y, z,
+        φᵀMe, kg^1/2; None for given matrices without coordinates.
+    mass : total mass, kg; None where it is not known.
+    shapes : (rows of this rank, n) of unit modal mass, kg^-1/2.
+    structure : the structure.
+
+    The sum of the effective masses over all modes is the mass that moves: the total mass without
+    what the supports hold.
+    """
+
+    omega: Array
+    multiplicity: IntArray
+    participation: Array | None
+    mass: float | None
+    shapes: Array
+    structure: Structure = field(repr=False)
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.omega)
+
+    @property
+    def frequency(self) -> Array:
+        """(n,) frequencies, Hz."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def effective_mass(self) -> Array | None:
+        """(n, 3) effective masses along x, y, z: the squares of the participation, kg."""
+        return None if self.participation is None else self.participation**2
+
+    def summary(self) -> str:
+        """A table: frequency, multiplicity and effective masses as shares of the total mass."""
+        rows = [f"{'mode':>4} {'Hz':>12} {'times':>5}"]
+        shares = self.effective_mass
+        if shares is not None:
+            rows[0] += "".join(f" {'m_eff ' + axis:>9}" for axis in "xyz")
+            shares = shares / (self.mass or 1.0)
+        for i, f in enumerate(self.frequency):
+            row = f"{i + 1:>4} {f:>12.6g} {self.multiplicity[i]:>5}"
+            if shares is not None:
+                row += "".join(f" {share:>9.2%}" for share in shares[i])
+            rows.append(row)
+        if shares is not None:
+            total = " ".join(f"{share:>9.2%}" for share in shares.sum(axis=0))
+            rows.append(f"{'sum':>4} {'':>12} {'':>5} {total}")
+        return "\n".join(rows)
+
+    @collective()
+    def write(self, path: str | Path) -> Path:
+        """Write the shapes to one `.vtu` file, which ParaView opens; a field for each mode.
+
+        The fields are "mode 1" and on, scaled to a largest displacement of 1; warp by one of them.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written; matrices without coordinates.
+        """
+        target = checks.new_file("path", path)
+        if target.suffix.lower() != ".vtu":
+            target = target.with_name(f"{target.name}.vtu")
+        points, cells, shapes = source(self.structure).at_nodes(self.structure, self.shapes)
+
+        def work() -> None:
+            size = np.linalg.norm(shapes, axis=1).max(axis=0)
+            scaled = shapes / np.where(size > 0, size, 1.0)
+            fields = {f"mode {i + 1}": scaled[:, :, i] for i in range(self.n)}
+            with files.atomic_file(target, "the modes") as part:
+                part.write_bytes(Frames(points, cells).content(fields))
+
+        on_root(self.structure.comm, work)
+        return target
+
+
+@collective()
+@checks.within_range
+@one_thread()
+def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
+    """The n lowest natural modes of a structure on its supports, rigid-body modes included.
+
+    Parameters
+    ----------
+    structure : Structure
+    n : int
+        Number of modes; fewer if the structure has fewer.
+
+    Returns
+    -------
+    StructureModes
+        With frequencies, multiplicity, participation, effective masses and shapes.
+
+    Raises
+    ------
+    InputError
+        n above the number of dofs.
+    NotConvergedError, AccuracyError
+        A solver that failed, or modes that fail their own check.
+    """
+    checks.instance("structure", structure, Structure, "a Structure")
+    n = checks.whole("n", n)
+    if n > structure.dofs:
+        raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
+    rigid = structure.rigid_modes
+    elastic = max(0, n - rigid.shape[1])
+    omega, shapes = np.zeros(rigid.shape[1]), rigid
+    if elastic:
+        solver = ModeSolver(structure)
+        more = BEYOND
+        found = solver.lowest(elastic + more)
+        while not found.complete and found.omega[-1] <= (1 + REPEATED) * found.omega[elastic - 1]:
+            more *= 2
+            found = solver.lowest(len(found.omega) + more)
+        check_modes(structure, found)
+        omega = np.append(omega, found.omega)
+        shapes = np.hstack([rigid, found.phi])
+    count = _multiplicity(omega)
+    try:
+        mass: float | None = structure.mass
+    except InputError:
+        mass = None
+    kept = shapes[:, :n]
+    return StructureModes(
+        omega=omega[:n],
+        multiplicity=count[:n],
+        participation=weights_of(structure, kept),
+        mass=mass,
+        shapes=kept,
+        structure=structure,
+    )
+
+
+def _multiplicity(omega: Array) -> IntArray:
+    """How many of the ascending frequencies (n,) are equal to each."""
+    group = np.cumsum(np.diff(omega, prepend=-1.0) > REPEATED * omega) if omega.size else omega
+    _, inverse, count = np.unique(group, return_inverse=True, return_counts=True)
+    return np.asarray(count[inverse.ravel()])
+
+
+#: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It
+#: is that of anti-oscillators at the default accuracy; `full` keeps all but rounding.
+COUNTED = 1e-5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NaturalModes(ReprMixin, Body):
+    """A structure in natural modes with their values at one site, accepted by `simulate`.
+
+    Attributes
+    ----------
+    omega : natural circular frequencies in rad/s, ascending, shape (n,); 0 for the rigid-body mode.
+    b : displacement of the site along the impact in each mode, kg^-1/2, shape (n,), > 0.
+    r : compliance in m/N of the modes left out, 0 without static correction.
+    shapes : mass-normalised modes as columns, kg^-1/2, on the rows of this rank, shape (rows, n).
+    residual : shape that goes with r, m/N, shape (rows,).
+    weight : modal force of a unit gravity along the impact, kg^1/2, shape (n,), or None.
+    direction : unit vector of the impact, shape (3,), or None.
+    inertia : momentum (h + n, 6) of h hidden rigid-body motions and of the modes, or None.
+    hidden : mass-normalised shapes of those, shape (rows, h), or None.
+    local_compliance, radius : of the site's patch, as in `AntiOscillators`.
+    damping : Damping of the modes, or None.
+    info : facts of the extraction.
+    """
+
+    omega: Array
+    b: Array
+    r: float
+    shapes: Array
+    residual: Array
+    weight: Array | None = None
+    direction: Array | None = None
+    inertia: Inertia | None = None
+    hidden: Array | None = None
+    local_compliance: float = 0.0
+    radius: float | None = None
+    damping: Damping | None = None
+    info: ModelInfo = field(default_factory=ModelInfo)
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.omega)
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius of the site's patch, m; None for a point."""
+        return self.radius
+
+    def modal(self) -> ModalBody:
+        """As a body of an impact.
+
+        Its coordinates are those of the hidden motions, of the modes, and with static correction
+        the contact force.
+        """
+        return self._modal
+
+    @cached_property
+    def _modal(self) -> ModalBody:
+        basis = (self.shapes,) if self.hidden is None else (self.hidden, self.shapes)
+        count = 0 if self.hidden is None else self.hidden.shape[1]
+        size, none = count + self.n, np.zeros(count)
+        weight = self.weight
+        if weight is not None and self.inertia is not None and self.direction is not None:
+            weight = np.append(self.inertia.momentum[:count, :3] @ self.direction, weight)
+        shape = residual = None
+        if self.r > 0:  # the massless deflection is one more shape, its amplitude the force
+            basis = (*basis, self.residual[:, None])
+            shape, residual = np.eye(size + 1, size), np.eye(size + 1)[size]
+        omega = np.append(none, self.omega)
+        return ModalBody(
+            omega,
+            np.append(none, self.b),
+            self.r,
+            decay=None if self.damping is None else self.damping.decay(omega),
+            weight=weight,
+            shape=shape,
+            residual=residual,
+            basis=basis,
+            direction=self.direction,
+            inertia=self.inertia,
+        )
+
+    def field(self, coordinates: ArrayLike) -> Array:
+        """Nodal displacements (..., rows) from modal coordinates (..., n); without `residual`."""
+        return np.asarray(np.asarray(coordinates, dtype=float) @ self.shapes.T)
+
+
+@collective()
+@within_range
+@one_thread()
+def superposition(
+    structure: Structure,
+    site: Site,
+    n: int,
+    *,
+    static_correction: bool = False,
+    damping: float | Sequence[float] | Damping | None = None,
+) -> NaturalModes:
+    """The first n natural modes that move the site, the rigid-body mode included.
+
+    Parameters
+    ----------
+    structure : Structure
+    site : Site
+    n : int
+        Number of modes; fewer if the structure has fewer. Modes with a node at the site are not
+        counted, equal frequencies count once.
+    static_correction : bool
+        Add the static compliance of the truncated modes (a massless contact point).
+    damping : float, sequence of float, or Damping, optional
+        As in `extract`.
+
+    Raises
+    ------
+    InputError, NotConvergedError, AccuracyError
+        As `extract`.
+    """
+    _check_arguments(structure, site)
+    n = whole("n", n)
+    flag("static_correction", static_correction)
+    given = as_damping(damping)
+    if n > structure.dofs:
+        raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
+    where = functional(structure, site)
+    static = site_shapes(structure, where.b[:, None])
+    solver = ModeSolver(structure)
+    asked, most = n + 2, SEARCHED * (n + DEFAULT_COUNT)
+    while True:
+        modes = solver.lowest(asked)
+        seen = _seen(structure, where, static, modes, COUNTED)
+        if len(seen.omega) >= n or modes.complete or asked >= most:
+            break
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+    if len(seen.omega) < n and not modes.complete:
+        few = (
+            f"only {len(seen.omega)} of the first {len(modes.omega)} modes are observable at the "
+            f"site, fewer than n = {n}: the model contains these."
+        )
+        on_root(structure.comm, partial(warn, few, AccuracyWarning))
+    kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
+    all_kept = kept.complete and len(modes.omega) == solver.limit
+    correction = static_correction and not all_kept
+    model = _model(structure, site, where, static, kept, correction, "superposition")
+    return replace(model, damping=given)
+
+
+@collective()
+@within_range
+@one_thread()
+def full(
+    structure: Structure,
+    site: Site,
+    *,
+    damping: float | Sequence[float] | Damping | None = None,
+) -> NaturalModes:
+    """The unreduced model: all natural modes; dofs without mass give a residual compliance.
+
+    `damping` as in `extract`.
+
+    Raises
+    ------
+    InputError
+        More dofs than a dense eigensolver can treat; several MPI ranks.
+    """
+    _check_arguments(structure, site)
+    if structure.dofs > DENSE_MANY or structure.comm.size > 1:
+        raise InputError(
+            "full() computes all modes of the structure by a dense eigensolver on one rank: at "
+            f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
+            "coarser mesh, or superposition() or extract() with a growing n."
+        )
+    given = as_damping(damping)
+    where = functional(structure, site)
+    static = site_shapes(structure, where.b[:, None])
+    solver = ModeSolver(structure)
+    modes = solver.lowest(structure.dofs)
+    seen = _seen(structure, where, static, modes, UNOBSERVABLE)
+    massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
+    model = _model(structure, site, where, static, seen, massless, "full")
+    return replace(model, damping=given)
+
+
+def _check_arguments(structure: Structure, site: Site) -> None:
+    instance("structure", structure, Structure, "a Structure")
+    instance("site", site, Site, "a Site(point, direction)")
+    refuse_dampers(structure, "a model of natural modes")
+
+
+def _seen(
+    structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
+) -> Modes:
+    """The modes that move the site, equal frequencies merged, the rigid-body one in front.
+
+    `tol`: the share in the receptance that they exceed.
+    """
+    check_modes(structure, modes)
+    b = dot(structure.comm, modes.phi, where.b)
+    rigid, a = _rigid_modes(static)
+    moving = a != 0
+    shares = shares_of_receptance(np.append(a[moving].sum(), b), np.append(0.0, modes.omega**2))
+    seen = shares[1:] > tol
+    omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
+    if len(omega):
+        start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+        size = np.sqrt(np.add.reduceat(b**2, start))
+        phi = np.add.reduceat(phi * b, start, axis=1) / size
+        omega = omega[start]
+    omega = np.append(np.zeros(int(moving.sum())), omega)
+    return Modes(omega, np.hstack([rigid[:, moving], phi]), modes.complete)
+
+
+def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
+    """M-orthonormal rigid-body modes (rows, r), and the displacements >= 0 of the site in them.
+
+    At most one of them moves the site.
+    """
+    a = np.hstack([static.rigid, static.slide])[0]
+    return static.rigid_shapes * np.where(a < 0, -1.0, 1.0), np.abs(a)
+
+
+def _model(
+    structure: Structure,
+    site: Site,
+    where: Functional,
+    static: SiteShapes,
+    modes: Modes,
+    static_correction: bool,
+    method: str,
+) -> NaturalModes:
+    b = np.asarray(dot(structure.comm, modes.phi, where.b))
+    r, residual = 0.0, np.zeros_like(where.b)
+    if static_correction:
+        r, residual = _left_out(structure, where, static, modes, b)
+    inertia = uniform_inertia(structure, where)
+    rigid, a = _rigid_modes(static)
+    hidden = rigid[:, a == 0]
+    return NaturalModes(
+        omega=modes.omega,
+        b=b,
+        r=r,
+        shapes=modes.phi,
+        residual=residual,
+        weight=None if inertia is None else np.asarray(dot(structure.comm, modes.phi, inertia)),
+        direction=where.direction,
+        inertia=inertia_of(structure, hidden, modes.phi),
+        hidden=hidden if structure.rigid_inertia is not None else None,
+        local_compliance=where.local_compliance,
+        radius=site.radius,
+        info=ModelInfo(
+            structure=structure.describe(),
+            dofs=structure.dofs,
+            method=method,
+            converged=len(modes.omega),
+            point=None if where.point is None else where.point.tolist(),
+        ),
+    )
+
+
+def _left_out(
+    structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
+) -> tuple[float, Array]:
+    """Static deflection under a unit force without that of the modes: at the site, and the
+    shape."""
+    elastic = static.y[:, 0] / static.W[0, 0]
+    if structure.rigid_modes.shape[1]:
+        elastic = beside_rigid(structure, structure.factorize(), where.b)
+    compliance = float(dot(structure.comm, where.b, elastic))
+    own = np.zeros_like(b)
+    moving = modes.omega > 0
+    own[moving] = b[moving] / modes.omega[moving] ** 2
+    r = compliance - float(own @ b)
+    if r <= RESIDUAL_ROUNDING * compliance:
+        return 0.0, np.zeros_like(elastic)
+    return r, elastic - modes.phi @ own

@@ -1,0 +1,61 @@
+"""`Site`: point and direction of an impact; its load vector b; points by their names.
+
+bᵀu is the displacement of the structure at the site along the direction of impact, and b contains
+the nodal forces of a unit force there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.structure.structure import Structure
+from antiosc.reduce.site.names import motions_without_mesh, point_of
+from antiosc.reduce.site.on_matrices import algebraic, functional_on_nodes
+from antiosc.reduce.site.site import Functional, Site
+
+__all__ = [
+    "Functional",
+    "Site",
+    "functional",
+    "functionals",
+    "motions_without_mesh",
+    "point_of",
+]
+
+
+def functional(structure: Structure, site: Site) -> Functional:
+    """The vector b of `site` on `structure`; see `functionals`."""
+    return functionals(structure, [site])[0]
+
+
+def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
+    """The vectors b of sites on `structure`.
+
+    Raises
+    ------
+    InputError
+        A point off the structure, a direction out of the plane of a plane structure, a patch
+        without a surface, a site that is fixed by supports.
+    """
+    if structure.matrices.nodal:
+        given = [functional_on_nodes(structure, site) for site in sites]
+        pairs = zip(given, sites, strict=True)
+        return [one or algebraic(structure.matrices, site) for one, site in pairs]
+    meshed = structure.matrices.meshed or structure.matrices.assembled
+
+    def at_point(site: Site) -> bool:
+        return site.point is not None or (meshed and site.node is not None and site.dof is None)
+
+    at_points = [site for site in sites if at_point(site)]
+    found: Iterator[Functional] = iter(())
+    if at_points:
+        matrices = with_parts(
+            structure, "matrices have no points: use Site(dof=i) or Site(vector=b)."
+        )
+        from antiosc.reduce.site.at_points import functionals_at  # needs dolfinx
+
+        found = iter(functionals_at(matrices, at_points))
+    return [
+        next(found) if at_point(site) else algebraic(structure.matrices, site) for site in sites
+    ]

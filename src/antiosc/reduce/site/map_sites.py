@@ -1,0 +1,345 @@
+"""The sites of a map: the vertices of a surface, or given points, and their directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import array, coordinates, positive
+from antiosc.base.errors import InputError
+from antiosc.fem.assembly import MeshedParts
+from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.joint import group_end
+from antiosc.fem.mesh.surface import Faces, closest_many
+from antiosc.fem.structure import in_space
+from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.reduce.site.at_points import ON_STRUCTURE, nearest_parts
+from antiosc.reduce.site.site import LEAST_FREE_SHARE
+from antiosc.reduce.site.sites import Sites, located, warn_of_doubts
+
+#: A site with less than this share of its load on free dofs is fixed by the supports.
+LEAST_FREE_SHARE_ON_MAP = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class MapSites:
+    """Sites of a map.
+
+    Attributes
+    ----------
+    sites : P of them, without those that supports fix and those without a surface.
+    elements : (T, 3) triangles between them, or (T, 2) segments of lines; none between points.
+    kept : (P,) number of each among all that were asked for, `count` of them.
+    names : (P,) name of the group or part to which each belongs; "" for none.
+    dimension : of the cells.
+    """
+
+    sites: Sites
+    elements: IntArray
+    kept: IntArray
+    count: int
+    names: NDArray[np.str_]
+    dimension: int
+
+    def only(self, keep: BoolArray) -> MapSites:
+        """Some of the sites, with the elements that lie between them."""
+        number = np.cumsum(keep) - 1
+        elements = self.elements
+        if len(elements):
+            elements = number[elements[keep[elements].all(axis=1)]]
+        return replace(self.taken(np.flatnonzero(keep)), elements=elements)
+
+    def taken(self, which: IntArray) -> MapSites:
+        """Sites by their numbers (n,), without elements."""
+        of_all = ("loads", "weighted", "contact")
+        rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
+        rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
+        sites = replace(self.sites, **rows)
+        nothing = np.zeros((0, 3), dtype=int)
+        kept, names = self.kept[which], self.names[which]
+        return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
+
+
+def targets(where: object) -> Sequence[str] | None:
+    """Names of the surfaces of a map; None where `where` is None or lists points."""
+    if where is None or isinstance(where, str):
+        return None if where is None else [where]
+    listed = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
+    listed = listed if isinstance(listed, list | tuple) else []
+    names = [one for one in listed if isinstance(one, str)]
+    if not names:
+        return None
+    if len(names) < len(listed):
+        raise InputError(
+            "where lists names and points; give names of groups and parts alone, or points alone."
+        )
+    twice = [one for k, one in enumerate(names) if one in names[:k]]
+    if twice:
+        raise InputError(f"where lists {twice[0]!r} twice.")
+    return names
+
+
+def joined(found: Sequence[MapSites]) -> MapSites:
+    """The sites of several surfaces, one surface after the other.
+
+    Triangles have no segments of lines beside them: the sites of those stand alone.
+    """
+    if len(found) == 1:
+        return found[0]
+    faces = any(len(one.elements) and one.elements.shape[1] == 3 for one in found)
+    wanted = 3 if faces else 2
+    starts = np.cumsum([0, *(len(one.sites) for one in found)])
+    elements = [
+        one.elements + start
+        for one, start in zip(found, starts[:-1], strict=True)
+        if one.elements.shape[1] == wanted
+    ]
+    columns = {
+        name: np.concatenate([getattr(one.sites, name) for one in found])
+        for name in vars(found[0].sites)
+        if name not in ("loads", "weighted", "contact")
+    }
+    loads = scipy.sparse.hstack([one.sites.loads for one in found]).tocsr()
+    before = np.cumsum([0, *(one.count for one in found)])[:-1]
+    return MapSites(
+        Sites(loads=loads, **columns),
+        np.concatenate([np.zeros((0, wanted), dtype=int), *elements]),
+        np.concatenate([one.kept + start for one, start in zip(found, before, strict=True)]),
+        sum(one.count for one in found),
+        np.concatenate([one.names for one in found]),
+        min(one.dimension for one in found),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSample:
+    """Points of a surface, equal on all ranks.
+
+    Attributes
+    ----------
+    points : (P, 3) coordinates [m].
+    normals : (P, 3) unit normals out of the body; zero on sheets and lines.
+    elements : (T, 3) triangles between the points, (T, 2) segments of lines; (0, 3) for none.
+    """
+
+    points: Array
+    normals: Array
+    elements: IntArray
+
+
+def sites_of(
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
+) -> MapSites:
+    """The sites of a map: on groups ("part:group" of an assembly) and parts, or at points.
+
+    None: on all surfaces. InputError where none of a surface that is named can move.
+    """
+
+    def work() -> MapSites:
+        names = targets(where)
+        if where is None:
+            found = [
+                _on_part(structure, member, None, direction, radius, member.name)
+                for member in structure.members()
+            ]
+            return movable(joined(found), None)
+        if names is None:
+            return _at_points(structure, where, direction, radius)
+        found = []
+        for name in names:
+            member, group = _named(structure, name)
+            there = _on_part(structure, member, group, direction, radius, name)
+            found.append(movable(there, name))
+        return joined(found)
+
+    found = structure.decided(work)
+    return replace(found, sites=replace(found.sites, loads=structure.own(found.sites.loads)))
+
+
+def movable(found: MapSites, where: object) -> MapSites:
+    """The sites, or InputError if there are none."""
+    if not len(found.sites):
+        on = f" on {where!r}" if isinstance(where, str) else ""
+        raise InputError(
+            f"no site of the map can move{on}: supports fix the whole surface, or there is no "
+            "surface under the patches; give another group."
+        )
+    return found
+
+
+def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
+    """The part and the group of a group of one mesh, of "part:group", or of "part"."""
+    if not isinstance(structure, AssembledMatrices):
+        return structure.members()[0], name
+    return (
+        group_end(structure.layout, "where", name)
+        if ":" in name
+        else (structure.members(name)[0], None)
+    )
+
+
+def _at_points(
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
+) -> MapSites:
+    """Sites at points, each on the part that a `Site` there would strike."""
+    points = points_given(where, direction)
+    assert direction is not None  # points_given has seen to that
+    members = structure.members()
+    if isinstance(structure, AssembledMatrices):
+        distance = np.min([m.closest(points).distance for m in members], axis=0)
+        on_structure(points, distance, structure.layout.size)
+    struck = nearest_parts(structure, points, _in_space(direction))
+    found, order = [], []
+    for member in members:
+        own = np.flatnonzero([one.name == member.name for one in struck])
+        if len(own):
+            there = member.at.own(points[own])
+            found.append(_on_part(structure, member, there, direction, radius, member.name))
+            order.append(own[found[-1].kept])
+    every = movable(joined(found), None)
+    return every.taken(np.argsort(np.concatenate(order)))
+
+
+def _on_part(
+    structure: MeshedParts,
+    member: Member,
+    where: str | Array | None,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    name: str,
+) -> MapSites:
+    """Sites of a part, chosen in its own axes, returned in those of the assembly; perhaps none."""
+    if direction is None and not member.part.kind.outside:
+        which = f" (the part {member.name!r})" if member.name else ""
+        raise InputError(
+            f"shells and beams have no outward normal{which}: give the direction of impact, for "
+            "instance direction=(0, 0, -1)."
+        )
+    R = member.at.rotation
+    own = None if direction is None else (_in_space(direction) @ R).tolist()
+    found = sites_on(member.part, where, own, radius)
+    sites = found.sites
+    if not len(sites):
+        return found
+    loads = structure.joined(sites.loads, member.rows).tocsr()
+    moves = np.ones(len(sites), dtype=bool)
+    if structure.assembled:
+        size = scipy.sparse.linalg.norm(loads, axis=0)
+        moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
+    placed = replace(
+        sites,
+        points=member.at.placed(sites.points),
+        directions=sites.directions @ R.T,
+        loads=loads,
+        weighted=None,
+    )
+    names = np.full(len(sites), name)
+    return replace(found, sites=placed, names=names).only(moves)
+
+
+def sites_on(
+    structure: MeshedStructure,
+    where: object,
+    direction: Sequence[float] | None,
+    radius: float | None,
+) -> MapSites:
+    """The sites of one surface (a group, or None for all), or at points: perhaps none."""
+    along = None if direction is None else _in_space(direction)
+    if along is not None:
+        along = along / np.linalg.norm(along)
+    if radius is not None:
+        positive("radius", radius, "m")
+    ground = (
+        surface(structure, where)
+        if where is None or isinstance(where, str)
+        else _given(structure, where, along)
+    )
+    count = len(ground.points)
+    directions = -ground.normals if along is None else np.tile(along, (count, 1))
+    radii = np.full(count, np.nan if radius is None else radius)
+    found = located(structure, ground.points, directions, radii)
+    on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
+    keep = on_face & (found.moving > LEAST_FREE_SHARE_ON_MAP)
+    names = np.full(count, where if isinstance(where, str) else "")
+    dimension = structure.mesh.tdim
+    every = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
+    result = every.only(keep)
+    if keep.any():
+        warn_of_doubts(structure, result.sites)
+    return result
+
+
+def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
+    """The vertices of a group of facets (of cells on shells and beams); None: all there are."""
+    mesh, outside = structure.mesh, structure.kind.outside
+    faces = Faces(mesh, not outside)
+    own = np.ones(len(faces.facets), dtype=bool)
+    if group is not None:
+        own = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
+    if not mesh.comm.allreduce(int(own.sum())):
+        raise InputError(
+            f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim}): a map "
+            "needs a surface; name one, or leave it out for all."
+        )
+    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[own]]
+    normals = faces.normals[own] if outside else np.zeros((int(own.sum()), 3))
+    mine = numbers, faces.corners[own], normals
+    numbers, x, normals = (
+        np.concatenate(each) for each in zip(*mesh.comm.allgather(mine), strict=True)
+    )
+    _, first, corner = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
+    corner = corner.reshape(numbers.shape)
+    mean = np.zeros((len(first), 3))
+    for column in corner.T:
+        np.add.at(mean, column, normals)
+    length = np.linalg.norm(mean, axis=1, keepdims=True)
+    mean = mean / np.where(length > 0, length, 1.0)
+    if corner.shape[1] == 4:  # in tensor order: 0 1 / 2 3
+        corner = np.vstack([corner[:, [0, 1, 2]], corner[:, [1, 3, 2]]])
+    return SurfaceSample(x.reshape(-1, 3)[first], mean, corner)
+
+
+def points_given(points: object, direction: object) -> Array:
+    """Points (P, 3) of a map, or InputError."""
+    if direction is None:
+        raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
+    at = array("where, if no group's name, the points,", points, None)
+    if not at.size:
+        raise InputError("a map needs at least one point.")
+    if at.ndim != 2 or at.shape[1] not in (2, 3):
+        raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
+    return np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+
+
+def _in_space(direction: Sequence[float]) -> Array:
+    """A direction with three components, or InputError."""
+    given = coordinates("direction", direction, "")
+    if not np.linalg.norm(given):
+        raise InputError("direction must not be the zero vector.")
+    return in_space(given)
+
+
+def _given(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
+    """Points of the structure that the caller gave."""
+    at = points_given(points, along)
+    mesh = structure.mesh
+    nearest = closest_many(mesh, at)
+    on_structure(at, nearest.distance, mesh.extent())
+    return SurfaceSample(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
+
+
+def on_structure(points: Array, distance: Array, size: float) -> None:
+    """InputError where points (P, 3) of a map are not on a structure of this size [m]."""
+    off = np.flatnonzero(distance > ON_STRUCTURE * size)
+    if len(off):
+        at_point = ", ".join(f"{c:.6g}" for c in points[off[0]])
+        raise InputError(
+            f"{len(off)} of {len(points)} points lie off the structure, one at ({at_point}) m by "
+            f"{distance[off[0]]:.3g} m: give points on it, or the name of a group."
+        )

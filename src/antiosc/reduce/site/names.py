@@ -1,0 +1,170 @@
+"""Points by their names: groups, faces, nodes of the file and joints.
+
+A named group is the point next to the centroid of its entities.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.checks import (
+    whole,
+)
+from antiosc.base.errors import InputError, name_list
+from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.structure import in_space
+from antiosc.fem.structure.structure import Structure
+from antiosc.reduce.site.site import Site
+
+if TYPE_CHECKING:
+    from antiosc.fem.assembly.assembled import AssembledMatrices
+    from antiosc.fem.assembly.joint import Motion
+    from antiosc.fem.structure.meshed import Member
+
+
+#: What a point without a mesh has.
+MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
+
+
+def point_of(
+    structure: Structure, point: object, part: str | None, node: int | None = None
+) -> tuple[Array, str | None, Motion | None]:
+    """(coordinates (3,) [m], the part on which it lies or None, its motion if it has no mesh).
+
+    `point`: coordinates; a text is a group ("part:group" of an assembly), a reference point of an
+    assembly, or "part:site" of a superelement.
+    """
+    if part is not None:
+        checks.text("part", part)
+    if node is not None:
+        member, own = node_of(with_parts(structure), whole("node", node), part)
+        return member.at.placed(own[None])[0], member.name or None, None
+    if not isinstance(point, str):
+        return in_space(checks.coordinates("point", point)), part, None
+    checks.text("point", point)
+    if part is not None:
+        raise InputError(
+            f'point={point!r} is a name and tells the part ("part:group"): leave part={part!r} out.'
+        )
+    if structure.matrices.located:
+        raise InputError("matrices have no groups: give the point's coordinates.")
+    matrices = with_parts(structure)
+    without_mesh = motion_of(matrices, point)
+    if without_mesh is not None:
+        return without_mesh.point, None, without_mesh
+
+    def work() -> tuple[Array, str | None]:
+        member, own = middle_of(matrices, point)
+        return member.at.placed(own[None])[0], member.name or None
+
+    return *matrices.decided(work), None
+
+
+def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
+    """(part, centroid (3,) of a group in the axes of the part [m]).
+
+    `name`: the group of one mesh, or "part:group".
+    """
+    from antiosc.fem.mesh.surface import centre  # needs dolfinx
+
+    member, group = _group_of(matrices, name)
+    return member, centre(member.part.mesh, group)
+
+
+def on_face(matrices: MeshedParts, site: Site) -> Site:
+    """A site on a face as one at a point of it, with its direction."""
+    from antiosc.fem.mesh.surface import struck_point  # needs dolfinx
+
+    assert site.face is not None
+    member, group = _group_of(matrices, site.face)
+    own, inward = struck_point(member.part.mesh, group)
+    point, along = member.at.placed(own[None])[0], member.at.rotation @ inward
+    direction = along.tolist() if site.direction is None else site.direction
+    part = member.name if matrices.assembled else None
+    point = point[: len(direction)]
+    return replace(site, point=point.tolist(), direction=direction, face=None, snap=True, part=part)
+
+
+def at_node(matrices: MeshedParts, site: Site) -> Site:
+    """A site at a numbered node as one at a point."""
+    assert site.node is not None
+    member, own = node_of(matrices, site.node, site.part)
+    point = member.at.placed(own[None])[0][: len(site.direction or (0, 0, 0))]
+    part = member.name if matrices.assembled else None
+    return replace(site, point=point.tolist(), node=None, snap=True, part=part)
+
+
+def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tuple[Member, Array]:
+    """(part, coordinates (3,) in its axes [m]) of a numbered node, in the first part that has it.
+
+    InputError if there is none.
+    """
+    for member in matrices.members(part):
+        mesh = member.part.mesh
+        x = mesh.node(number) if len(mesh.labels) or not matrices.assembled else None
+        if x is not None:
+            return member, x
+    raise InputError(f"the structure has no node {number}, by its number in the file.")
+
+
+def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
+    """(part, group in it) of the group of one mesh, or "part:group"."""
+    (member, *_), group = matrices.members(), name
+    if matrices.assembled:
+        from antiosc.fem.assembly.joint import group_end
+
+        layout = cast("AssembledMatrices", matrices).layout
+        member, group = group_end(layout, "point", name)
+    return member, group
+
+
+def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
+    """The motion of a reference point or of a site of a superelement; None for "part:group".
+
+    InputError for a name without a colon that is no reference point.
+    """
+    if not matrices.assembled:
+        return None
+    from antiosc.fem.assembly.joint import motion
+
+    layout = cast("AssembledMatrices", matrices).layout
+    part, colon, _ = name.partition(":")
+    if not colon and name not in layout.points:
+        points = name_list(name, layout.points, "the reference points")
+        raise InputError(
+            f'a name on an assembly is "part:group"; got {name!r}, which is no reference point '
+            f"either; {points}."
+        )
+    return None if colon and part not in layout.condensed else motion(layout, name, partly=True)
+
+
+def motions_without_mesh(
+    structure: Structure, shapes: Array, name: str, end: Motion, quantity: str
+) -> Array:
+    """Displacement or rotation (gdim, columns) of a point that no cell has, for all shapes."""
+    if quantity not in MOTIONS:
+        raise InputError(
+            f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
+            f"{', '.join(MOTIONS)}."
+        )
+    matrices = cast("AssembledMatrices", structure.matrices)
+    plane = matrices.layout.plane
+    rotated = quantity == "rotation"
+    wanted = np.eye(3)[2:] if plane and rotated else np.eye(3)[: 3 - plane]
+    space = end.rotation_space if rotated else end.displacement_space
+    if not all(end.along(space, axis) for axis in wanted):
+        raise InputError(
+            f"the {quantity} of {name!r} is not known"
+            + (
+                ": a site of a superelement has displacements alone."
+                if rotated
+                else " along all axes: extract its model with Site(..., tangential=True)."
+            )
+        )
+    functionals = end.rotations if rotated else end.displacements
+    return np.asarray(wanted @ (functionals @ matrices.expanded(shapes)))

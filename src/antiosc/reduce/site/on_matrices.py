@@ -1,0 +1,217 @@
+"""Load vectors of sites on matrices: at a dof, by a vector, or at the nodes of a map.
+
+On nodes a patch has Hertz's pressure √(1 − r²/a²) over the circle of radius a across the direction
+of impact; each node takes the load of the points that are next to it. Nodes below the surface do
+not count: those that another node covers against the direction of impact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import (
+    array,
+)
+from antiosc.base.errors import InputError
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.algebra import norm
+from antiosc.fem.mesh.reach import Reach, check_reach
+from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
+from antiosc.fem.structure.structure import Structure
+from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
+
+if TYPE_CHECKING:
+    pass
+
+
+def algebraic(structure: StructureMatrices, site: Site) -> Functional:
+    """b of a site that is given by a dof or a vector."""
+    first, last = algebra.row_range(structure.K)
+    n, comm = algebra.size(structure.K), algebra.communicator(structure.K)
+    if site.node is not None:
+        raise InputError(
+            "the nodes of this structure have no numbers: Site(node=…) needs a mesh of a file that "
+            "numbers them, with direction=, or matrices with a map, Structure.from_files(K, M, "
+            "map=…)."
+        )
+    if site.radius is not None:
+        raise InputError("radius needs a mesh; a site given by dof or vector has none.")
+    if site.vector is not None:
+        b = array("vector", site.vector, (n,))[first:last].copy()
+    else:
+        if not isinstance(site.dof, int) or not 0 <= site.dof < n:
+            raise InputError(f"dof must be a number from 0 to {n - 1}; got {site.dof!r}.")
+        b = np.zeros(last - first)
+        if first <= site.dof < last:
+            b[site.dof - first] = 1.0
+    whole = norm(comm, b)
+    b[structure.fixed[structure.fixed < len(b)]] = 0.0
+    if norm(comm, b) <= LEAST_FREE_SHARE * whole:
+        raise InputError(constrained("the site"))
+    return Functional(b)
+
+
+#: A point is a node up to this share of the part's size.
+AT_NODE = 1e-6
+#: Nodes around a patch that may take load of its edge, over its radius.
+NEIGHBOURHOOD = 2.0
+#: Points of the circle of a patch: rings, and points on each.
+CIRCLE_RINGS, SPOKES = 64, 128
+#: Cosine of the angle to the direction from which a node covers those behind it.
+COVERS = 0.75
+
+
+def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
+    """b of a site at a node or a point; None for one that is given by a row or a vector.
+
+    Raises
+    ------
+    InputError
+        A node or dof that the map does not have, a point that is no node, a patch without nodes, a
+        site whose dofs are fixed.
+    """
+    matrices = cast(NodalMatrices, structure.matrices)
+    if site.node is not None and site.direction is None:
+        b = np.zeros(structure.size)
+        component = cast(int, site.dof)
+        row = matrices.map.row(site.node, component)
+        b[row] = 1.0
+        direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
+        return _checked(structure, b, f"node {site.node}", _position(matrices, row), direction)
+    if site.direction is None:
+        return None
+    direction = in_space(site.direction)
+    direction /= np.linalg.norm(direction)
+    if site.node is not None:
+        rows = np.flatnonzero(matrices.map.node == site.node)
+        if not len(rows):
+            raise InputError(f"node {site.node} is not in the matrices' map of nodes and dofs.")
+        nodes, weights, at = np.array([site.node]), np.ones(1), _position(matrices, rows[0])
+        label = f"node {site.node}"
+        if site.radius is not None:
+            raise InputError("a patch needs a point: Site(point=…, direction=…, radius=…).")
+    else:
+        nodes, weights, at = _at_point(matrices, site, direction)
+        label = f"the site at ({', '.join(f'{c:.6g}' for c in at)}) m"
+    own = _checked(
+        structure, _load(matrices, nodes, weights, direction), label, at, direction, site.radius
+    )
+    if not site.tangential:
+        return own
+    sides = []
+    for (side,) in tangents(direction[None], not (matrices.map.component == 3).any()):
+        b = _load(matrices, nodes, weights, side)
+        whole = float(np.linalg.norm(b))
+        b[structure.fixed] = 0.0
+        if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * whole:
+            b[:] = 0.0  # the supports hold the site along it
+        sides.append(Functional(b, point=at, direction=side))
+    return replace(own, across=tuple(sides))
+
+
+def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: Array) -> Array:
+    """b of weighted nodes along a direction, fixed dofs included."""
+    b = np.zeros(len(matrices.map.node))
+    order = np.argsort(nodes)
+    index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
+    found = nodes[order][index] == matrices.map.node
+    axis = matrices.map.component - 1
+    moving = found & (axis >= 0) & (axis < 3)
+    b[moving] = weights[order][index[moving]] * direction[axis[moving]]
+    return b
+
+
+def _checked(
+    structure: Structure,
+    b: Array,
+    label: str,
+    at: Array | None,
+    direction: Array | None,
+    radius: float | None = None,
+) -> Functional:
+    whole = float(np.linalg.norm(b))
+    b[structure.fixed] = 0.0
+    if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * whole or not whole:
+        raise InputError(constrained(label))
+    return Functional(b, radius, 0.0, at, direction)
+
+
+def _position(matrices: NodalMatrices, row: int) -> Array | None:
+    """The point of the node of a row, where it is known."""
+    point = matrices.map.points[row]
+    return point if np.isfinite(point).all() else None
+
+
+def _at_point(
+    matrices: NodalMatrices, site: Site, direction: Array
+) -> tuple[IntArray, Array, Array]:
+    """(nodes, weights of sum 1, point) of a point of the matrices' nodes."""
+    if not matrices.located:
+        raise InputError(
+            "the coordinates of the nodes are not known: give them in the map, or use "
+            "Site(node=…, dof=…)."
+        )
+    if isinstance(site.point, str):
+        raise InputError("matrices have no groups: give the point's coordinates.")
+    points, _ = matrices.nodes()
+    known = np.isfinite(matrices.map.points).all(axis=1)
+    numbers = np.unique(matrices.map.node[known])
+    point = in_space(site.point or ())
+    tree = cKDTree(points)
+    if site.radius is None:
+        distance, nearest = tree.query(point)
+        size = float(np.ptp(points, axis=0).max())
+        if site.snap:
+            snap = None if site.snap is True else site.snap
+            check_reach(Reach("the point of the site", snap), point, points, int(nearest))
+        elif distance > AT_NODE * size:
+            raise InputError(
+                f"the point is no node: the nearest is node {numbers[nearest]}, {distance:.3g} m "
+                "away; use that, Site(..., snap=True), or a patch with radius=."
+            )
+        return numbers[[nearest]], np.ones(1), points[nearest]
+    around = np.array(tree.query_ball_point(point, NEIGHBOURHOOD * site.radius), dtype=int)
+    if len(around):
+        around = around[~_covered(points[around], direction, site.radius)]
+    inside = np.zeros(0, dtype=bool)
+    if len(around):
+        inside = np.linalg.norm(points[around] - point, axis=1) < site.radius
+    if not inside.any():
+        distance, nearest = tree.query(point)
+        raise InputError(
+            f"the patch of radius {site.radius:g} m has no node on the surface: the nearest node, "
+            f"{numbers[nearest]}, is {distance:.3g} m away; increase the radius or refine the mesh."
+        )
+    across = points[around] - point
+    across = across - np.outer(across @ direction, direction)
+    next_to = cKDTree(across).query(_hertz(site.radius, direction))[1]
+    weights = np.bincount(next_to, minlength=len(around)) / len(next_to)
+    chosen = weights > 0
+    return numbers[around[chosen]], weights[chosen], point
+
+
+def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
+    """Whether each point lies behind another one, seen against the direction of impact."""
+    covered = np.zeros(len(points), dtype=bool)
+    for k, point in enumerate(points):
+        to = points - point
+        distance = np.linalg.norm(to, axis=1)
+        before = (-(to @ direction) > COVERS * distance) & (distance > AT_NODE * radius)
+        covered[k] = before.any()
+    return covered
+
+
+def _hertz(radius: float, direction: Array) -> Array:
+    """Points (n, 3) across `direction` on which equal forces make Hertz's pressure."""
+    basis = np.linalg.svd(direction[None, :])[2][1:]
+    # the load within r is 1 - (1 - r²/a²)^(3/2) of the whole
+    share = (np.arange(CIRCLE_RINGS) + 0.5) / CIRCLE_RINGS
+    r = radius * np.sqrt(1 - (1 - share) ** (2 / 3))
+    angle = 2 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    return np.asarray((r[:, None, None] * circle).reshape(-1, 2) @ basis)

@@ -1,0 +1,1 @@
+"""One strike to a tolerance, advice, and many strikes over a surface: maps."""

@@ -1,0 +1,199 @@
+"""Which element family is enough for a part and an impact, and how fine its mesh must be.
+
+Everything is estimated from the dimensions, without a mesh. The contact time on the part cannot be
+shorter than that of the impactor on a half-space of the part's material. Above twice the inverse of
+that time the spectrum of the force is small. An element family is sufficient if it is valid up to
+that frequency:
+
+    beam    half of the lowest frequency of a free strip of its width (the section deforms)
+    shell   half of the first thickness-shear frequency, c_s/(2h) (the thickness deforms)
+    solid   no limit
+
+and if the contact is small compared with the dimension that the family takes to be rigid, and the
+part is slender. The contact of a light impactor ends before the part moves appreciably: if Zener's
+inelasticity λ is small, the force is that of Hertz's law on a half-space, and the frequency limit
+does not matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base.errors import InputError
+from antiosc.base.texts import FieldsRepr
+from antiosc.engine.contact.geometry import effective_modulus
+from antiosc.fem.structure.structure import Structure
+from antiosc.impact.bodies import RigidMass, Sphere
+from antiosc.models.body import strip_bending_frequency, thickness_shear_frequency
+from antiosc.models.closed_form import zener
+
+#: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
+#: below a twentieth of its value at 0.
+BAND_TIMES_PULSE = 2.0
+#: A family is used up to this share of the frequency at which it fails.
+TRUST = 0.5
+#: Inelasticity up to which the motion of the part does not change the force (at 0.02 the impactor
+#: keeps 97 % of its velocity on an infinite plate).
+UNMOVED = 0.02
+#: Smallest length over width of a slender beam, and side over thickness of a thin shell.
+SLENDER = 5.0
+#: Largest contact radius over thickness for a family whose thickness is rigid.
+CONTACT = 0.25
+#: Elements per wavelength (cubic or quadratic ones).
+PER_WAVE = 4.0
+#: Factor of Hertz's contact time, 2.943 δ/v with a rigid partner.
+HERTZ_TIME = 2.9432
+
+
+@dataclass(frozen=True)
+class Advice(FieldsRepr):
+    """Recommended element family and element size for one part and one impact.
+
+    Attributes
+    ----------
+    family : "beam", "shell" or "solid", the smallest that is enough.
+    contact_time : of the impactor on a half-space [s]; the contact time on the part is longer.
+    frequency : highest that the model must carry [Hz].
+    element_size : largest element of that family [m].
+    contact_radius : of Hertz's contact at its peak [m].
+    inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
+    limits : family -> frequency [Hz] up to which it holds.
+    reasons : why the simpler families are not sufficient, and what limits the element size.
+    """
+
+    family: str
+    contact_time: float
+    frequency: float
+    element_size: float
+    contact_radius: float
+    inelasticity: float
+    limits: dict[str, float]
+    reasons: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return (
+            f"{self.family}, elements of at most {1e3 * self.element_size:.3g} mm, for "
+            f"{1e-3 * self.frequency:.3g} kHz ({'; '.join(self.reasons)})"
+        )
+
+
+@checks.within_range
+def advise(
+    part: Sequence[float] | Structure,
+    impactor: RigidMass | Sphere,
+    *,
+    E: float | None = None,
+    nu: float = 0.3,
+    rho: float | None = None,
+) -> Advice:
+    """The simplest sufficient element family for `impactor` on `part`, and its element size.
+
+    Parameters
+    ----------
+    part : sequence of 3 floats, or Structure
+        Length, width and thickness of the bounding box, m, with the impact along the thickness; or
+        a structure, from which the dimensions and the material are taken.
+    impactor : Sphere, or RigidMass with a tip
+        Or any object with a mass, a velocity and a method `hertz(E, nu)`.
+    E, nu, rho : float
+        Of the part's material; needed with bare dimensions.
+
+    Raises
+    ------
+    InputError
+        Dimensions that are not positive or not in falling order, no material, an impactor at rest
+        or without Hertz's law.
+    """
+    length, width, thickness, material = _measures(part, E, nu, rho)
+    E, nu, rho = material
+    radius = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
+    if not hasattr(impactor, "hertz") or radius is None:
+        raise InputError(
+            "advise needs an impactor with its own contact law, such as a Sphere; got "
+            f"{checks.shown(impactor)}."
+        )
+    speed = checks.positive("the impactor's velocity", impactor.velocity, "m/s")
+    stiffness = impactor.hertz(E, nu).stiffness
+    depth = (1.25 * impactor.mass * speed**2 / stiffness) ** 0.4
+    time = HERTZ_TIME * depth / speed
+    reduced = effective_modulus(E, nu, impactor.E, impactor.nu)
+    contact = (0.75 * stiffness * depth**1.5 * radius / reduced) ** (1 / 3)
+    frequency = BAND_TIMES_PULSE / time
+    bending = E * thickness**3 / (12 * (1 - nu**2))
+    lam = zener.inelasticity(impactor.mass, speed, stiffness, bending, rho * thickness)
+
+    limits = {
+        "beam": TRUST * strip_bending_frequency(width, thickness, E, nu, rho),
+        "shell": TRUST * thickness_shear_frequency(thickness, E, nu, rho),
+        "solid": np.inf,
+    }
+    slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
+    reasons = []
+    for family, limit in limits.items():
+        lacks = []
+        if frequency > limit and lam > UNMOVED:
+            lacks.append(f"holds up to {1e-3 * limit:.3g} kHz")
+        if slender[family] < SLENDER:
+            lacks.append(f"slenderness {slender[family]:.2g} < {SLENDER:g}")
+        if family != "solid" and contact > CONTACT * thickness:
+            lacks.append(f"contact radius {1e3 * contact:.2g} mm > {CONTACT:g} of the thickness")
+        if not lacks:
+            break
+        reasons.append(f"{family} {' and '.join(lacks)}")
+    if lam <= UNMOVED:
+        reasons.append(f"the part hardly moves during the contact (Zener's λ = {lam:.2g})")
+    size, bound = _element(family, frequency, length, thickness, E, nu, rho)
+    return Advice(
+        family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")
+    )
+
+
+def _measures(
+    part: Sequence[float] | Structure, E: float | None, nu: float, rho: float | None
+) -> tuple[float, float, float, tuple[float, float, float]]:
+    """Length ≥ width, thickness, and (E, nu, rho)."""
+    if isinstance(part, Structure):
+        size = np.array(part.dimensions)
+        E, nu, rho = part.constants()
+    else:
+        size = checks.array("part's dimensions", part, (3,))
+    if E is None or rho is None:
+        raise InputError("the material of the part is missing: give advise(..., E=…, nu=…, rho=…).")
+    length, width, thickness = (
+        checks.positive(name, value, "m")
+        for name, value in zip(("length", "width", "thickness"), size, strict=True)
+    )
+    if width > length:
+        raise InputError(f"length must be >= width; got {length:g} and {width:g} m.")
+    material = (checks.positive("E", E, "Pa"), checks.poisson(nu), checks.positive("rho", rho))
+    return length, width, thickness, material
+
+
+def _element(
+    family: str,
+    frequency: float,
+    length: float,
+    thickness: float,
+    E: float,
+    nu: float,
+    rho: float,
+) -> tuple[float, str]:
+    """(largest element, what bounds it)."""
+    omega = 2 * pi * frequency
+    shear = sqrt(E / (2 * (1 + nu)) / rho)
+    bending = 2 * pi / sqrt(omega) * (E * thickness**2 / (12 * rho * (1 - nu**2))) ** 0.25
+    # the wavelength in a thick plate lies between those of bending alone and of shear
+    wave = min(bending, max(2 * pi * shear / omega, thickness))
+    bounds = {f"{PER_WAVE:g} to the wave of {1e3 * wave:.3g} mm": wave / PER_WAVE}
+    bounds["8 to the length"] = length / 8
+    if family == "solid":
+        bounds["2 through the thickness"] = thickness / 2
+    bound = min(bounds, key=lambda key: bounds[key])
+    if family == "solid":
+        return bounds[bound], f"{bound}; no larger than the patch around the site"
+    return bounds[bound], bound

@@ -1,0 +1,739 @@
+"""`impact_map`: anti-oscillators and impacts at every point of a surface.
+
+One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
+free modes at the site and two numbers of its static deflection y: the compliance b'y and the
+inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site; if the bound
+is too large, the site is extracted separately.
+
+The largest stress anywhere in a part, for the blow at each site of a map.
+
+Struck at the site i by the force F(t), the part moves in the free modes of the map, and in all
+modes above them as if F stood still:
+
+    u(t) = sum_j phi_j q_j(t) + [y_i - sum_j phi_j b_ij / (omega_j^2 + s)] F(t)
+
+with y_i = (K + sM)^-1 b_i. The stresses of the modes are recovered once for all sites, those of the
+second term at each; these and the search over all nodes and times are the cost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.checks import flag, instance, positive, whole, within_range
+from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
+from antiosc.base.process import one_thread
+from antiosc.base.progress import counting, doing
+from antiosc.base.stresses import equivalent
+from antiosc.base.texts import engineering, point_text as placed
+from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact.curvature import SHARP
+from antiosc.engine.contact.surfaces import Surface
+from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.elements.second_order import is_flat
+from antiosc.fem.linalg.compliance import deflections
+from antiosc.fem.platform import agree, collective, on_root
+from antiosc.fem.structure.structure import Structure, refuse_dampers
+from antiosc.impact.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of
+from antiosc.impact.batch import simulate_many
+from antiosc.impact.bodies import Obstacle
+from antiosc.impact.histories import Force, History, motions, peak_deflections
+from antiosc.impact.histories.results import (
+    SLIGHT_DEFLECTION,
+    beyond_linear,
+    beyond_quartic,
+    deflection,
+)
+from antiosc.impact.law_error import error_of_peak
+from antiosc.impact.reference import Settings
+from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
+from antiosc.impact.two_bodies import Impact, impact_band
+from antiosc.models import driving_point, free_modes
+from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
+from antiosc.models.free_modes import SiteModels
+from antiosc.models.modal import ModalBody
+from antiosc.models.stretch import MOST, Count, Stretch, checked_count
+from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors, Place, place
+from antiosc.reduce.extraction import shapes_of_models
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.reduce.extraction.krylov import by_krylov
+from antiosc.reduce.extraction.oscillators import (
+    at_one_site,
+    elastic_count,
+    error_bound,
+    lumped,
+    oscillators,
+)
+from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
+from antiosc.reduce.site.map_sites import MapSites, sites_of
+from antiosc.reduce.site.sites import Sites, doubtful_patches
+from antiosc.reduce.site.surface import PlaneOf, surface_at
+from antiosc.strikes.map_results import ImpactMap, MapInfo, hardest
+
+#: Free modes where neither `modes` nor a band says how many.
+FREE_MODES = 20
+#: With second-order forces: on a plate of 300 × 200 × 1 mm forces of 31 sites are then within 0.1 %
+#: of those of `extract`, with 20 free modes within 0.7 % (tests/test_maps.py has this plate).
+STRETCH_MODES = 60
+#: Frequency of the last free mode over the band.
+ABOVE = 1.5
+
+#: What names the sites of a map: surfaces, or points (P, 2 or 3).
+Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSites:
+    """P sites, and J free modes of the structure, rigid-body modes first.
+
+    Attributes
+    ----------
+    found : the sites.
+    omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
+    b : (P, J) displacement of each site in each mode [kg^-1/2].
+    compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
+    seconds : what each step took.
+    """
+
+    found: MapSites
+    omega: Array
+    phi: Array
+    b: Array
+    compliance: Array
+    inertia: Array
+    seconds: dict[str, float]
+
+
+def free_sites(
+    structure: Structure,
+    matrices: MeshedParts,
+    where: Where,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    modes: int | None,
+    band: float | None,
+    most: float = math.inf,
+    least: int = FREE_MODES,
+) -> FreeSites:
+    """The sites of a map and at most `most` free modes there; the others as of `impact_map`."""
+    started = time.perf_counter()
+    found = sites_of(matrices, where, direction, radius)
+    structure.factorize()
+    located = time.perf_counter()
+    free = _free_modes(structure, modes, band, most, least)
+    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
+    phi = np.column_stack([structure.rigid_modes, free.phi])
+    b = structure.comm.allreduce(found.sites.loads.T @ phi)
+    solved = time.perf_counter()
+    C, G = deflections(structure, found.sites.loads, omega, b)
+    moved = time.perf_counter()
+    seconds = {
+        "sites": located - started,
+        "free_modes": solved - located,
+        "deflections": moved - solved,
+    }
+    return FreeSites(found, omega, phi, b, C, G, seconds)
+
+
+def _free_modes(
+    structure: Structure, count: int | None, band: float | None, most: float, least: int
+) -> Modes:
+    """The lowest elastic modes: `count`, or as many as reach above the band, `least` to `most`."""
+    wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
+    reach = 0.0 if band is None or count is not None else ABOVE * band
+    found = ModeSolver(structure).lowest(wanted, reach, most)
+    kept = int(min(max(wanted, int(np.sum(found.omega < reach)) + 1), most))
+    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
+    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
+
+
+#: Sites whose static deflections are solved for together.
+AT_ONCE = 64
+#: Phase in rad by which the last mode turns from one time to the next; of so many times one is
+#: looked at in all tensors, and all are in the largest of these.
+PHASE, EVERY, CLOSELY = 0.4, 3, 100
+#: Times over the run, at least and at most.
+TIMES = (200, 3000)
+#: Tensors whose stresses at all times fit the cache.
+BLOCK = 512
+
+
+class Stresses(NamedTuple):
+    """Fields of an `ImpactMap`."""
+
+    peak_stress: Array
+    exposure: Array | None
+    stress_points: Array
+
+
+class _Sought(NamedTuple):
+    """Tensors of the modes (S, 6, J), their places (S, 3), their yield strengths (S,) or NaN."""
+
+    modes: Array
+    points: Array
+    strength: Array
+
+
+def largest_stresses(
+    structure: Structure, seen: FreeSites, forces: list[Force], duration: float
+) -> Stresses:
+    """The stresses of impacts with these forces, on every rank.
+
+    InputError for parts whose stress is not known: beams whose section has no outline.
+    """
+    places = sides(structure)
+    with doing("stresses of the free modes", structure.comm.rank):
+        modes = _recovered(structure, seen.phi, places)
+    slow = seen.b / (seen.omega**2 + structure.shift)
+    found: list[tuple[float, Array, float]] = []
+    with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
+        for first in range(0, len(forces), AT_ONCE):
+            own = slice(first, first + AT_ONCE)
+            y = structure.factorize().solve_block(seen.found.sites.loads[:, own].toarray())
+            rest = _recovered(structure, y - seen.phi @ slow[own].T, places)
+
+            def work(own: slice = own, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
+                return _of_sites(modes, rest, seen, forces, own, duration)
+
+            found += on_root(structure.comm, work)
+            ready(len(found))
+    values, points, exposure = (np.array(each) for each in zip(*found, strict=True))
+    return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
+
+
+def sides(structure: Structure) -> list[Place]:
+    """Both sides of sheets; of other parts the one place that there is."""
+    members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
+    sheets = any(member.part.kind.sheet for member, _ in members)
+    return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
+
+
+def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
+    """Stresses of shapes (rows of this rank, columns) on the first rank."""
+    found: NodeTensors
+    points, _, found = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
+    yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
+    return _Sought(
+        found.columns.astype(np.float32), points[found.nodes], np.array(yields)[found.origin]
+    )
+
+
+def _of_sites(
+    modes: _Sought,
+    rest: _Sought,
+    seen: FreeSites,
+    forces: list[Force],
+    own: slice,
+    duration: float,
+) -> list[tuple[float, Array, float]]:
+    """Largest stress, its place and the exposure of some sites."""
+    steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
+    some, b = forces[own], seen.b[own]
+    omega = np.broadcast_to(seen.omega, b.shape)
+    run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
+    q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
+    columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
+    sought = [np.ones(len(modes.strength)), 1 / modes.strength]
+    found = []
+    for i in range(len(some)):
+        columns[:, :, -1] = rest.modes[:, :, i]
+        x = np.column_stack([q[:, i], F[:, i]])
+        seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
+        largest = _largest(columns, x[seldom])
+        close = np.unique(
+            [k for w in sought for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
+        )
+        largest[close] = _largest(columns[close], x)
+        shares = largest * sought[1]
+        known = bool(np.isfinite(shares).any())
+        worst = int(np.nanargmax(shares) if known else largest.argmax())
+        share = float(shares[worst]) if known else np.nan
+        found.append((float(largest.max()), modes.points[worst], share))
+    return found
+
+
+def _largest(columns: Array, x: Array) -> Array:
+    """Largest von Mises stress (S,) of tensors (S, 6, B) with factors (n, B)."""
+    found = np.zeros(len(columns))
+    for first in range(0, len(columns), BLOCK):
+        block = columns[first : first + BLOCK]
+        stress = (block.reshape(-1, block.shape[2]) @ x.T).reshape(len(block), 6, len(x))
+        found[first : first + BLOCK] = equivalent(np.moveaxis(stress, 1, -1)).max(axis=1)
+    return found
+
+
+#: The band where neither it nor a blow is given, over the last free mode.
+WITHIN = 0.5
+#: Free modes at most, where the blow says the band.
+MOST_MODES = 100
+#: Anti-oscillators of a site that are tried where none are asked for.
+COUNTS = (12, 25, 50, 100)
+#: Share by which a force exceeds that on a rigid wall from which a site is doubtful, and the
+#: tolerance of the impact there.
+BEYOND, COARSE = 0.003, 1e-3
+#: At most this many sites are extracted separately; if more need it, none is.
+DIRECT = 32
+
+
+@collective()
+@within_range
+@one_thread()
+def impact_map(
+    structure: Structure,
+    where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
+    impactor: LinearBody | None = None,
+    contact: AnyLaw | None = AUTO,
+    duration: float | None = None,
+    *,
+    direction: Sequence[float] | None = None,
+    radius: float | None = None,
+    n: int | None = None,
+    modes: int | None = None,
+    band: float | None = None,
+    accuracy: float = 0.05,
+    stress: bool = False,
+    stretch: Count | Literal[False] = False,
+) -> ImpactMap:
+    """Anti-oscillators at many sites of a structure, and the impact of one impactor at each.
+
+    Parameters
+    ----------
+    structure : Structure
+        With a mesh.
+    where : str, list of str, or array_like (P, 2 or 3), optional
+        A group of faces (cells of shells and beams) whose vertices are the sites, several groups,
+        or points. None: the whole surface. Of an assembly "part:group", or "part" for its whole
+        surface, or several of them; None: all parts, faces that are tied included. A vertex of
+        two groups is a site of each.
+    impactor, contact, duration
+        As for `simulate`; "auto" chooses the law at each site, and sites on edges, whose radius is
+        an assumption, are doubtful. Without an impactor: extraction only, no impacts.
+    direction : sequence of float, optional
+        Direction of impact at all sites; None: against the outward normal (solids, by group).
+    radius : float, optional
+        Radius of the patch, m, as for `Site`.
+    n : int, optional
+        Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with a
+        blow 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
+    modes : int, optional
+        Number of free modes; default 20, or as many as reach 1.5 times the band, of a band that is
+        not given at most 100.
+    band : float, optional
+        Highest frequency of interest, Hz. Default: what the blow excites
+        (`impact_band`); without a blow, with `modes`, or where 100 modes end below it, as far as
+        the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
+    accuracy : float
+        Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
+        are extracted separately if they are at most 32; a warning states how many remain.
+    stress : bool
+        Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
+        as `peak_field` does for one impact: 0.12 s a site for 14 400 nodes. The material's
+        `yield_strength` makes a share of the strength of it.
+    stretch : int, "auto" or False
+        Second-order forces, as of `extract`: of a flat part once for all sites, in 24 combinations
+        of 60 free modes; of a curved one at each site. "auto": blows that deflect a flat sheet by
+        0.04 thicknesses or less stay linear. The models of the map are linear, and it has no
+        stresses. Of held parts.
+
+    Raises
+    ------
+    InputError
+        An empty group, points off the structure, no site that can move, a missing direction.
+    """
+    instance("structure", structure, Structure, "a Structure")
+    accuracy = positive("accuracy", accuracy)
+    if radius is not None:
+        radius = positive("radius", radius, "m")
+    if band is not None:
+        band = checks.band(band)
+    given = contact is not None and not is_auto(contact)
+    if (impactor is None) != (duration is None) or (impactor is None and given):
+        raise InputError(
+            "impacts need both impactor and duration; an extraction needs none of them."
+        )
+    if flag("stress", stress) and impactor is None:
+        raise InputError("stress=True needs impacts: give impactor and duration.")
+    stretch = checked_count(stretch)
+    if stretch is not False and (impactor is None or stress):
+        raise InputError(
+            "stretch= needs impacts, and stresses of a map are linear: give impactor and duration,"
+            " and leave stress out."
+        )
+    if stretch is not False:
+        part_of(structure)
+    if impactor is not None:
+        checked_body("impactor", impactor)
+        duration = positive("duration", duration, "s")
+    matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
+    refuse_dampers(structure, "a map")
+    law = None
+    if impactor is not None:
+        law = on_plane(structure, impactor, AUTO if contact is None else contact)
+    excited = _excited(impactor, law) if band is None and modes is None else None
+    counts = (COUNTS[0],) if excited is None else COUNTS
+    if n is not None:
+        counts = (whole("n", n),)
+    seen = free_sites(
+        structure, matrices, where, direction, radius, modes, band or excited,
+        math.inf if excited is None else MOST_MODES,
+        FREE_MODES if stretch is False else STRETCH_MODES,
+    )  # fmt: skip
+    found, omega = seen.found, seen.omega
+    sites, moved = found.sites, time.perf_counter()
+    if excited is not None:
+        band = min(excited, float(omega[-1]) / ABOVE)
+    band = WITHIN * float(omega[-1]) if band is None else band
+    if band >= omega[-1]:
+        raise InputError(
+            f"the band {_hertz(band)} must end below the last of {len(omega)} free modes,"
+            f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
+        )
+    models, errors = _reduced(seen, counts, structure.shift, band, accuracy)
+    reduced = time.perf_counter()
+    models, error, direct = _refined(structure, sites, models, errors, band, accuracy)
+    extracted = time.perf_counter()
+    seconds = {
+        **seen.seconds,
+        "models": reduced - moved,
+        "direct": extracted - reduced,
+    }
+    info = MapInfo(
+        structure=structure.describe(),
+        free_modes=len(omega),
+        cell_dimension=found.dimension,
+        seconds={**structure.seconds, **seconds},
+    )
+    result = ImpactMap(
+        points=sites.points,
+        directions=sites.directions,
+        elements=found.elements,
+        models=models,
+        local_compliance=sites.local,
+        radius=None if np.isnan(sites.radii).any() else sites.radii,
+        band=band / (2 * math.pi),
+        error=error,
+        direct=direct,
+        skipped=found.count - len(sites),
+        names=found.names,
+        info=info,
+        doubtful=doubtful_patches(sites),
+    )
+    on_root(structure.comm, partial(_tell, result, accuracy))
+    if impactor is None or law is None or duration is None:
+        return result
+    laws = None
+    if not given:
+        laws, sharp = _laws(structure, result, impactor, law)
+        result = replace(result, doubtful=result.doubtful | sharp)
+    seen_if = seen if stress else None
+    struck = _struck(structure, seen_if, result, impactor, law, laws, duration)
+    if stretch is not False:
+        struck = _stretched(structure, seen, struck, stretch)
+    if not given:
+        struck = replace(struck, law_error=_law_error(structure, struck))
+    thickness = structure.plausibility.get("thickness")
+    on_root(structure.comm, partial(_tell_deflection, struck, thickness, stretch))
+    return struck
+
+
+def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
+    """The law that is given, or that of the impactor on a flat face of the structure."""
+    return law_of(contact, PlaneOf(structure), impactor)
+
+
+def _laws(
+    structure: Structure, found: ImpactMap, impactor: LinearBody, plane: ContactLaw
+) -> tuple[list[ContactLaw], BoolArray]:
+    """The law at each site (P,), and whether it is on an edge, or fits the impactor."""
+    laws, sharp = [], np.zeros(len(found), dtype=bool)
+    radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
+    sites = zip(found.points, found.directions, radii.tolist(), strict=True)
+    striker = impactor.surface() if isinstance(impactor, Body) else None
+    lengths = striker is None or 0.0 in striker.curvatures
+    for i, (point, direction, radius) in enumerate(sites):
+        own = _surface(structure, point, direction, radius, lengths)
+        body = PlaneOf(structure, own)
+        try:
+            laws.append(law_of(AUTO, body, impactor))
+        except InputError:  # a hollow of the impactor's size
+            laws.append(plane)
+            sharp[i] = True
+        sharp[i] |= own is not None and own.kind in SHARP
+    return laws, sharp
+
+
+def _surface(
+    structure: Structure, point: Array, direction: Array, radius: float, lengths: bool
+) -> Surface | None:
+    """The surface at a site whose patch has this radius, NaN without one."""
+    patch = None if np.isnan(radius) else radius
+    with contextlib.suppress(InputError):
+        return surface_at(structure, point, direction, patch, lengths)
+    return None
+
+
+def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
+    """Relative error of the largest peak force by its law; None where it is not known."""
+    assert struck.peak_force is not None
+    assert struck.contact_time is not None
+    i = hardest(struck)
+    radius = np.nan if struck.radius is None else float(struck.radius[i])
+    own = _surface(structure, struck.points[i], struck.directions[i], radius, True)
+    try:
+        choice = chosen(PlaneOf(structure, own), struck.impactor)
+    except InputError:
+        return None
+    peak, contact_time = float(struck.peak_force[i]), float(struck.contact_time[i])
+    if choice.unknown or not (peak > 0 and contact_time > 0):
+        return None
+    return error_of_peak(choice, peak, contact_time)
+
+
+def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
+    """The band [rad/s] of a blow by an impactor that moves."""
+    if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
+        return None
+    return 2 * math.pi * impact_band(impactor, contact)
+
+
+def _hertz(omega: float) -> str:
+    return engineering(omega / (2 * math.pi), "Hz")
+
+
+def _reduced(
+    seen: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
+) -> tuple[SiteModels, tuple[Array, Array]]:
+    """The sites with the fewest anti-oscillators of `counts` that suffice, and their errors."""
+    of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
+    for n in counts:
+        models = free_modes.site_models(*of_sites, n, shift, "krylov")
+        left_out, reduction = free_modes.error_bound(models, *of_sites, band, shift)
+        if np.all(reduction <= accuracy / 2):
+            break
+    return models, (left_out, reduction)
+
+
+# --- What is not good enough --------------------------------------------------------------------
+
+
+def _refined(
+    structure: Structure,
+    sites: Sites,
+    models: SiteModels,
+    errors: tuple[Array, Array],
+    band: float,
+    accuracy: float,
+) -> tuple[SiteModels, Array, Array]:
+    """The sites with too few free modes, extracted separately; errors of all sites."""
+    left_out, error = errors[0], errors[0] + errors[1]
+    direct = np.zeros(len(error), dtype=bool)
+    worst = np.flatnonzero(left_out > accuracy)
+    if not 0 < len(worst) <= DIRECT:
+        return models, error, direct
+    omega, m = models.omega.copy(), models.m.copy()
+    k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
+    n = m.shape[1]
+    loads = sites.loads[:, worst].toarray()
+    statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
+    counts = [elastic_count(static, n) for static in statics]
+    found = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
+    for i, static, count, (modes, remainder) in zip(worst, statics, counts, found, strict=True):
+        known = lumped(structure, static, modes)
+        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
+        kept = at_one_site(static, elastic, n)
+        assert callable(remainder)  # there is a band, and no damper
+        bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)
+        if bound >= error[i]:
+            continue
+        size = len(kept.m)
+        omega[i], m[i] = np.inf, 0.0
+        omega[i, :size], m[i, :size] = kept.omega, kept.m
+        k0[i], m0[i], m_st[i] = kept.k0, kept.m0, kept.m0 + kept.m.sum()
+        error[i], direct[i] = bound, True
+    return SiteModels(k0, m0, m_st, omega, m), error, direct
+
+
+def _tell(result: ImpactMap, accuracy: float) -> None:
+    if result.skipped:
+        warn(
+            f"{result.skipped} of {result.skipped + len(result)} sites are left out: supports fix "
+            "them along the direction of impact, or there is no surface under their patch.",
+            AccuracyWarning,
+        )
+    left = int(np.sum(result.error > accuracy))
+    if left:
+        warn(
+            f"Z may be off by more than {accuracy:g} at {left} of {len(result)} sites up to "
+            f"{engineering(result.band, 'Hz')} (at worst {result.error.max():.1e}): raise n or"
+            " modes, lower the band, or extract those sites (see .error).",
+            AccuracyWarning,
+        )
+
+
+def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
+    """Warn of blows that excite what the models of the map do not hold."""
+    excited = _excited(impactor, contact)
+    if excited is not None and 2 * math.pi * result.band < excited:
+        warn(
+            f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
+            f" up to {_hertz(excited)}: the anti-oscillators are too few for this contact where"
+            " the part is thin, and forces are too large there;"
+            " give band=ao.impact_band(impactor, contact).",
+            AccuracyWarning,
+        )
+
+
+def _tell_deflection(
+    result: ImpactMap, thickness: float | None, stretch: Count | Literal[False]
+) -> None:
+    """Warn of the site that deflects most where a sheet that is held stretches."""
+    if thickness is None or not np.all(result.models.k0 > 0):
+        return
+    i = hardest(result, of=result.peak_deflection)
+    assert result.peak_deflection is not None
+    beyond = beyond_linear if stretch is False else beyond_quartic
+    if sentence := beyond("structure", float(result.peak_deflection[i]), thickness):
+        warn(f"a blow at {placed(result.points[i])}: {sentence}", AccuracyWarning)
+
+
+def _struck(
+    structure: Structure,
+    stressed: FreeSites | None,
+    result: ImpactMap,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    laws: list[ContactLaw] | None,
+    duration: float,
+) -> ImpactMap:
+    """The map with one impact at each site, shared among the ranks; with stresses in the modes."""
+    started = time.perf_counter()
+    comm = structure.comm
+    on_root(comm, partial(_tell_band, result, impactor, contact))
+    mine = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
+    part, error = None, None
+    try:
+        if len(mine):
+            models = [result.model(i) for i in mine]
+            own = contact if laws is None else [laws[i] for i in mine]
+            batch = simulate_many(models, impactor, own, duration)
+            part = batch, peak_deflections(models, batch.force, duration)
+    except Exception as caught:
+        error = caught
+    agree(comm, error)
+    parts = [p for p in comm.allgather(part) if p is not None]
+    deflections = np.concatenate([deflection for _, deflection in parts])
+
+    def gathered(name: str) -> Array:
+        return np.concatenate([getattr(batch, name) for batch, _ in parts])
+
+    # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
+    stiffest = max(laws or [contact], key=lambda law: getattr(law, "stiffness", 0.0))
+    wall = Impact(Obstacle(), impactor, stiffest, duration)
+    on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
+    peaks = gathered("peak_force")
+    struck = time.perf_counter()
+    seconds = {**result.info["seconds"], "impacts": struck - started}
+    found = {}
+    if stressed is not None:
+        forces = [force for batch, _ in parts for force in batch.force]
+        found = largest_stresses(structure, stressed, forces, duration)._asdict()
+        seconds["stresses"] = time.perf_counter() - struck
+    return replace(
+        result,
+        **found,
+        info=MapInfo(**{**result.info, "seconds": seconds}),
+        impactor=impactor,
+        contact=contact,
+        laws=None if laws is None or all(law == contact for law in laws) else tuple(laws),
+        duration=duration,
+        doubtful=result.doubtful | (peaks > (1 + BEYOND) * on_wall),
+        peak_force=peaks,
+        contact_time=gathered("contact_time"),
+        restitution=gathered("restitution"),
+        impulse=gathered("impulse"),
+        peak_deflection=deflections,
+    )
+
+
+def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: Count) -> ImpactMap:
+    """The map with second-order forces in the impacts that deflect far enough."""
+    started = time.perf_counter()
+    part = part_of(structure)
+    flat = part.thickness is None or is_flat(part)
+    least = 0.0
+    if flat and part.thickness and count == "auto":
+        least = SLIGHT_DEFLECTION * part.thickness
+    assert struck.peak_deflection is not None
+    own = np.flatnonzero(struck.peak_deflection > least)
+    if not own.size:
+        return struck
+    if not seen.omega.all():
+        raise InputError("stretch= of a map takes a part that is held: give supports.")
+
+    def forces_of(b: Array) -> Stretch:
+        return stretch_of_map(structure, seen.omega, seen.phi, b, count)
+
+    shared = forces_of(seen.b[own]) if flat else None
+    found = {name: getattr(struck, name).copy() for name in STRETCHED}
+    of_sites = seen.omega, seen.b[own], seen.compliance[own], seen.inertia[own]
+    stretched = np.zeros(len(struck), dtype=bool)
+    bodies, told = free_modes.bodies(*of_sites, structure.shift), list[str]()
+    with counting("second-order impacts", len(own)) as ready, warnings_to(told.append):
+        for done, (i, body) in enumerate(zip(own, bodies, strict=True)):
+            forces = forces_of(seen.b[i : i + 1]) if shared is None else shared
+            hit = _hit(struck, i, body, forces)
+            stretched[i] = bool(hit.assembly.stretched)
+            for name, value in zip(STRETCHED, _numbers(hit), strict=True):
+                found[name][i] = value
+            ready(done + 1)
+    if told:
+        warn(f"{len(told)} of {len(struck)} sites: {told[0]}", AccuracyWarning)
+    seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - started}
+    return replace(
+        struck, **found, stretched=stretched, info=MapInfo(**{**struck.info, "seconds": seconds})
+    )
+
+
+#: What second-order forces change in a map.
+STRETCHED = ("peak_force", "contact_time", "restitution", "impulse", "peak_deflection")
+
+
+def _numbers(hit: History) -> tuple[float, ...]:
+    """Those of `STRETCHED`."""
+    e = np.nan if hit.restitution is None else hit.restitution
+    moved = deflection(hit, "structure")
+    return hit.peak_force, hit.contact_time, e, hit.impulse, moved
+
+
+def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History:
+    """The impact at site i by free modes, with second-order forces in them."""
+    assert struck.impactor is not None
+    assert struck.duration is not None
+    free = len(forces.modes)
+    moved = candidates(body.omega[:free], body.b[:free, None], MOST)
+    turn = np.linalg.qr(forces.modes.T @ moved)[0]
+    own = replace(forces.turned(turn), count=forces.count)
+    above = np.zeros((body.omega.size - free, own.size))
+    own = replace(own, modes=np.vstack([own.modes, above]))
+    radius = None if struck.radius is None else float(struck.radius[i])
+    model = ModalModel(body, float(struck.local_compliance[i]), radius, own)
+    law = struck.contact if struck.laws is None else struck.laws[i]
+    assert law is not None
+    blow = Impact(model, struck.impactor, law, struck.duration)
+    hit = simulate_impact(blow, Settings(DEFAULT_TOL))[0]
+    check_range(hit, [])
+    return hit

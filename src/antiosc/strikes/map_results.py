@@ -1,0 +1,249 @@
+"""`ImpactMap`: models and impacts at many sites of a surface, as tables, files and pictures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.base import files
+from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.checks import path as checked_path, store, whole
+from antiosc.base.errors import InputError
+from antiosc.base.texts import Completed, engineering, point_text, range_text
+from antiosc.engine.contact import ContactLaw
+from antiosc.fields.pictures import plot_map
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody, ModelInfo
+from antiosc.models.free_modes import SiteModels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class MapInfo(TypedDict, total=False):
+    """The structure in words, its free modes, the dimension of its cells, and seconds by step."""
+
+    structure: str
+    free_modes: int
+    cell_dimension: int
+    seconds: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImpactMap(Completed):
+    """Anti-oscillators and impacts over a surface, on every rank alike.
+
+    Attributes
+    ----------
+    points, directions : (P, 3) sites [m] and unit vectors of the directions of impact.
+    elements : (T, 3) triangles between the points (or (T, 2) segments); empty for given points.
+    models : SiteModels
+        Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
+    local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
+    radius : (P,) radii of the patches [m], or None for points.
+    error : (P,) bound on |dZ|/|Z| up to `band` [Hz].
+    direct : (P,) bool, sites that were extracted separately.
+    skipped : number of sites left out: fixed by supports, or without a surface under the patch.
+    names : (P,) the group or part of each site, by its name in `where`; "" without a name.
+    doubtful : (P,) bool, sites whose impact is not to be trusted: an edge cuts the patch or
+        supports hold a part of it, so that its half-space compliance does not hold, or the force
+        exceeds that on a rigid wall. `summary` and `plot` leave them out.
+    peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
+        impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
+        never touched; the deflection is that of the site, including the indentation of the patch.
+    peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the blow at
+        each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
+        no material has a yield_strength.
+    stress_points : (P, 3) where that is [m].
+    stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
+    law_error : relative error of the largest peak force by the law of its contact and the range of
+        the yield strength; 0 where it does not yield; None where that is not known, or the law was
+        given.
+    info : a `MapInfo`: free modes, seconds, …; JSON values.
+    impactor, contact, duration : of the impacts, or None; the law on a flat face.
+    laws : (P,) of the sites, where they differ from that; else None.
+    """
+
+    points: Array
+    directions: Array
+    elements: IntArray
+    models: SiteModels
+    local_compliance: Array
+    radius: Array | None
+    band: float
+    error: Array
+    direct: Array
+    skipped: int
+    names: NDArray[np.str_]
+    peak_force: Array | None = None
+    contact_time: Array | None = None
+    restitution: Array | None = None
+    impulse: Array | None = None
+    peak_deflection: Array | None = None
+    peak_stress: Array | None = None
+    exposure: Array | None = None
+    stress_points: Array | None = None
+    info: MapInfo = field(default_factory=lambda: MapInfo())
+    doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    impactor: LinearBody | None = None
+    contact: ContactLaw | None = None
+    laws: Sequence[ContactLaw] | None = None
+    duration: float | None = None
+    stretched: BoolArray | None = None
+    law_error: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.doubtful.size:
+            store(self, doubtful=np.zeros(len(self.points), dtype=bool))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def model(self, i: int) -> AntiOscillators:
+        """The model of site i, without shapes."""
+        i = whole("i", i, least=0, most=len(self) - 1)
+        return replace(
+            self.models.model(i),
+            local_compliance=float(self.local_compliance[i]),
+            radius=None if self.radius is None else float(self.radius[i]),
+            info=ModelInfo(point=self.points[i].tolist(), direction=self.directions[i].tolist()),
+        )
+
+    @property
+    def areas(self) -> Array:
+        """(P,) the surface of each site: a third of its triangles [m²], half of its segments [m].
+
+        Of given points, which have no elements, 1 each.
+        """
+        if not len(self.elements):
+            return np.ones(len(self))
+        corners = self.points[self.elements]
+        edges = corners[:, 1:] - corners[:, :1]
+        gram = edges @ edges.transpose(0, 2, 1)
+        corners_of = self.elements.shape[1]
+        size = np.sqrt(np.linalg.det(gram)) / (corners_of - 1)  # of a simplex, /(d!), d = 1 or 2
+        own = np.repeat(size / corners_of, corners_of)
+        return np.asarray(np.bincount(self.elements.ravel(), own, len(self)), dtype=float)
+
+    def quantities(self) -> dict[str, Array]:
+        """Every scalar of the map by name, as written to files: (P,) each."""
+        first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)
+        named = {
+            "k0": self.models.k0,
+            "m_st": self.models.m_st,
+            "omega_1": first,
+            "error": self.error,
+            "peak_force": self.peak_force,
+            "contact_time": self.contact_time,
+            "restitution": self.restitution,
+            "impulse": self.impulse,
+            "peak_deflection": self.peak_deflection,
+            "peak_stress": self.peak_stress,
+            "exposure": self.exposure,
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
+
+        InputError where the file cannot be written, or its ending tells meshio no format.
+        """
+        import meshio  # takes a while to load
+
+        target = checked_path("path", path)
+        kind = "triangle" if self.elements.shape[1] == 3 else "line"
+        cells = [(kind, self.elements), ("vertex", self.alone[:, None])]
+        surface = np.unique(self.names, return_inverse=True)[1].astype(float)
+        data = {**self.quantities(), "direction": self.directions, "surface": surface}
+        data["doubtful"] = self.doubtful.astype(float)
+        with files.atomic_file(target, "the map") as part:
+            try:
+                blocks = [(kind, numbers) for kind, numbers in cells if len(numbers)]
+                meshio.Mesh(self.points, blocks, point_data=data).write(part)
+            except (meshio.ReadError, meshio.WriteError, KeyError, SystemExit) as error:
+                raise InputError(
+                    f"meshio cannot write a map to {target.name!r}: give it a name that ends with "
+                    ".vtu."
+                ) from error
+        return target
+
+    @property
+    def alone(self) -> IntArray:
+        """Numbers of the sites that belong to no element."""
+        return np.setdiff1d(np.arange(len(self)), self.elements)
+
+    def surfaces(self) -> dict[str, IntArray]:
+        """Name of each group or part -> numbers of its sites, in their order."""
+        return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
+
+    def summary(self) -> str:
+        """One line for each group or part: its sites, their stiffness, and its hardest impact."""
+        surfaces = self.surfaces()
+        width = max(5, *(len(name) for name in surfaces))
+        title = f"{'where':<{width}}{'sites':>7}{'k0':>32}"
+        if self.peak_force is not None:
+            title += f"{'peak force':>12}  at"
+        rows = [title]
+        for name, own in surfaces.items():
+            k0 = self.models.k0[trusted(self, own)]
+            stiffness = range_text(k0.min(), k0.max(), "N/m")
+            row = f"{name or 'sites':<{width}}{len(own):>7}{stiffness:>32}"
+            if self.peak_force is not None:
+                i = hardest(self, own)
+                force = engineering(self.peak_force[i], "N", 4)
+                row += f"{force:>12}  {point_text(self.points[i])}"
+            rows.append(row)
+        if self.doubtful.any():
+            stress = "" if self.peak_stress is None else " and the largest stress"
+            rows.append(
+                f"{self.doubtful.sum()} doubtful sites are left out of k0, the peak forces{stress}"
+            )
+        if self.law_error:
+            rows.append(
+                f"the contact yields: the largest peak force may be off by {self.law_error:.0%} by "
+                "its law and the range of the yield strength"
+            )
+        if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
+            i = hardest(self, of=self.peak_stress)
+            assert self.stress_points is not None
+            rows.append(
+                f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
+                f" {point_text(self.stress_points[i])} for a blow at"
+                f" {point_text(self.points[i])}; its mesh error is not known:"
+                " read_mesh(…, refine=…) there shows how it grows"
+            )
+        return "\n".join(rows)
+
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
+    ) -> Figure | Path:
+        """One of `quantities()` over the surface; see `antiosc.plotting.plot_map`.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        return plot_map(self, path, quantity)
+
+
+def trusted(found: ImpactMap, own: IntArray | None = None) -> IntArray:
+    """Numbers of the sites, of some or all, that are not doubtful; of all where no other is."""
+    own = np.arange(len(found)) if own is None else own
+    sound = own[~found.doubtful[own]]
+    return sound if sound.size else own
+
+
+def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
+    """Number of the site of the largest peak force, of some or all that are not doubtful.
+
+    Of those that are, where there are no others; of a map with impacts. `of` (P,): of this quantity
+    in place of the force.
+    """
+    of = found.peak_force if of is None else of
+    assert of is not None
+    own = trusted(found, own)
+    return int(own[np.argmax(np.nan_to_num(of[own], nan=-1.0))])

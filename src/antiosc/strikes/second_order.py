@@ -1,0 +1,67 @@
+"""Impacts whose second-order forces are found where the linear run says that they may matter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
+from antiosc.fem.structure.structure import Structure
+from antiosc.impact.histories import History
+from antiosc.impact.histories.results import may_stretch
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import info_of
+from antiosc.reduce.extraction.stretching import with_stretch
+
+H = TypeVar("H", bound=History)
+#: Simulates the impact on a model.
+Run = Callable[[AntiOscillators], H]
+
+
+def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
+    """The impact on a model of a structure, with second-order forces where they matter.
+
+    Warnings are those of the run that is returned.
+    """
+    with _held() as told:
+        linear = run(model)
+    if model.stretch is None and may_stretch(linear):
+        with _held() as other:
+            found = _stretched(structure, model, run)
+        if found is not None and found.assembly.stretched:
+            linear, told = found, other
+    for sentence in told:
+        warn(sentence, AccuracyWarning)
+    return linear
+
+
+def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
+    """The model with second-order forces for many impacts, if it is of a sheet that is held."""
+    if model.stretch is not None or info_of(model).thickness is None:
+        return model
+    try:
+        return with_stretch(structure, model, "auto")
+    except InputError:  # of a part that has none
+        return model
+
+
+def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:
+    """The impact with second-order forces; None of parts and runs that have none."""
+    try:
+        return run(with_stretch(structure, model, "auto"))
+    except InputError:  # the linear run tells of its deflection
+        return None
+
+
+@contextmanager
+def _held() -> Iterator[list[str]]:
+    """The warnings given meanwhile; after an error they are given, for they may explain it."""
+    told: list[str] = []
+    try:
+        with warnings_to(told.append):
+            yield told
+    except AntioscError:
+        for sentence in told:
+            warn(sentence, AccuracyWarning)
+        raise

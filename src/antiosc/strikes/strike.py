@@ -1,0 +1,553 @@
+"""`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
+
+The loop is: mesh, extract, simulate, budget. The answer is that of the corrected model. As long as
+the mesh's share of the budget is too large and can be made smaller, the next mesh has the sizes of
+cells that bring it down with few cells (`antiosc.reduce.error.bisection`). From the second mesh on
+the change from one mesh to the next makes its bar smaller where it allows it; on lines it is the
+least bar. The error of a cell counts as it does for this impact: by the mean over the contact of
+the amplitudes of all shapes, so that elements go where the contact force asks for them.
+Anti-oscillators and steps take a small share of the tolerance each, so that none of the three is
+finer than it must be.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias, TypedDict
+
+import numpy as np
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.process import MEMORY_SHARE, free_memory
+from antiosc.fem.elements.beam import Beam
+from antiosc.fem.elements.solid import Solid
+from antiosc.fem.elements.weak_form import Family
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import collective, compat, on_root
+from antiosc.fem.prestress import Prestress
+from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.support import Support
+from antiosc.impact.auto_contact import AUTO, AnyLaw
+from antiosc.impact.bodies import RigidMass, Sphere
+from antiosc.impact.error_budget import SAFETY, SHELL, amplitudes
+from antiosc.impact.histories import History, with_model
+from antiosc.impact.histories.parts import ErrorBudget, differences, with_floor
+from antiosc.impact.scene import simulate
+from antiosc.impact.truncation import truncation_error
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody
+from antiosc.models.motion import Motion
+from antiosc.reduce.error import bisection
+from antiosc.reduce.error.model_errors import estimator
+from antiosc.reduce.error.remeshing import Source, source_of
+from antiosc.reduce.extraction.extract import extract
+from antiosc.reduce.site import Site
+from antiosc.strikes import second_order
+from antiosc.strikes.advice import advise
+
+#: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
+AIM = 0.8
+#: Least share of the tolerance that must be left for the mesh, and the largest part of its present
+#: share that a further mesh aims at.
+LEAST_ROOM, LEAST_STEP = 0.05, 0.8
+#: Each further mesh aims lower by this factor: what missed before may miss again.
+EAGER = 0.6
+#: Size of the cells of the first mesh over the thickness of the part and the degree.
+FIRST_SIZE = 1.5
+#: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
+CELLS_OF_SHEET = 10
+#: Most meshes, and largest growth of the number of cells from one to the next.
+MOST_MESHES, GROWTH = 12, 8.0
+#: Power of the number of dofs by which seconds grow, by dimension.
+SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
+#: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
+#: and this power; by dimension.
+FACTOR_BYTES, FACTOR_POWER = {1: 200.0, 2: 400.0, 3: 240.0}, {1: 1.0, 2: 1.1, 3: 4 / 3}
+#: Shares of the tolerance for the truncation and for the time steps.
+TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
+#: Least truncation error that a number of anti-oscillators is chosen for.
+LEAST_TRUNCATION = 1e-7
+#: Bounds of the tolerance of the time integration.
+FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
+#: First and largest number of anti-oscillators.
+FIRST_N, MOST_N = 20, 300
+#: Growth of that number from one mesh of lines to the next.
+MORE_ON_LINES = 1.5
+#: Least and largest power of that number by which the truncation error is taken to fall.
+RATES = (0.5, 3.0)
+#: Least share of the usual bar of a mesh that a comparison with another mesh leaves; largest ratio
+#: of the bars of both, and least one of their dofs, for which they are compared: another mesh with
+#: as many dofs shows no convergence.
+LEAST_SHARE, CLOSER, FINER = 0.6, 0.8, 1.5
+#: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
+NEGLIGIBLE = 1e-8
+
+
+class Run(Protocol):
+    """Simulates the impact on a model, to a tolerance."""
+
+    def __call__(self, model: AntiOscillators, error: float) -> History: ...
+
+
+#: Of all cells, or of groups of them.
+Material: TypeAlias = Family | Mapping[str, Family]
+
+log = logging.getLogger(__name__)
+
+
+@collective()
+@checks.within_range
+def strike(
+    source: str | Path | Mesh | Structure,
+    site: Site,
+    impactor: LinearBody,
+    contact: AnyLaw = AUTO,
+    duration: float = checks.REQUIRED,
+    *,
+    tol: float,
+    material: Family | Mapping[str, Family] | None = None,
+    supports: Sequence[Support] = (),
+    prestress: Prestress | None = None,
+    order: int = 2,
+    limit: float | None = None,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+    gap: float | None = None,
+) -> History:
+    """The impact on a part, with an error of peak force, impulse and contact time up to tol.
+
+    Parameters
+    ----------
+    source : path, Mesh or Structure
+        Of a solid, a shell of triangles, or lines with `material=Beam(...)`. A geometry is meshed
+        as finely as the impact needs. A mesh of straight triangles or tetrahedra is divided where
+        it is too coarse, one of lines everywhere, with a node at the site. Other meshes, and a
+        `Structure`, are used as they are: then the bar tells how good they are.
+    site : Site
+        Its radius, if it has none, is chosen between those of the contact and of half the thickness
+        of the part; beams are struck at a point, shells on a patch of their thickness.
+    impactor, contact, duration, initial_velocity, gravity, gap : as of `simulate`.
+    tol : float
+        Largest relative error of the three quantities, as the error budget promises it.
+    material, supports, prestress : as of `Structure`, for a file or a mesh.
+    order : 1 or 2
+        Degree of the displacements, and of the faces of a geometry's cells.
+    limit : float, optional
+        Seconds that the whole may take. A further mesh is made only if it is expected to end
+        before; by default as many are made as the memory allows.
+
+    Returns
+    -------
+    History
+        Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
+        those of `simulate` less the correction. Of shells it is the raw model. `error_budget` is
+        known, `model.info.strike` lists the meshes. Sheets whose deflection asks for it have
+        second-order forces, as of `extract(…, stretch="auto")`. Status 1 and a sentence in the
+        message if the budget exceeds `tol`, and what meeting it would cost, or that the share of
+        the beam model exceeds it.
+
+    Raises
+    ------
+    InputError
+        No material, or one of a family without an error estimate; what `extract` and `simulate`
+        refuse.
+    """
+    shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+    run = partial(simulated, impactor, contact, duration, shared)
+    return struck(
+        source, site, impactor, run, tol, material, supports, order, limit, prestress=prestress
+    )
+
+
+def simulated(
+    impactor: LinearBody,
+    contact: AnyLaw,
+    duration: float,
+    shared: dict[str, Any],
+    model: AntiOscillators,
+    error: float,
+) -> History:
+    """The impact on a model, to a tolerance: a `Run` from the fifth argument on."""
+    return simulate(model, impactor, contact, duration, tol=error, **shared)
+
+
+def struck(
+    source: str | Path | Mesh | Structure,
+    site: Site,
+    impactor: LinearBody,
+    run: Run,
+    tol: float,
+    material: Material | None,
+    supports: Sequence[Support],
+    order: int,
+    limit: float | None,
+    seen: Seen | None = None,
+    prestress: Prestress | None = None,
+) -> History:
+    """What `strike` answers; `seen` is told of the answer of every mesh, and of its site."""
+    started = time.perf_counter()
+    tol = checks.tolerance(tol)
+    order = checks.whole("order", order, least=1, most=2)
+    if limit is not None:
+        limit = checks.positive("limit", limit, "s")
+    checks.instance("site", site, Site, "a Site(point, direction)")
+    material = _material_of(source, material, supports, prestress)
+    if isinstance(source, Structure):
+        answer = answered(source, site, run, tol, FIRST_N)
+        if seen is not None:
+            seen(answer, site)
+        told = (
+            ""
+            if answer.budget.numerical <= tol
+            else "The structure was used as it is: give its mesh, material and supports, and the "
+            "mesh is refined."
+        )
+        return _finished(answer, tol, [record(answer)], told)
+    place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
+    site, mesh = _begin(place, site, impactor, material, order)
+    before: Answer | None = None
+    n, records = FIRST_N, []
+    while True:
+        structure = Structure(mesh, material, supports, order=order, prestress=prestress)
+        answer = answered(structure, site, run, tol, n)
+        answer = changed_since(answer, before) if mesh.tdim == 1 else compared(answer, before)
+        before = answer
+        if seen is not None:
+            seen(answer, site)
+        records.append(record(answer))
+        log.info("strike: %s", records[-1])
+        told, ratio = "", np.ones(0)
+        met = answer.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
+        if not met:
+            told = place.fixed or (
+                f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
+            )
+            if not told:
+                ratio, told = _next(answer, mesh, order, tol, limit, started, len(records))
+        if told or met:
+            structure.drop_factor()
+            return _finished(answer, tol, records, told)
+        n = next_n(answer, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
+        mesh = place.finer(mesh, ratio)
+
+
+def _material_of(
+    source: object,
+    material: Material | None,
+    supports: Sequence[Support],
+    prestress: Prestress | None,
+) -> Material:
+    """The material, {} of a Structure; InputError for one that is missing, or that is too much."""
+    if isinstance(source, Structure):
+        if material is not None or len(supports) or prestress is not None:
+            raise InputError(
+                "a Structure has its own material, supports and prestress: leave them out."
+            )
+        return {}
+    if not isinstance(source, str | Path | Mesh):
+        raise InputError(
+            "source must be a file with a geometry or a mesh, a Mesh or a Structure; got "
+            f"{checks.shown(source)}."
+        )
+    if material is None or (isinstance(material, Mapping) and not material):
+        raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
+    return material
+
+
+def _begin(
+    place: Source, site: Site, impactor: LinearBody, material: Material, order: int
+) -> tuple[Site, Mesh]:
+    """The site with a radius, and the first mesh, as coarse as a budget can be trusted."""
+    solids = list(material.values()) if isinstance(material, Mapping) else [material]
+    if _sheets(solids):  # whose bars do not ask for a patch that is resolved
+        return site, place.first(place.extent() / CELLS_OF_SHEET, [])
+    thickness = place.thickness()
+    contact = _contact_radius(impactor, solids[0], thickness)
+    if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
+        half = thickness / 2
+        site = replace(site, radius=min(math.sqrt(contact * half), half) if contact else half / 1.5)
+    refine: list[tuple[Sequence[float], float]] = []
+    struck = site.radius is not None or isinstance(solids[0], Beam)
+    if struck and site.point is not None and not isinstance(site.point, str):
+        refine.append((site.point, site.radius or 0.0))
+    return site, place.first(FIRST_SIZE * order * thickness, refine)
+
+
+def _sheets(materials: Sequence[object]) -> bool:
+    """Whether a part of these materials is a shell; beams may stiffen it."""
+    return any(getattr(getattr(one, "kind", None), "sheet", False) for one in materials)
+
+
+def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
+    """Radius of Hertz's contact at its peak [m]; 0 for an impactor of unknown shape."""
+    if not isinstance(material, Solid) or not isinstance(impactor, RigidMass | Sphere):
+        return 0.0
+    E, nu, rho = material.constants()
+    try:
+        return advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
+    except InputError:
+        return 0.0
+
+
+# -- the answer of one mesh, and what the mesh before tells of it
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One structure's answer: the run of the raw model; the one that is answered, of the corrected
+    model (of shells the raw one), with its budget; and what they took."""
+
+    structure: Structure
+    raw: History
+    hit: History
+    budget: ErrorBudget
+    n: int
+    seconds: float
+
+
+def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
+    """Extract and simulate, with more anti-oscillators where the truncation asks for them."""
+    started = time.perf_counter()
+    accuracy = accuracy_of_steps(tol)
+    most = min(MOST_N, structure.dofs - 1)
+    n = min(n, most)
+    while True:
+        model = extract(structure, site, n=n, error="estimate")
+        hit = second_order.simulated(structure, model, partial(run, error=accuracy))
+        budget = hit.error_budget
+        left = max(bar.truncation for bar in budget.values())
+        if left <= _truncation_goal(budget, tol) or n >= most or model.n < n:
+            break
+        n = int(np.clip(_enough(model, run, left, tol), n + n // 2, min(3 * n, most)))
+    return corrected(structure, hit, run, accuracy, n, started)
+
+
+def accuracy_of_steps(tol: float) -> float:
+    """The tolerance of the time integration."""
+    return float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
+
+
+def corrected(
+    structure: Structure, hit: History, run: Run, accuracy: float, n: int, started: float
+) -> Answer:
+    """The answer to the run of a raw model whose work began at `started`."""
+    model, budget = hit.model, hit.error_budget
+    soft = hit
+    if model.strain_misfit is None:  # a shell's corrected model is not always nearer
+        soft = run(model.corrected(), accuracy)
+        budget = budget.of_corrected(soft)
+    return Answer(structure, hit, soft, budget, n, time.perf_counter() - started)
+
+
+#: Is told of an answer and its site.
+Seen: TypeAlias = Callable[[Answer, Site], None]
+
+
+def compared(answer: Answer, before: Answer | None) -> Answer:
+    """The answer with a smaller bar of the mesh if the mesh before shows that it may be smaller.
+
+    The corrected models of both meshes differ by Δ, their bars of the mesh are b and b' < b. If the
+    errors of both are the same share of their bars, this share is at most Δ / (b - b'). Twice that,
+    and at least `LEAST_SHARE`, is taken.
+    """
+    if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
+        return answer
+    old, new = (max(bar.mesh for bar in each.budget.values()) for each in (before, answer))
+    if new > CLOSER * old or answer.structure.dofs < FINER * before.structure.dofs:
+        return answer
+    changed = max(differences(before.hit, answer.hit).values())
+    share = float(np.clip(2 * changed / (old - new), LEAST_SHARE, 1.0))
+    bars = {name: replace(bar, mesh=share * bar.mesh) for name, bar in answer.budget.items()}
+    return replace(answer, budget=replace(answer.budget, bars=bars))
+
+
+def changed_since(answer: Answer, before: Answer | None) -> Answer:
+    """The answer of a mesh of lines, whose bars are at least the change from the mesh before.
+
+    That had lines twice as long and fewer anti-oscillators: the change is more than the error that
+    is left if this falls at all with the size, whatever the estimates of both meshes say.
+    """
+    if before is None:
+        return answer
+    changed = with_floor(differences(before.hit, answer.hit))
+    bars = {
+        name: replace(bar, mesh=max(bar.mesh, changed[name])) for name, bar in answer.budget.items()
+    }
+    return replace(answer, budget=replace(answer.budget, bars=bars))
+
+
+def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
+    """Largest error of the truncation for which no further anti-oscillators are extracted now.
+
+    Where a finer mesh is needed in any case it must not exceed the mesh's share, for then it says
+    as well where this mesh should be finer.
+    """
+    share = TRUNCATION_SHARE * tol
+    left = 1 - 1 / budget.safety
+    meets = all(left * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values())
+    return share if meets else max(share, left * max(bar.mesh for bar in budget.values()))
+
+
+def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
+    """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
+    error = max(bar.truncation for bar in answer.budget.values())
+    enough = _enough(answer.raw.model, run, error, tol)
+    return int(np.clip(enough, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
+
+
+def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
+    """Number of anti-oscillators whose truncation error is its share of the tolerance.
+
+    It is extrapolated from the error of `model` and that of half as many anti-oscillators.
+    """
+    share = max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)
+    model, half = replace(model, stretch=None), model.n // 2
+    if half < 1:
+        return FIRST_N
+    omega = float(model.omega[half])
+    coarser = truncation_error(model.truncated(half), run, next_omega=omega, tol=0.1 * share).worst
+    error = max(error, 0.1 * share)
+    rate = np.clip(math.log(max(coarser, error) / error) / math.log(model.n / half), *RATES)
+    return math.ceil(model.n * (error / share) ** (1 / rate))
+
+
+class MeshRecord(TypedDict):
+    """What is kept of one mesh: its size, `n`, seconds, bars of mesh and all, peak force [N]."""
+
+    dofs: int
+    n: int
+    seconds: float
+    mesh: float
+    total: float
+    peak_force: float
+
+
+def record(answer: Answer) -> MeshRecord:
+    """What is kept of one mesh, JSON values."""
+    return MeshRecord(
+        dofs=answer.structure.dofs,
+        n=answer.n,
+        seconds=answer.seconds,
+        mesh=max(bar.mesh for bar in answer.budget.values()),
+        total=answer.budget.without_law,
+        peak_force=answer.hit.peak_force,
+    )
+
+
+# -- the next mesh
+
+
+def _next(
+    answer: Answer,
+    mesh: Mesh,
+    order: int,
+    tol: float,
+    limit: float | None,
+    started: float,
+    meshes: int,
+) -> tuple[Array, str]:
+    """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
+    room = _room(answer.budget, tol)
+    resolved = all(bar.stretch and bar.mesh <= room[name] for name, bar in answer.budget.items())
+    if resolved or min(room.values()) < LEAST_ROOM * tol:
+        return np.ones(0), (
+            "A finer mesh does not help: the shares of time steps, patch and second-order forces "
+            "take the tolerance alone; change the radius of the site."
+        )
+    if answer.n >= MOST_N:
+        return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
+    usual = _usual(answer)
+    goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
+    goal *= EAGER ** (meshes - 1)
+    structure, dim = answer.structure, mesh.tdim
+    energies = _errors_of_cells(answer, mesh)
+    ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+    growth = whole = bisection.growth(mesh.comm, ratio, dim)
+    if growth > GROWTH:
+        goal = goal * (growth / GROWTH) ** (2 * order / dim)
+        ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+        growth = bisection.growth(mesh.comm, ratio, dim)
+    growth = max(growth, 1.0)
+    dofs = structure.dofs * max(whole, 1.0)
+    seconds = answer.seconds * max(whole, 1.0) ** SECONDS_POWER[dim]
+    spent = time.perf_counter() - started
+    expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
+    needed = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
+    free = free_memory()
+    told = ""
+    cost = f"a mesh of about {dofs:.2g} dofs would meet it, in some {seconds:.2g} s more"
+    if limit is not None and expected > limit:
+        told = f"Stopped before the limit of {limit:g} s: {cost}."
+    elif needed > MEMORY_SHARE * free:
+        told = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
+    return ratio, on_root(structure.comm, lambda: told)
+
+
+def _usual(answer: Answer) -> float:
+    """The mesh's bar with the usual factor over that of now: what is not resolved now will be."""
+    safety = answer.budget.safety
+    if answer.raw.model.strain_misfit is not None:
+        return SAFETY * SHELL / safety
+    return (SAFETY - 1) / (safety - 1)
+
+
+def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
+    """Errors of the cells of this rank, by the amplitudes of the shapes in the contact."""
+    if mesh.tdim == 1:  # all lines are divided alike
+        return np.ones(compat.cell_map(mesh.dolfinx).size_local)
+    values, vectors = np.linalg.eigh(amplitudes(answer.raw))
+    kept = values > NEGLIGIBLE * values[-1]
+    shapes = answer.raw.model.shapes @ (vectors[:, kept] * np.sqrt(values[kept]))
+    return estimator(answer.structure).of_cells(shapes)
+
+
+def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
+    """What the mesh may take of the tolerance, for each quantity.
+
+    On the next mesh more anti-oscillators are taken if the truncation asks for them. Second-order
+    forces whose share takes the tolerance alone are no reason for a coarser mesh than without them.
+    """
+    room = {}
+    for name, bar in budget.items():
+        truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
+        whole = AIM * (tol - bar.time - bar.patch) - truncation
+        left = whole - AIM * bar.stretch
+        room[name] = whole if bar.stretch and left < LEAST_ROOM * tol else left
+    return room
+
+
+def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) -> History:
+    """The history, with its budget and the story of its meshes."""
+    hit, budget = answer.hit, answer.budget
+    model = replace(hit.model, info=replace(hit.model.info, strike=records))
+    dofs = ", ".join(str(one["dofs"]) for one in records)
+    worst = budget.without_law
+    story = f"Meshes of {dofs} dofs; bar {100 * worst:.2g} % for tol = {100 * tol:g} %."
+    if worst > tol and not told:
+        share = max(bar.model for bar in budget.values())
+        told = (
+            f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
+            "finer mesh helps, solid elements would."
+        )
+    if told:
+        budget = replace(budget, notes=(*budget.notes, told))
+    return replace(
+        with_model(hit, model),
+        status=1 if told and hit.status == 0 else hit.status,
+        message=" ".join(filter(None, (hit.message, story, told))),
+        budget=partial(_known, budget),
+        structure=answer.structure,
+    )
+
+
+def _known(budget: ErrorBudget, _hit: History) -> ErrorBudget:
+    """The budget of a history that has been computed already."""
+    return budget
