@@ -29,7 +29,7 @@ PLACES = {
     ),
     "antiosc/": ("src/antiosc",),
     "fem/": ("src/antiosc/fem",),
-    "simulation/": ("src/antiosc/impact",),
+    "impact/": ("src/antiosc/impact",),
 }
 
 

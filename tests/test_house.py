@@ -83,6 +83,41 @@ def test_packages_import_those_below_them():
     assert arrows == {(a, b) for a, below in PACKAGES.items() for b in {a, *below}}
 
 
+#: Room of the core -> rooms below it that it imports: one way from the mesh to the force.
+ROOMS = {
+    "base": set(),
+    "engine": {"base"},
+    "io": {"base"},
+    "plot": {"base"},
+    "models": {"base", "engine", "io", "plot"},
+    "impact": {"base", "engine", "models", "plot"},
+    "fem": {"base", "engine", "io", "models"},
+    "recovery": {"base", "fem", "io"},
+    "reduce": {"base", "engine", "fem", "io", "models", "recovery"},
+    "fields": {"base", "engine", "fem", "impact", "models", "plot", "recovery", "reduce"},
+    "strikes": {"base", "engine", "fem", "fields", "impact", "models", "recovery", "reduce"},
+}
+
+
+def room(name: str) -> str:
+    """The folder of the core that holds a module; "" for the modules that give names alone."""
+    parts = name.split(".")
+    return parts[1] if len(parts) > 1 and (SRC / "antiosc" / parts[1]).is_dir() else ""
+
+
+def test_rooms_of_the_core_import_those_below_them():
+    arrows = {
+        (room(name), room(to))
+        for name, tree in TREES.items()
+        for to in imports(tree)
+        if package(name) == package(to) == "antiosc"
+    }
+    assert {room(name) for name in FILES if package(name) == "antiosc"} - {""} == ROOMS.keys()
+    assert {(a, b) for a, b in arrows if a and b and a != b} == {
+        (a, b) for a, below in ROOMS.items() for b in below
+    }
+
+
 def test_packages_take_no_private_name_of_each_other():
     private = [
         f"{name}: {node.module}.{alias.name}"

@@ -358,7 +358,7 @@ def simulate(
     contact : ContactLaw or "auto"
         "auto": the law that materials, curvatures and strengths of both surfaces need
         (`antiosc.engine.contact.choice`). The half-space compliance of the model's patch, if it
-        contains one (`local_compliance`), is subtracted from any law; `history.details` states this.
+        contains one (`local_compliance`), is subtracted from any law; `history.details` says so.
     duration : float
         Time to simulate [s].
     method : str

@@ -1,9 +1,10 @@
 """Lines along which a part may land, as a cylinder on its side.
 
 A straight line of contact is one law of the whole line (`antiosc.engine.contact.line`), shared by
-stations along it by their lengths. The stations are the nodes of a Gauss-Lobatto rule on the axis, each a
-ball of the cylinder's radius, so that the line rolls with the part and the force does not depend on
-the mesh. They touch where the axis is level; otherwise the part lands on an end, as a point.
+stations along it by their lengths. The stations are the nodes of a Gauss-Lobatto rule on the
+axis, each a ball of the cylinder's radius, so that the line rolls with the part and the force does
+not depend on the mesh. They touch where the axis is level; otherwise the part lands on an end, as a
+point.
 
 The law of the line is that of two half-spaces. What the part gives way more or less than a
 half-space, without its modes, is a compliance of the law: that of patches along the line on the
