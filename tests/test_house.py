@@ -102,7 +102,8 @@ ROOMS = {
 def room(name: str) -> str:
     """The folder of the core that holds a module; "" for the modules that give names alone."""
     parts = name.split(".")
-    return parts[1] if len(parts) > 1 and (SRC / "antiosc" / parts[1]).is_dir() else ""
+    folder = SRC / "antiosc" / parts[1] if len(parts) > 1 else SRC
+    return folder.name if (folder / "__init__.py").is_file() else ""
 
 
 def test_rooms_of_the_core_import_those_below_them():

@@ -1,0 +1,1 @@
+"""Reduction: sites of a structure, extraction of its model, errors of its mesh."""
