@@ -263,4 +263,4 @@ def _columns(
     def at(columns: Array, whole: bool) -> Array:
         return cast(Array, where.recovered(structure, columns, *asked, whole=whole))
 
-    return with_pairs(at, history, body, shapes)
+    return with_pairs(at, structure, history, body, shapes)

@@ -5,7 +5,8 @@ u = Σ x_s ψ_s + Σ a_i a_j v_ij (`antiosc.models.stretch`), and its strain to 
 
     ε(u) + η(u, u)/2 = Σ x_s ε(ψ_s) + Σ a_i a_j (ε(v_ij) + η(φ_i, φ_j)/2).
 
-What evaluates whole strains ε(s) + η(s, s)/2 gives η of two modes by those of their sum.
+What evaluates whole strains ε(s) + η(s, s)/2 gives η of two modes by those of their sum. About the
+static state q under a prestress, ε(s) is ε(s) + η(q, s).
 """
 
 from __future__ import annotations
@@ -28,11 +29,29 @@ from antiosc.reduce.extraction import stretching
 Columns = Callable[[Array, bool], Array]
 
 
-def with_pairs(at: Columns, history: AnyHistory, body: str, shapes: Array) -> Array:
+def _of_state(at: Columns, structure: Structure, shapes: Array) -> Array:
+    """Columns (…, B) of η(q, s), q the static state under a prestress, s the shapes (rows, B)."""
+    preload = structure.matrices.preload
+    if preload is None or not structure.comm.allreduce(preload.q.any()):
+        return np.zeros(shapes.shape[1])
+    q = preload.q[:, None]
+    own = np.abs(np.hstack([q, shapes])).max(axis=0, initial=0.0)
+    largest = np.max(structure.comm.allgather(own), axis=0)
+    scale = largest[0] / np.where(largest[1:] > 0, largest[1:], 1.0)
+    small = shapes * scale
+    return np.asarray((at(q + small, True) - at(q, True) - at(small, True)) / scale)
+
+
+def with_pairs(
+    at: Columns, structure: Structure, history: AnyHistory, body: str, shapes: Array
+) -> Array:
     """Columns (…, B) of the shapes (rows, B) of a body, those of pairs with η of their modes."""
     forces = stretch_in(history, body)
     if forces is None:
-        return at(shapes, False)
+        linear = at(shapes, False)
+        if linear.shape[-1] != shapes.shape[1]:  # columns of branches, too
+            return linear
+        return linear + _of_state(at, structure, shapes)
     pairs = forces.size * (forces.size + 1) // 2
     count = shapes.shape[1] - pairs
     modes = shapes[:, :count] @ stretch_factors(history, body).T
@@ -47,7 +66,7 @@ def with_pairs(at: Columns, history: AnyHistory, body: str, shapes: Array) -> Ar
     square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
     own = square[..., i == j]
     mixed = (square - own[..., i] - own[..., j]) / 2
-    columns = linear[..., : shapes.shape[1]].copy()
+    columns = linear[..., : shapes.shape[1]] + _of_state(at, structure, shapes)
     columns[..., count:] += np.where(i == j, square, mixed)
     return columns
 
@@ -77,6 +96,6 @@ def tensors_at_nodes(
         found.append(one)
         return np.asarray(one[2].columns)
 
-    columns = with_pairs(at, history, body, shapes)
+    columns = with_pairs(at, structure, history, body, shapes)
     points, cells, tensors = found[0]
     return points, cells, tensors._replace(columns=columns)

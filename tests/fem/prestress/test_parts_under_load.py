@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import ufl
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
+from antiosc.fem.elements.second_order_points import DEGREES, points_of
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from full_second_order import Full
@@ -261,6 +265,76 @@ def test_reactions_of_a_loaded_part_are_changes_of_those_of_all_its_second_order
     assert own == pytest.approx(exact, abs=3e-3 * np.abs(exact).max())
     balance = found.total + found.applied - found.inertia
     assert np.abs(balance).max() < 1e-6 * hit.peak_force
+
+
+class FullAbout(Full):
+    """All second-order forces about the static state of a part under dead loads."""
+
+    def __init__(self, part, site):
+        super().__init__(part, site)
+        self.q = np.zeros(len(self.b))
+        self.rest = self.forces(part.matrices.preload.q)
+        self.q = part.matrices.preload.q
+
+    def forces(self, u):
+        return super().forces(self.q + u) - (self.rest if self.q.any() else 0.0)
+
+    def tangent(self, u):
+        return super().tangent(self.q + u)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_loaded_sheet_stretches_as_all_of_its_degrees_of_freedom():
+    part, bare, _, _, site = sagging()
+    full = FullAbout(part, site)
+    full.K = csr(bare.K)
+    blow = (0.2, 1.5, 1e6, 5e-3)
+    _, force, moved = full.impact(*blow, 160)
+    model = ao.extract(part, site, n=30, stretch="auto")
+    ball, law = ao.RigidMass(0.2, 1.5), ao.Power(1e6, 1.5)
+    hit = ao.simulate(model, ball, law, 5e-3)
+    linear = ao.simulate(replace(model, stretch=None), ball, law, 5e-3)
+    assert abs(np.abs(linear.displacement).max() / moved.max() - 1) > 0.04
+    stiffer = linear.peak_force < hit.peak_force  # further down it is pulled more
+    assert ("stiffer" in linear.message, "softer" in linear.message) == (stiffer, not stiffer)
+    behind = replace(site, direction=(0, 0, 1))
+    back = ao.simulate(ao.extract(part, behind, n=30), ball, law, 5e-3)
+    assert "softer" in back.message
+    assert hit.peak_force == pytest.approx(force.max(), rel=0.01)
+    assert np.abs(hit.displacement).max() == pytest.approx(moved.max(), rel=0.01)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("count", [False, 4])
+def test_a_blow_on_a_sagging_sheet_pulls_it(count):
+    """Membrane forces A (ε(u) + η(q, u) + η(u, u)/2) at Gauss points; their invariants."""
+    part, bare, _, _, site = sagging()
+    model = ao.extract(part, site, n=30, stretch=count)
+    hit = ao.simulate(model, ao.RigidMass(0.05, 0.2), ao.Power(1e6, 1.5), 4e-3)
+    when, points = 3e-3, points_of(bare.matrices)
+    u, q = (points.slopes(one) for one in (hit.field(when), part.matrices.preload.q))
+    own = points.weighted_stress(points.second(u, u)) / 2 * bool(count)
+    own = own + points.stress(u)
+    whole = (own + points.weighted_stress(points.second(q, u))) / points.weight[:, None]
+    mesh = bare.matrices.mesh.dolfinx
+    x = compat.GaussPoints(mesh, DEGREES["triangle"]).values(ufl.SpatialCoordinate(mesh), 3)
+    for k in (40, 200, 500):
+        found = ao.probe(part, hit, tuple(x[k]), "section_forces", [when])[0][:3]
+        alone = own[k] / points.weight[k]
+        assert np.linalg.norm(whole[k] - alone) > 0.3 * np.linalg.norm(alone)
+        trace, deviator = (f(whole[k]) for f in (sum_of, deviator_of))
+        assert sum_of(found) == pytest.approx(trace, abs=0.01 * deviator)
+        assert deviator_of(found) == pytest.approx(deviator, rel=0.01)
+
+
+def sum_of(N):
+    """N1 + N2, in all axes the same."""
+    return N[0] + N[1]
+
+
+def deviator_of(N):
+    """The difference of the principal forces."""
+    return np.hypot(N[0] - N[1], 2 * N[2])
 
 
 @pytest.mark.filterwarnings("ignore")

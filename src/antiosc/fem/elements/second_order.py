@@ -171,12 +171,13 @@ FLAT = 1e-3
 def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
     """Change [1/m] of the force on a sheet, a share of it, for each metre of displacement.
 
-    `shape` (rows of this rank): displacements and rotations for 1 m of the site under its static
+    About the static state under a prestress, which curves a flat sheet too. `shape` (rows of this
+    rank): displacements and rotations for 1 m of the site under its static
     force `stiffness` [N/m]. The strain energy of the motion q shape is k q²/2 + g q³/2 + …, with
     g = ∫ N : η, N the membrane forces of the shape: its force is k q (1 + 3 g q/(2 k)). 0 of flat
     sheets; < 0: softer. Quartic terms, by which each sheet stiffens, are not in it.
     """
-    if is_flat(part):
+    if is_flat(part) and part.preload is None:
         return 0.0
     frame, section = frames(part.mesh, part.parts), section_fields(part.mesh, part.parts)
     motion = compat.function_of(part.form.space, shape)
@@ -184,6 +185,9 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
     stretch = strains.membrane
     if section.coupling is not None:
         stretch = stretch + section.coupling * strains.bending
+    if part.preload is not None:
+        state = compat.function_of(part.form.space, part.preload.q)
+        stretch = stretch + of_sheet(frame, state, motion)
     energy = ufl.inner(section.A * stretch, of_sheet(frame, motion, motion))
     g = compat.integrate(energy * measure(part.mesh, 6), part.mesh.dolfinx)
     return 1.5 * g / stiffness

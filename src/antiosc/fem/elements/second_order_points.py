@@ -8,7 +8,7 @@ axes of a solid, the tangents of a sheet, the line of a beam). The strain is T :
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,6 +49,7 @@ class Points:
     stiffness : C (n, s, s).
     components : b of a node, of which the first `moved` are displacements.
     held : dofs that are fixed.
+    base : derivatives (n, d, b) of the state that motions start from: ε is then ε + η(base, ·).
     """
 
     gradient: scipy.sparse.csr_matrix
@@ -59,10 +60,15 @@ class Points:
     components: int
     moved: int
     held: IntArray
+    base: Array | None = None
     _turned: scipy.sparse.csr_matrix = field(init=False)
 
     def __post_init__(self) -> None:
         self._turned = self.gradient.T.tocsr()
+
+    def about(self, state: Array) -> Points:
+        """The points for motions about a static state (dofs,)."""
+        return replace(self, base=self.slopes(state))
 
     def slopes(self, motion: Array) -> Array:
         """Derivatives (n, d, b) of a motion (dofs,)."""
@@ -71,7 +77,10 @@ class Points:
 
     def stress(self, slopes: Array) -> Array:
         """C ε (n, s) times the weights."""
-        return self.weighted_stress(np.einsum("nsdb,ndb->ns", self._every(), slopes, optimize=True))
+        strain = np.einsum("nsdb,ndb->ns", self._every(), slopes, optimize=True)
+        if self.base is not None:
+            strain += self.second(self.base, slopes)
+        return self.weighted_stress(strain)
 
     def weighted_stress(self, strain: Array) -> Array:
         """C (n, s) times the weights, of a strain."""
@@ -93,6 +102,8 @@ class Points:
         else:
             on = np.einsum("nsdb,ns->ndb", self.strain, strained, optimize=True)
         on += pushed
+        if self.base is not None:
+            on += self.along(strained, self.base)
         return np.asarray((self._turned @ on.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:

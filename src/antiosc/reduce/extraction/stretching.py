@@ -9,7 +9,8 @@ energy to fourth order in a is
 v = -Σ a_i a_j K⁻¹g_ij, less its parts in the φ so that φᵀKv = 0: one solve for each pair, with the
 factor that is there (static modal derivatives: S. Idelsohn, A. Cardona, *Comput. Methods Appl.
 Mech. Eng.* 49 (1985) 253; condensed: J. Hollkamp, R. Gordon, *J. Sound Vib.* 318 (2008) 1139). The
-quadratic forces are g_ijᵀφ_k, symmetric in all three.
+quadratic forces are g_ijᵀφ_k, symmetric in all three. About a static state q under a prestress ε(u)
+is ε(u) + η(q, u).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.structure.structure import Structure, refuse_prestress
+from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST, MOST_OF_MAP, Count, Stretch
 
@@ -44,7 +45,6 @@ AT_ONCE = 20_000
 def part_of(structure: Structure) -> MeshedStructure:
     """The part that can stretch; InputError for others."""
     matrices = structure.matrices
-    refuse_prestress(structure, "stretch=")
     if not matrices.meshed or matrices.assembled:
         raise InputError(
             "stretch= takes a part of one mesh, a Structure(mesh, material, supports); got "
@@ -95,12 +95,18 @@ def stretch_of_map(
 
 def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
     """The forces in combinations `modes` of the free modes, the motions phi (rows, m)."""
-    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
-
     with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
-        found = tensors(structure, points_of(part_of(structure)), phi)
+        found = tensors(structure, _points(structure), phi)
     quadratic, cubic, shapes = found
     return Stretch(modes, quadratic, cubic, count, shapes)
+
+
+def _points(structure: Structure) -> Points:
+    """The Gauss points of a part, about its static state under a prestress."""
+    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
+
+    points, preload = points_of(part_of(structure)), structure.matrices.preload
+    return points if preload is None else points.about(preload.q)
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
@@ -162,9 +168,7 @@ def work_on(
         w·f = Σ a_i a_j g_ijᵀw + Σ a_k a_i a_j ∫ (C ε(v_ij) + C η(φ_i, φ_j)/2) : η(φ_k, w)
               + ε(φ_k):C:η(v_ij, w) + ε(w):C:η(φ_k, v_ij).
     """
-    from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
-
-    points = points_of(part_of(structure))
+    points = _points(structure)
     pairs = list(combinations_with_replacement(range(phi.shape[1]), 2))
     slopes = [points.slopes(mode) for mode in phi.T]
     three = np.zeros((len(slopes), len(pairs), motions.shape[1]))
