@@ -50,7 +50,9 @@ class Support(FieldsRepr):
     ----------
     where
         Name of a group of the mesh or of a side of its bounding box ("-x", "+x", "-y", …), or a
-        function that maps coordinates x of shape (3, n) to a mask (n,) of the fixed points. Give
+        function that maps coordinates x of shape (3, n) to a mask (n,) of the fixed points. On the
+        curved outline of straight cells the points between corners lie inside of the curve: leave
+        them room, or name a group, else they are free. Give
         either `where` or one of `near`, `box` and `plane`, which select nodes by their coordinates,
         with a tolerance of a millionth of the mesh's size.
     fix
