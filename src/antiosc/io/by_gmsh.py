@@ -13,6 +13,7 @@ import inspect
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import log, sqrt
 from pathlib import Path
 from types import ModuleType
@@ -283,9 +284,9 @@ def generate(ask: Request) -> FileMesh:
     if not ask.trust:
         own = Path(f"mesh{suffix}")
         if suffix in SCRIPTS:
-            script = geo_script.harmless(source.read_text(encoding="latin-1"), ask.name)
+            script = geo_script.harmless(_text_of(source), ask.name, partial(_beside, source, ask.name))
             for name in script.merged:
-                _copy_beside(source, name, ask.name)
+                shutil.copyfile(_merged(source, ask.name, name), name)
             own.write_text(script.text, encoding="latin-1", newline="")
         else:
             shutil.copyfile(source, own)
@@ -293,12 +294,23 @@ def generate(ask: Request) -> FileMesh:
     return _through_gmsh(ask, source)
 
 
-def _copy_beside(script: Path, name: str, shown: str) -> None:
-    """Copy a geometry file that a script merges into the folder of the script's copy."""
+def _text_of(script: Path) -> str:
+    return script.read_text(encoding="latin-1")
+
+
+def _beside(script: Path, shown: str, name: str) -> str:
+    """The text of a script that another one includes."""
+    return _text_of(_merged(script, shown, name))
+
+
+def _merged(script: Path, shown: str, name: str) -> Path:
+    """A file that a script merges; MeshError if it is not there."""
     merged = script.with_name(name)
     if not merged.is_file():
-        raise MeshError(f"{shown} merges {name}, but there is no such file in its folder.")
-    shutil.copyfile(merged, name)
+        raise MeshError(
+            f"{shown} merges {name}, but there is no such file in its folder: put it there."
+        )
+    return merged
 
 
 def _through_gmsh(ask: Request, path: Path) -> FileMesh:
@@ -309,6 +321,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     try:
         attempt.prepare(gmsh)
         stated = 1.0 if ask.solid else cad.opened(gmsh, str(path))
+        attempt.prepare(gmsh, scripted=suffix in SCRIPTS)
         told: list[str] = []
         names: Names = {}
         if ask.solid:

@@ -47,9 +47,13 @@ class Attempt:
         """Whether it is for CAD files (`drawn`), or for surfaces of triangles."""
         return self.options != PATCHES if drawn else not self.curved
 
-    def prepare(self, gmsh: ModuleType) -> None:
-        """Set the options of gmsh."""
-        for name, value in (*self.healing.items(), *self.options.items()):
+    def prepare(self, gmsh: ModuleType, scripted: bool = False) -> None:
+        """Set the options of gmsh; `scripted`: over those of a script, which may have failed."""
+        options = {**self.healing, **self.options}
+        if scripted:
+            first = not self.options
+            options = {**NETGEN, **({} if first else USUAL), **options}
+        for name, value in options.items():
             gmsh.option.setNumber(name, value)
 
 
@@ -59,8 +63,11 @@ HEALING = {
     for name in ("FixDegenerated", "FixSmallEdges", "FixSmallFaces", "SewFaces", "MakeSolids")
 }
 #: Elements around a full turn: without them thin curved walls pierce each other.
-AROUND = {"Mesh.MeshSizeFromCurvature": 12.0}
-HXT = {"Mesh.Algorithm3D": 10.0, "Mesh.OptimizeNetgen": 1.0}
+AROUND, CLOSELY = ({"Mesh.MeshSizeFromCurvature": number} for number in (12.0, 20.0))
+HXT = {"Mesh.Algorithm3D": 10.0}
+#: Of scripts: an optimiser that Debian's gmsh has not, and gmsh's usual ways to mesh.
+NETGEN = {"Mesh.OptimizeNetgen": 0.0}
+USUAL = {"Mesh.Algorithm": 6.0, "Mesh.Algorithm3D": 1.0, "Mesh.HighOrderOptimize": 0.0}
 #: Of surfaces of triangles whose sides have no plane parameters: holes that touch the rim.
 PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
 #: In this order; the first is gmsh's usual one. Of 91 CAD files by others at a twentieth of their
@@ -70,7 +77,8 @@ ATTEMPTS = (
     Attempt("as it is"),
     Attempt("with elements that follow the curvature", options=AROUND),
     Attempt("at half the element size", share=0.5),
-    Attempt("by HXT, with Netgen's optimiser", options=HXT),
+    Attempt("by HXT", options=HXT),
+    Attempt("with elements that follow the curvature closely", options=CLOSELY),
     Attempt("without smaller elements at points (refine)", refined=False),
     Attempt("by other triangles (MeshAdapt)", options={"Mesh.Algorithm": 1, **AROUND}),
     Attempt("after repairs by OpenCASCADE", options=AROUND, healing=HEALING),

@@ -8,13 +8,14 @@ returns the script without comments and with a blank on both sides of every name
 gmsh divides it into the same tokens.
 
 Names can be composed at run time only by `StringToName`, which is refused. A token that is not a
-command here is therefore not a command in gmsh.
+command here is therefore not a command in gmsh. What a script writes (`Save`, `Print` of one file) is
+left out, and the scripts beside it that it includes stand in their place.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
@@ -26,6 +27,10 @@ FILE_COMMANDS = {
     *("System", "SystemCall", "NonBlockingSystemCall", "OnelabRun"),
     *("Include", "Merge", "MergeWithBoundingBox", "Print", "Save", "SendToServer", "CreateDir"),
 }
+#: Those that only write a file, and those that take in a script.
+WRITING, INCLUDING = ("Save", "Print"), ("Include", "Merge")
+#: Scripts that include each other, at most.
+DEEPEST = 8
 #: Reserved words of that kind, and those that turn a string into a name.
 WORDS = {*("OnelabRun", "Plugin", "ShapeFromFile", "ListFromFile", "StringToName", "S2N")}
 #: Fields that run a program or read a file.
@@ -69,16 +74,18 @@ class Script(NamedTuple):
     merged: list[str]
 
 
-def harmless(text: str, name: str) -> Script:
+def harmless(text: str, name: str, beside: Callable[[str], str]) -> Script:
     """The script `text` of the file `name` in the form in which gmsh may run it.
+
+    `beside` reads a script in the folder of the file.
 
     Raises
     ------
     MeshError
         It runs programs, reads or writes files, or gmsh may divide it into other tokens.
     """
-    tokens = list(_tokens(text, name))
-    meant = [t for t in tokens if t.kind not in ("blank", "comment")]
+    tokens = list(_included(text, name, beside))
+    meant = _meant(tokens)
     merged = [_check(meant, k, name) for k in range(len(meant))]
     if any(_END_OF_SKIPPED.search(t.text) for t in meant if t.kind == "string"):
         for token in meant:
@@ -88,9 +95,40 @@ def harmless(text: str, name: str) -> Script:
     return Script(text, [m for m in merged if m])
 
 
+def _meant(tokens: list[Token]) -> list[Token]:
+    """Tokens without blanks and comments."""
+    return [t for t in tokens if t.kind not in ("blank", "comment")]
+
+
+def _included(
+    text: str, name: str, beside: Callable[[str], str], depth: int = 0
+) -> Iterator[Token]:
+    """The tokens of a script with those that it includes, without the commands that write files."""
+    if depth > DEEPEST:
+        raise MeshError(f"{name} includes scripts more than {DEEPEST} deep, or itself.")
+    tokens = list(_tokens(text, name))
+    places = [k for k, t in enumerate(tokens) if t.kind not in ("blank", "comment")]
+    done = 0
+    for k, file, end in zip(places, places[1:], places[2:], strict=False):
+        word, argument = tokens[k].text, tokens[file]
+        if k < done or argument.kind != "string" or tokens[end].text != ";":
+            continue
+        if word in WRITING or (word in INCLUDING and _is_beside(argument, (".geo",))):
+            yield from tokens[done:k]
+            done = end + 1
+            if word in INCLUDING:
+                inner = argument.text[1:-1]
+                yield from _included(beside(inner), inner, beside, depth + 1)
+                yield Token("blank", "\n", argument.line)
+    yield from tokens[done:]
+
+
 def _tokens(text: str, name: str) -> Iterator[Token]:
     if "\0" in text:
-        raise _refusal(name, Token("sign", "", 1 + text[: text.index("\0")].count("\n")), "a null")
+        raise MeshError(
+            f"{name} is binary and no script of gmsh, as the geometries of GiD: write it there as "
+            ".step, or its mesh as .inp or .bdf."
+        )
     line = 1
     for match in _TOKEN.finditer(text):
         token = Token(str(match.lastgroup), match[0], line)
@@ -113,7 +151,7 @@ def _check(tokens: list[Token], k: int, name: str) -> str | None:
     if word in WORDS:
         raise _refusal(name, token, word)
     if word in FILE_COMMANDS and after.kind in ("string", "name"):
-        if word == "Merge" and second.text == ";" and _is_cad(after):
+        if word == "Merge" and second.text == ";" and _is_beside(after, CAD):
             return after.text[1:-1]
         raise _refusal(name, token, f"{word} {after.text[:60]}")
     if word in FILE_FIELDS and before.text == "=":
@@ -131,11 +169,11 @@ def _at(tokens: list[Token], k: int) -> Token:
     return tokens[k] if 0 <= k < len(tokens) else Token("end", "", 0)
 
 
-def _is_cad(token: Token) -> bool:
-    """Whether a string names a geometry file beside the script."""
+def _is_beside(token: Token, endings: tuple[str, ...]) -> bool:
+    """Whether a string names a file of these endings beside the script."""
     file = token.text[1:-1]
     plain = token.kind == "string" and re.fullmatch(r"[\w\- .+=()]+", file, re.ASCII) is not None
-    return plain and file.lower().endswith(CAD) and not file.startswith(".")
+    return plain and file.lower().endswith(endings) and not file.startswith(".")
 
 
 def _behind(tokens: list[Token], k: int) -> str:
@@ -159,6 +197,6 @@ def _refusal(name: str, token: Token, what: str) -> MeshError:
     shown = " ".join(what.split())
     return MeshError(
         f"{name} is refused for line {token.line} ({shown}): a geometry may run no program and "
-        "read or write no other file but CAD beside it; if you know who wrote it, read it with "
+        "read no other file but CAD and scripts beside it; if you know who wrote it, read it with "
         "trust=True."
     )
