@@ -122,6 +122,9 @@ def _of_mesh(path: Path) -> ForeignPart:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
     mesh, way, pieces = _first(path, read, ways)
     read |= way
+    if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
+        read["order"] = 1
+        mesh = antiosc.read_mesh(str(path), **read)
     if "size" not in read and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
@@ -203,6 +206,7 @@ def _of_way(read: Read) -> list[str]:
         "piece": "of its pieces the largest is read (piece).",
         "merge": "its pieces are joined at nodes that coincide (merge).",
         "cells": "cells of other dimensions are left out (cells).",
+        "order": "its bars are straight between their ends (order).",
     }
     return [sentence for key, sentence in words.items() if key in read]
 

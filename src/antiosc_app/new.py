@@ -82,6 +82,8 @@ THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
 #: Most nodes of a part that is struck for a moment [s] before its scene is written.
 MOST_NODES, MOMENT = 4000, 2e-4
+#: Least dofs for each anti-oscillator.
+DOFS_FOR_EACH = 4
 #: Longest run of a new scene, in periods of the highest frequency of its impact: stresses are
 #: looked at 40 000 times, 13 a period. 2 s of a sheet of 6 m left 297 % of the largest open.
 LONGEST_RUN = 3000
@@ -304,7 +306,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     flat = _flat(mesh, outer, structure, (point, direction, radius))
     # each node that is not held has three dofs or more
     dofs = 3 * int((~held).sum()) if structure is None else structure.dofs
-    count = max(0, min(COUNTS[family], dofs - 1))
+    count = min(COUNTS[family], dofs // DOFS_FOR_EACH)
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
         family, read, low, high, list(mesh.groups), cells, where, plane,
@@ -401,7 +403,11 @@ def _spread(sites: Iterator[T]) -> Iterator[T]:
 
 def _group(mesh: Mesh, words: Sequence[str]) -> str | None:
     """The group of facets, edges or nodes that has the first of these words in its name."""
-    lower = {n: n.lower() for n, parts in mesh.groups.items() if min(parts) < mesh.tdim}
+    lower = {
+        n: n.lower()
+        for n, parts in mesh.groups.items()
+        if min(parts, default=mesh.tdim) < mesh.tdim
+    }
     return next((n for word in words for n, low in lower.items() if word in low), None)
 
 
@@ -594,7 +600,18 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
     """
     ending = Path(source).suffix.lower()
     deck = ending in DECK_ENDINGS if found is None else found.of_deck
-    keys = ("unit", "size", "gdim", "merge", "density", "piece", "fragments", "solid", "cells")
+    keys = (
+        "unit",
+        "size",
+        "gdim",
+        "merge",
+        "density",
+        "piece",
+        "fragments",
+        "solid",
+        "cells",
+        "order",
+    )
     return rendered(
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
@@ -602,7 +619,7 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
         deck=deck,
         closed=ending == ".stl",
         look=found,
-        read=dict.fromkeys((*keys, "free")) | dict(found.read if found else {}),
+        read=dict.fromkeys((*keys, "free", "order")) | dict(found.read if found else {}),
         family="Solid" if found is None else found.family,
         count=COUNTS["Solid"] if found is None else found.count,
         material=MATERIAL if found is None else found.material,
@@ -685,7 +702,7 @@ def write_scene(
             stream.write(content)
         try:
             if len(found.points) <= MOST_NODES:
-                found = replace(found, cell=_try(temporary, target.name))
+                found = _tried(temporary, target.name, part, found, drop)
                 temporary.write_text(text(target.name, part, found, drop), encoding="utf-8")
             os.link(temporary, target)  # fails if the target exists; a rename would replace it
         finally:
@@ -707,6 +724,24 @@ def write_scene(
     return target, sentences
 
 
+def _tried(scene: Path, name: str, part: str, found: Inspection, drop: bool) -> Inspection:
+    """The part as it can be struck: without error bars if need be; InputError if not even so."""
+    reason: InputError | None = None
+    for bars in (True, False)[not found.bars :]:
+        one = replace(found, bars=bars)
+        scene.write_text(text(name, part, one, drop), encoding="utf-8")
+        try:
+            one = replace(one, cell=_try(scene, name))
+        except InputError as error:
+            reason = reason or error
+            continue
+        if reason is None:
+            return one
+        told = f"it is struck without error bars, for otherwise {reason}"
+        return replace(one, notes=(*one.notes, told))
+    raise InputError(f"the part can be read, but not struck as it is: {reason}")
+
+
 def _try(scene: Path, name: str) -> float | None:
     """Strike the part for a moment, or drop it once: InputError if that is refused.
 
@@ -716,7 +751,7 @@ def _try(scene: Path, name: str) -> float | None:
     brief: dict[str, dict[str, object]] = {
         "history": {"duration": MOMENT},
         "fall": {"until": 1},
-        "model": {"error": None},
+        "model": {"error": None},  # which tells the size of the cells; the history's has the bars
     }
     for what, own in brief.items():
         call = getattr(calls, what)
@@ -729,7 +764,7 @@ def _try(scene: Path, name: str) -> float | None:
             )
     except AntioscError as error:
         told = str(error).replace(str(scene), name)
-        raise InputError(f"the part can be read, but not struck as it is: {told}") from None
+        raise InputError(told) from None
     hit = struck.history
     cell = hit and coarse_at(struck.model, "", hit.assembly.contact_time_estimate)
     return float(f"{cell.allowed:.1g}") if cell else None

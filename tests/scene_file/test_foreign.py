@@ -291,3 +291,23 @@ def test_numbers_of_nodes_in_a_scene_are_those_points(tmp_path, monkeypatch):
         result = json.loads((tmp_path / f"{name}_out" / "result.json").read_text())
         peaks.append(result["result"]["peak_force"])
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
+
+
+def test_a_part_of_one_cell_is_struck_without_error_bars(tmp_path):
+    """Its error is no positive energy: one cell has no neighbours."""
+    nodes = [(0, 0, 0), (1, 0, 0), (0.5, 0.8, 0), (0.5, 0.3, 0.8)]
+    rows = [f"{k}, {', '.join(map(str, x))}" for k, x in enumerate(nodes, 1)]
+    part = tmp_path / "one.inp"
+    part.write_text("\n".join(["*NODE", *rows, "*ELEMENT, TYPE=C3D4", "1, 1, 2, 3, 4", ""]))
+    scene, told = new.write_scene(tmp_path / "one.toml", str(part))
+    assert any("it is struck without error bars" in line for line in told)
+    assert "error" not in tomllib.loads(scene.read_text())["extract"]
+
+
+def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
+    nodes = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0.5, 0, 0\n"
+    part = tmp_path / "bar.inp"
+    part.write_text(f"{nodes}*ELEMENT, TYPE=B32\n1, 1, 3, 2\n")
+    scene, told = new.write_scene(tmp_path / "bar.toml", str(part))
+    assert tomllib.loads(scene.read_text())["geometry"]["order"] == 1
+    assert any("straight" in line for line in told)

@@ -284,7 +284,9 @@ def generate(ask: Request) -> FileMesh:
     if not ask.trust:
         own = Path(f"mesh{suffix}")
         if suffix in SCRIPTS:
-            script = geo_script.harmless(_text_of(source), ask.name, partial(_beside, source, ask.name))
+            script = geo_script.harmless(
+                _text_of(source), ask.name, partial(_beside, source, ask.name)
+            )
             for name in script.merged:
                 shutil.copyfile(_merged(source, ask.name, name), name)
             own.write_text(script.text, encoding="latin-1", newline="")

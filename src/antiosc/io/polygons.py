@@ -114,10 +114,12 @@ def _of_stl(content: bytes, name: str) -> tuple[Array, IntArray]:
 
 
 def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
-    """Triangles in binary; None for what meshio reads or refuses: text, other faces, no PLY."""
+    """Polygons in text, triangles in binary; None for what meshio reads or refuses."""
     content = content.replace(b"end_header\r\n", b"end_header\n", 1)
     head, _, data = content.partition(b"end_header\n")
     header = [line.split() for line in head.decode("latin-1").splitlines()]
+    if ["format", "ascii"] in [words[:2] for words in header]:
+        return _of_ply_text(header, data.decode("latin-1").splitlines(), name)
     try:
         records = _ply_records(header)
         (first, (count, vertex)), (second, (number, face)) = list(records.items())[:2]
@@ -130,6 +132,38 @@ def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
     if (first, second) != ("vertex", "face") or (sizes != 3).any():
         return None
     return _checked(x, corners.astype(np.int64), name)
+
+
+def _of_ply_text(
+    header: Sequence[Sequence[str]], lines: Sequence[str], name: str
+) -> tuple[Array, IntArray] | None:
+    """A line for each point and face; None where the first elements are others."""
+    begin = 1 + sum(words[:1] != ["end_header"] for words in header)
+    rows = [
+        (words, Place(name, number))
+        for number, line in enumerate(lines, begin + 1)
+        if (words := line.split())
+    ]
+    elements = [(words[1], int(words[2])) for words in header if words[:1] == ["element"]]
+    fields = [words[-1] for words in header if words[:1] == ["property"]]
+    if [kind for kind, _ in elements[:2]] != ["vertex", "face"] or not {*"xyz"} <= {*fields}:
+        return None
+    columns = [fields.index(axis) for axis in "xyz"]
+    count, faces = (number for _, number in elements[:2])
+    points, table = [], []
+    for words, place in rows[:count]:
+        place.needs(len(words) > max(columns), "a point needs three coordinates.")
+        points.append([real_number(words[column], place) for column in columns])
+    for words, place in rows[count : count + faces]:
+        size = whole_number(words[0], place)
+        place.needs(2 < size < len(words), f"a face of {size} corners has {len(words) - 1}.")
+        corners = [whole_number(word, place) for word in words[1 : 1 + size]]
+        table += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+    if len(rows) < count + faces:
+        raise MeshError(
+            f"{name} has {len(rows)} lines of {count} points and {faces} faces: cut off."
+        )
+    return _checked(points, table, name)
 
 
 def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dtype[np.void]]]:

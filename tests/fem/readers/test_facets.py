@@ -189,6 +189,24 @@ def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
         ao.read_mesh(path)
 
 
+def test_a_ply_in_text_has_polygons_and_empty_lines(tmp_path):
+    points, _ = triangles_of(OBJ.encode(), "cube.obj")
+    quads = OFF.splitlines()[-6:]
+    axes = "".join(f"property float {name}\n" for name in "zxy")
+    header = f"ply\nformat ascii 1.0\nelement vertex 8\n{axes}element face 6\n"
+    rows = [" ".join(map(str, row[[2, 0, 1]])) for row in points]
+    lines = [f"{header}property list uchar int vertex_index\nend_header\n", *rows, "", *quads]
+    path = tmp_path / "cube.ply"
+    path.write_text("\n".join(lines))
+    mesh = ao.read_mesh(path)
+    corners = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    assert np.ptp(corners, axis=(0, 1)) == pytest.approx([1, 1, 1])
+    assert mesh.n_cells == 12
+    path.write_text("\n".join(lines[:-1]))
+    with pytest.raises(ao.MeshError, match="cut off"):
+        ao.read_mesh(path)
+
+
 @pytest.mark.parametrize("order", ["little", "big"])
 def test_coloured_triangles_of_a_binary_ply_are_read(tmp_path, order):
     """meshio reads the first face alone where faces have more than corners."""
