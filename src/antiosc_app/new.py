@@ -104,7 +104,7 @@ class Inspection:
     cells : their number and kind in words.
     where : group that holds it; plane : (point, normal) of nodes that do; neither: it is free.
     point, direction : of the site; radius : of its patch, None for beams and sheets.
-    count : number of anti-oscillators, below that of the dofs.
+    count : number of anti-oscillators, at most a quarter of that of the dofs.
     cell : largest cell at the site [m], of what is meshed here; None where `size` will do.
     material : by name; not of a deck.
     bars : whether its models have error bars of mesh and truncation.

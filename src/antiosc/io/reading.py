@@ -312,9 +312,8 @@ def read(
             return sound(raw)
         return sound(one_piece(raw, piece, path.name))
 
-    if drawn or options.get("solid"):
-        return _meshed(once, path.name, drawn)
-    return once(0)
+    geometry = path.suffix.lower() in GEOMETRY
+    return _meshed(once, path.name, geometry) if geometry or options.get("solid") else once(0)
 
 
 def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> RawMesh:

@@ -364,3 +364,11 @@ def test_groups_are_the_same_on_two_ranks(tmp_path):
     """
     path = str(grid(tmp_path / "many.msh", 10, 8))
     assert run_ranks(2, script, path) == ["[25, 25, 25, 25, 25, 25, 25, 25]\n"] * 2
+
+
+def test_what_a_script_asks_of_the_mesh_gives_way_where_it_fails(tmp_path):
+    """HXT of Debian's gmsh ends with a fault from the triangles of this algorithm."""
+    box = 'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1};\nMesh.Algorithm = 8;'
+    (tmp_path / "box.geo").write_text(f"{box} Mesh.Algorithm3D = 10; Mesh.OptimizeNetgen = 1;\n")
+    with pytest.warns(ao.AntioscWarning, match="it is meshed with"):
+        assert ao.read_mesh(tmp_path / "box.geo", size=0.3).n_cells > 50
