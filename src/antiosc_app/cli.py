@@ -117,6 +117,9 @@ def _parser() -> argparse.ArgumentParser:
             )
             by_name = "a name of `antiosc materials` (default: steel S235)"
             command.add_argument("--material", metavar="NAME", help=by_name)
+        if name in ("new", "open"):
+            about_unit = "of the file, as mm, in or m (default: what its size and materials tell)"
+            command.add_argument("--unit", metavar="UNIT", help=about_unit)
         if name == "export":
             ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
             command.add_argument("out", metavar="OUT", help=ends)

@@ -53,7 +53,9 @@ def _new(options: Namespace) -> int:
     file, part = options.file, options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
-    path, sentences = new.write_scene(file or "scene.toml", part, options.drop, options.material)
+    path, sentences = new.write_scene(
+        file or "scene.toml", part, options.drop, options.material, options.unit
+    )
     for sentence in sentences:
         say(sentence)
     say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
@@ -63,7 +65,7 @@ def _new(options: Namespace) -> int:
 def _open(options: Namespace) -> int:
     from antiosc_app import view
 
-    view.until_interrupted(options.part, browser=not options.no_browser)
+    view.until_interrupted(options.part, options.unit, browser=not options.no_browser)
     return 0
 
 

@@ -77,8 +77,8 @@ class ForeignPart:
     pieces: Sequence[Piece] = ()
 
 
-def foreign_part(path: Path, free: bool = False) -> ForeignPart:
-    """Read or mesh a part; `free`: a deck without its supports.
+def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> ForeignPart:
+    """Read or mesh a part; `free`: a deck without its supports; `unit`: of the file, if known.
 
     Raises
     ------
@@ -88,29 +88,31 @@ def foreign_part(path: Path, free: bool = False) -> ForeignPart:
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
-        return _of_deck(path, free)
+        return _of_deck(path, free, UNITS if unit is None else (unit,))
     with without_warnings():
-        return _of_mesh(path)
+        return _of_mesh(path, unit)
 
 
 # --- Meshes and geometries ------------------------------------------------------------------------
 
 
-def _of_mesh(path: Path) -> ForeignPart:
+def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
+    from antiosc.io.neutral import UnitSystem
     from antiosc.io.reading import outline
 
     suffix = path.suffix.lower()
-    read: Read = {}
+    read: Read = {} if unit is None else {"unit": unit}
     notes: list[str] = []
     ways: list[Read] = [{}]
     looked = None
     if suffix in GEOMETRIES or suffix in SURFACES:
         looked = outline(path)
         length = float(np.ptp(looked.points, axis=0).max())
-        if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
-            read["unit"], length = "mm", 1e-3 * length
+        if unit is None and length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
+            read["unit"] = "mm"
+        length *= UnitSystem.of(read.get("unit", "m")).length
         size = float(f"{length / ELEMENTS:.1g}")
         if suffix in GEOMETRIES:
             read["size"] = size
@@ -214,21 +216,21 @@ def _of_way(read: Read) -> list[str]:
 # --- Decks ----------------------------------------------------------------------------------------
 
 
-def _of_deck(path: Path, free: bool) -> ForeignPart:
-    """The model of a deck in the unit in which its materials are real ones.
+def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
+    """The model of a deck in that of some units in which its materials are real ones.
 
     One model that can be read says what the others would be.
     """
     from antiosc.fem.assembly import with_parts
 
     reason: InputError | None = None
-    for unit in UNITS:
+    for unit in units:
         try:
             structure, read, pieces = _model(path, unit, free)
         except InputError as error:
             reason = reason or error
             continue
-        best = _likeliest(structure, unit, "density" in read)
+        best = _likeliest(structure, unit, units, "density" in read)
         if best != unit:
             with contextlib.suppress(InputError):
                 structure, read, pieces = _model(path, best, free)
@@ -257,7 +259,7 @@ def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read, Sequence
             read["density"] = STEEL["rho"]
 
 
-def _likeliest(structure: Structure, unit: str, of_scene: bool) -> str:
+def _likeliest(structure: Structure, unit: str, units: Sequence[str], of_scene: bool) -> str:
     """The unit in which moduli, densities and size are those of real parts, of equals the first.
 
     `of_scene`: the densities are in SI units.
@@ -279,7 +281,7 @@ def _likeliest(structure: Structure, unit: str, of_scene: bool) -> str:
             total += _outside(rho * then.density / now.density, DENSITIES)
         return total + _outside(np.array([extent * then.length / now.length]), LENGTHS)
 
-    return min(UNITS, key=lambda name: round(off(name), 3))
+    return min(units, key=lambda name: round(off(name), 3))
 
 
 def _numbers(materials: Iterable[object], *names: str) -> Array:

@@ -242,8 +242,10 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
     return [f"  {a:<{first}}  {b:<{second}}  {c}" for a, b, c in rows]
 
 
-def inspect_part(path: Path, free: bool = False) -> Inspection:
-    """Read or mesh the file of a part and look at it; `free`: a deck without its supports.
+def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Inspection:
+    """Read or mesh the file of a part and look at it.
+
+    `free`: a deck without its supports; `unit`: of the file, where it is known.
 
     Raises
     ------
@@ -251,7 +253,7 @@ def inspect_part(path: Path, free: bool = False) -> Inspection:
         It cannot be read or meshed, or is too large to be looked at.
     """
     check_size(path)
-    part = foreign_part(path, free)
+    part = foreign_part(path, free, unit)
     found = _inspect_mesh(part.mesh, part.read, part.structure)
     return replace(found, notes=tuple(part.notes), pieces=part.pieces)
 
@@ -654,10 +656,11 @@ def write_scene(
     part: str | None = None,
     drop: bool = False,
     material: str | None = None,
+    unit: str | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; its path, and sentences on the part.
 
-    `material`: by name, of a part that is no deck.
+    `material`: by name, of a part that is no deck; `unit`: of the file.
 
     Raises
     ------
@@ -685,7 +688,7 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            found = inspect_part(source, drop)
+            found = inspect_part(source, drop, unit)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not found.of_deck:

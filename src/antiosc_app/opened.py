@@ -111,10 +111,13 @@ class Opened:
     ----------
     path : of its file; what is saved goes beside it.
     structure : in place of a file, which has its material and supports; nothing is saved.
+    unit : of the file; None: a guess.
     """
 
-    def __init__(self, path: Path, structure: Structure | None = None) -> None:
-        self._path, self._given = path, structure
+    def __init__(
+        self, path: Path, structure: Structure | None = None, unit: str | None = None
+    ) -> None:
+        self._path, self._given, self._unit = path, structure, unit
         self._work = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
         self._waiting, self._lock = 0, threading.Lock()
         self._turns: Kept[int] = Kept(TABS)
@@ -231,6 +234,7 @@ class Opened:
         self._source = self._source._replace(faces=faces)
         self._first = {
             "name": self._path.name,
+            "told": _told_of_file(look),
             "skin": shape,
             "faces": list(faces),
             "materials": [] if look.of_deck else MATERIALS,
@@ -249,7 +253,7 @@ class Opened:
         if self._given is not None:
             return new.inspect_structure(self._given)
         with progress.doing(f"looking at {self._path.name}"):
-            return new.inspect_part(self._path)
+            return new.inspect_part(self._path, unit=self._unit)
 
     # -- a set-up as a scene, and what is made of it
 
@@ -396,6 +400,14 @@ class Opened:
             found.impactor, found.stresses = one.hit.impactor, _strengths(one)
         report.write_page(found, page)
         return {"written": names}
+
+
+def _told_of_file(look: new.Inspection) -> str:
+    """The size of the part, and what was decided while reading its file."""
+    side = " × ".join(f"{1e3 * c:.4g}" for c in look.high - look.low)
+    unit = look.read.get("unit")
+    taken = f", its file in {unit} (antiosc open --unit)" if unit else ""
+    return " ".join([f"{side} mm{taken}.", *(note[:1].upper() + note[1:] for note in look.notes)])
 
 
 def _key(scene: Compiled, sections: tuple[str, ...]) -> str:

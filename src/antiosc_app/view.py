@@ -101,9 +101,9 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
     return _shown(_file(part), None, NOTEBOOKS)
 
 
-def until_interrupted(path: str, browser: bool) -> None:
-    """Serve the page of a file until Ctrl-C."""
-    shown = _shown(_file(path), None, NOBODY)
+def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
+    """Serve the page of a file, of a unit that is known or not, until Ctrl-C."""
+    shown = _shown(_file(path), None, NOBODY, unit)
     say(f"{path} is open at {shown.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
         webbrowser.open(shown.address)
@@ -123,9 +123,9 @@ def _file(given: str | os.PathLike[str]) -> Path:
     return path
 
 
-def _shown(path: Path, structure: Structure | None, frames: str) -> View:
+def _shown(path: Path, structure: Structure | None, frames: str, unit: str | None = None) -> View:
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")
     title = path.name if structure is None else "A part"
-    return View(Opened(path, structure), title, frames)
+    return View(Opened(path, structure, unit), title, frames)

@@ -311,3 +311,18 @@ def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
     scene, told = new.write_scene(tmp_path / "bar.toml", str(part))
     assert tomllib.loads(scene.read_text())["geometry"]["order"] == 1
     assert any("straight" in line for line in told)
+
+
+def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm", model=False)
+    assert inspect_part(path, unit="in").length == pytest.approx(25.4 * SIDES[0])
+    path = deck(tmp_path / "b.inp", "m")
+    with pytest.raises(ao.InputError, match="wave speed"):  # in mm its steel is none
+        inspect_part(path, unit="mm")
+    cube = tmp_path / "cube.geo"
+    cube.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 2, 2};')
+    found = inspect_part(cube, unit="in")
+    assert found.length == pytest.approx(0.0508)
+    assert found.read["size"] == pytest.approx(0.0508 / 20, rel=0.3)
+    with pytest.raises(ao.InputError, match="unit must be"):
+        inspect_part(path, unit="ell")

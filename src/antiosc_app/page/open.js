@@ -170,6 +170,7 @@ class Bench {
 
   make_fields() {
     const { facts } = this, of_file = facts.faces.length > 0;
+    find("file").textContent = facts.told;
     for (const one of document.querySelectorAll(".of-file")) one.hidden = !of_file;
     for (const name of facts.faces) made("option", find("hold"), name, { value: name });
     find("hold").onchange = () => { if (find("hold").value) this.toggle(find("hold").value); find("hold").value = ""; };
