@@ -36,13 +36,13 @@ def built(*defines: str) -> Any:
     """The library with `march_parts.c`, and macros such as SWEEPS=0."""
     sys.path.insert(0, str(ROOT / "packaging"))
     try:
-        import library
+        import library as packaged
     finally:
         sys.path.pop(0)
     out = Path(tempfile.mkdtemp()) / "libmarch.so"
     flags = ["-std=c99", "-O1", "-fPIC", "-shared", *(f"-D{each}" for each in defines)]
     units = [SUPPORT / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
-    command = [*library.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
+    command = [*packaged.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
     subprocess.run(command, check=True)
     found = library.load(out, out.parent)
     for name, (result, *arguments) in _PARTS.items():
