@@ -119,7 +119,7 @@ def test_no_memory_for_the_factor(monkeypatch):
         return made(*given)
 
     monkeypatch.setattr(solver_choice, "Multigrid", multigrid)
-    with pytest.warns(ao.AntioscWarning, match="GB are free: an iterative solver is used"):
+    with pytest.warns(ao.AntioscWarning, match="GB are free: conjugate gradients"):
         model = ao.extract(block(), SITE, n=3)
     assert model.k0 > 0
     with pytest.raises(ao.OutOfMemoryError, match=r"about 0\.0\d+ GB and 0\.001 GB are free"):

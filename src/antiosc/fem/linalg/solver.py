@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Literal, get_args
 
 import numpy as np
@@ -88,6 +90,11 @@ class Solver(ABC):
                 SINGULAR.format(f"backward error {error:.1e}, limit {self.backward_error:.0e}")
             )
         return X[:, 0] if r.ndim == 1 else X
+
+    @contextmanager
+    def accurately(self) -> Iterator[None]:
+        """Context for the solves of an eigenproblem, whose errors are in the shapes."""
+        yield
 
     @property
     def told(self) -> str:

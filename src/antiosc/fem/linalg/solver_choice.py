@@ -426,8 +426,9 @@ PRECONDITIONER_ERROR = 0.03
 BYTES = 8 * 1.3
 #: Bytes of the iterative solvers for each entry of A: their levels, and the products while they are
 #: made (multigrid 6 to 7: benchmarks/multigrid.py; two levels about twice that:
-#: benchmarks/large_parts.py).
-MULTIGRID = 20.0
+#: benchmarks/large_parts.py); where products are taken from the cells, about 5
+#: (benchmarks/nine_million.py).
+MULTIGRID, MULTIGRID_BY_CELLS = 20.0, 8.0
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
 #: Remedy where neither fits.
@@ -491,19 +492,19 @@ def _of_entries(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
     if not fits:
         warn(
             A.getComm().tompi4py(),
-            f"{process.shortage(what, need, free)}: an iterative solver is used (conjugate "
-            "gradients with multigrid), whose solves take ten times as long or more; a coarser "
-            "mesh or order=1 may fit.",
+            f"{process.shortage(what, need, free)}: {solver.method} are used{solver.pace}; with a "
+            "coarser mesh or order=1 a factor may fit.",
         )
     return solver
 
 
-def _iterative(A: PETSc.Mat, levels: Levels) -> Solver:
+def _iterative(A: PETSc.Mat, levels: Levels) -> Multigrid:
     """The iterative solver, or OutOfMemoryError before its matrices are made."""
     process.trim_heap()
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
-    process.require(MULTIGRID * stored(A), what, SMALLER_MESH, free)
+    each = MULTIGRID_BY_CELLS if by_cells(A) else MULTIGRID
+    process.require(each * stored(A), what, SMALLER_MESH, free)
     coarser = levels.coarser()
     if coarser is None:
         return Multigrid(with_entries(A), levels.motions())

@@ -53,6 +53,7 @@ class TwoLevels(Multigrid):
     """
 
     method = "conjugate gradients with two levels"
+    pace = ", which are slow where a part is thin or nearly incompressible"
 
     def __init__(
         self,

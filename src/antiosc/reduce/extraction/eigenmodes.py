@@ -81,7 +81,8 @@ class Search:
 
 def lowest(search: Search) -> tuple[Array, Array]:
     """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the modes wanted, in any order."""
-    return _by_arpack(search) if by_scipy(search.structure.K) else _by_slepc(search)
+    with search.structure.factorize().accurately():
+        return _by_arpack(search) if by_scipy(search.structure.K) else _by_slepc(search)
 
 
 def _by_arpack(search: Search) -> tuple[Array, Array]:
