@@ -8,36 +8,25 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Deck, IntArray, Numbering, Place
-from antiosc_decks.abaqus_cards import Card, Row, account_for, cards as read_cards
+from antiosc.io.deck import Deck, IntArray, Numbering, Place
+from antiosc_decks.abaqus_cards import OTHER, Card, Row, Scope, account_for, cards as read_cards
 from antiosc_decks.abaqus_mesh import NONE, Mesh, mesh_of
 from antiosc_decks.constraints import lever
 from antiosc_decks.sources import Account, Sources
 
-#: Numbers in the whole deck from which elements are not cells.
-OTHER = 2**40
 WHAT = {"NSET": "node", "ELSET": "element"}
 
 
 @dataclass
-class Instance:
+class Instance(Scope):
     """A placed part: the first rows of its nodes and elements in the whole deck."""
 
     whole: Whole
-    name: str
     cards: list[Card]
     mesh: Mesh
-    #: x in the whole deck: turn @ x in the part + shift
-    turn: Array = field(default_factory=lambda: np.eye(3))
-    shift: Array = field(default_factory=lambda: np.zeros(3))
     first_node: int = 0
     first_element: int = 0
     first_other: int = 0
-
-    @property
-    def prefix(self) -> str:
-        """What stands before its names in the whole deck."""
-        return f"{self.name}." if self.name else ""
 
     def placed(self, keyword: str, rows: IntArray) -> IntArray:
         """Rows of its nodes (NSET) or elements (ELSET) in the whole deck."""
@@ -62,21 +51,6 @@ class Instance:
             what = what if number else f"set of {what}s"
             raise place.error(f"there is no {what} {word}{where}.")
         return found
-
-    def nodes(self, word: str, place: Place) -> IntArray:
-        """Rows of the node or of the set of nodes that `word` names."""
-        return self.rows("NSET", word, place)
-
-    def node(self, word: str, place: Place) -> int:
-        """The node that a number or a set of one node names."""
-        nodes = self.nodes(word, place)
-        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
-        return int(nodes[0])
-
-    def elements(self, word: str, place: Place) -> IntArray:
-        """Numbers of the cells that the number or the name of a set of elements stands for."""
-        rows = self.rows("ELSET", word, place)
-        return rows[rows < OTHER]
 
     def find(self, keyword: str, word: str) -> IntArray | None:
         """Rows of a number, or of the set with this name; None if there is none."""
@@ -166,14 +140,14 @@ class Whole:
             self._extend("ELSET", name, top, [np.arange(start, deck.n_elements)])
         self.cards += [card.of(instance) for card in instance.cards]
 
-    def _extend(self, keyword: str, name: str, within: Instance, rows: list[IntArray]) -> None:
+    def _extend(self, keyword: str, name: str, within: Scope, rows: list[IntArray]) -> None:
         key = keyword, within.spelled(name).upper()
         self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NONE), *rows]))
 
     def read_set(self, card: Card) -> None:
         """A card *NSET or *ELSET; one of the assembly may have members in instances."""
         keyword, name, within = card.keyword, card.needed(card.keyword), card.within
-        of = within
+        of = self.instances[within.name.upper()]
         if wanted := card.option("INSTANCE"):
             told = f"there is no instance {wanted!r}."
             of = card.place.found(self.instances, wanted.upper(), told)
@@ -235,7 +209,7 @@ def read(sources: Sources) -> Whole:
     whole = Whole(Deck(name), account_for(cards, name))
     whole.deck.told += whole.account.unknown()
     top, parts, placed = _divided(cards, whole.steps)
-    whole.add(Instance(whole, "", top, mesh_of(top, name)))
+    whole.add(Instance("", np.eye(3), np.zeros(3), whole, top, mesh_of(top, name)))
     meshes: dict[str, Mesh] = {}
     used = {card.option("PART").upper() for card, _ in placed}
     for part, (spelled, _) in parts.items():
@@ -314,4 +288,4 @@ def _placed(
         K = -lever((b - a) / length)
         turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
         shift = a + turn @ (shift - a)
-    return Instance(whole, name, cards, mesh, turn, shift)
+    return Instance(name, turn, shift, whole, cards, mesh)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from copy import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import IntArray, Place, Placed, real_number, whole_number
+from antiosc.io.deck import Array, IntArray, Place, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
 
-if TYPE_CHECKING:
-    from antiosc_decks.abaqus_assembly import Instance
-
+#: Numbers in the whole deck from which elements are not cells.
+OTHER = 2**40
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 #: Cards of loads, whose data may be in a file that is not there.
@@ -55,6 +54,44 @@ class Row(Placed):
 
 
 @dataclass
+class Scope(ABC):
+    """What the numbers and names of a card refer to: an instance, or the deck outside of them."""
+
+    name: str
+    #: x in the whole deck: turn @ x in the part + shift
+    turn: Array
+    shift: Array
+
+    @property
+    def prefix(self) -> str:
+        """What stands before its names in the whole deck."""
+        return f"{self.name}." if self.name else ""
+
+    @abstractmethod
+    def spelled(self, name: str) -> str:
+        """A set's name as first written; upper and lower case are not distinguished."""
+
+    @abstractmethod
+    def rows(self, keyword: str, word: str, place: Place) -> IntArray:
+        """Rows of the number or of the set (NSET or ELSET) that `word` names."""
+
+    def nodes(self, word: str, place: Place) -> IntArray:
+        """Rows of the node or of the set of nodes that `word` names."""
+        return self.rows("NSET", word, place)
+
+    def node(self, word: str, place: Place) -> int:
+        """The node that a number or a set of one node names."""
+        nodes = self.nodes(word, place)
+        place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
+        return int(nodes[0])
+
+    def elements(self, word: str, place: Place) -> IntArray:
+        """Numbers of the cells that the number or the name of a set of elements stands for."""
+        rows = self.rows("ELSET", word, place)
+        return rows[rows < OTHER]
+
+
+@dataclass
 class Card(Placed):
     """One keyword with its options and data lines."""
 
@@ -67,14 +104,14 @@ class Card(Placed):
     lines: list[str] = field(default_factory=list)
     #: file and line of each data line
     places: list[Place] = field(default_factory=list)
-    #: whose names it uses
-    within: Instance = field(init=False, repr=False)
+    #: what its numbers and names refer to
+    within: Scope = field(init=False, repr=False)
 
-    def of(self, within: Instance) -> Card:
-        """The card with the names of an instance."""
-        own = copy(self)
-        own.within = within
-        return own
+    def of(self, within: Scope) -> Card:
+        """A copy of the card whose numbers and names refer to `within`."""
+        card = copy(self)
+        card.within = within
+        return card
 
     def rows(self) -> list[Row]:
         """The data lines that have fields."""

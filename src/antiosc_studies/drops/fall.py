@@ -25,11 +25,11 @@ from antiosc_studies.drops.flight import Flight, State, ringing, turned
 from antiosc_studies.drops.floor import Setting, SoftLayer
 from antiosc_studies.drops.lines import STATIONS
 from antiosc_studies.drops.trajectory import (
-    Impacts,
+    NO_IMPACT,
     Peak,
+    Trajectory,
     contact_yield,
     hung,
-    impact_of,
     trajectory,
     yielded,
 )
@@ -81,7 +81,6 @@ LOOKS, FEW, MANY = 8, 20, 200
 STIFFENS = 0.02
 #: Indentation of a layer over the radius up to which the force of a ball is that of a paraboloid.
 BLUNT = 0.3
-NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 #: Nudges of the predictability: angle [rad], and what a peak force may differ by.
 NUDGE, SPREAD = 1e-4, 0.05
 
@@ -106,7 +105,7 @@ UNSETTLED = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fall(Result):
+class Fall(Trajectory, Result):
     """A fall from its start to its end: flights and episodes of contact in turn.
 
     Attributes
@@ -122,15 +121,6 @@ class Fall(Result):
     message : why the fall ended.
     """
 
-    body: FreeBody
-    setting: Setting
-    start: State
-    end: State
-    episodes: list[Episode]
-    flights: list[Flight]
-    groups: list[list[int]]
-    message: str
-
     @property
     def status(self) -> int:
         if self.message.startswith("not at rest"):
@@ -142,13 +132,6 @@ class Fall(Result):
         ended = {"duration": float(self.end.time), "status": self.status, "message": self.message}
         return {"impacts": self.impacts.numbers(), "peak_force": self.peak_force, **ended}
 
-    @cached_property
-    def impacts(self) -> Impacts:
-        """The impacts, as a table."""
-        gravity = self.setting.gravity
-        own = range(len(self.groups))
-        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in own)
-
     @property
     def peak_force(self) -> float:
         """Largest sum of the normal forces of all impacts [N]."""
@@ -159,25 +142,6 @@ class Fall(Result):
         """Largest spin [rad/s] before and after the impacts."""
         states = [self.start, *(one.end for one in self.episodes)]
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
-
-    def energy(self) -> tuple[Array, Array]:
-        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
-
-        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
-        """
-        rows = [(self.start, 0.0)]
-        for one in self.episodes:
-            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
-        rows.append((self.end, rows[-1][1]))
-        gravity = self.setting.gravity
-        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
-        return np.array([s.time for s, _ in rows]), np.array(energies)
-
-    def _episodes(self, impact: int) -> list[Episode]:
-        if not self.groups:
-            raise InputError(NO_IMPACT)
-        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
-        return [self.episodes[i] for i in self.groups[k]]
 
     # -- what a point feels
 

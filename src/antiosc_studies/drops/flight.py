@@ -19,8 +19,8 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine import library
-from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.floor import Ground
+from antiosc_studies.drops.free_body import FreeBody
 
 #: Points by their numbers.
 Which: TypeAlias = "slice | IntArray | Sequence[int]"

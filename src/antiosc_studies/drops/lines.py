@@ -13,30 +13,25 @@ mesh, less their compliance on a half-space.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf, log, pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import engineering
 from antiosc.engine.contact import Tabulated
 from antiosc.engine.contact.curvature import LINE, Curvature
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.line import line_curve
+from antiosc_studies.drops.cylinder import STATIONS, Cylinder, rule
+from antiosc_studies.drops.flight import State
+from antiosc_studies.drops.floor import Floor
+from antiosc_studies.drops.free_body import FreeBody
 
-if TYPE_CHECKING:
-    from antiosc_studies.drops.body import FreeBody
-    from antiosc_studies.drops.flight import State
-    from antiosc_studies.drops.floor import Floor
-
-#: Number of stations of a line.
-STATIONS = 7
-#: Sine of the inclination of the axis up to which a cylinder lands along its line.
-LEVEL = 0.02
 #: Deviation of vertices from a cylinder over its radius, from fit to fit; the share of the length
 #: and the number of vertices that they cover at least.
 OFF, COVERED, LEAST = (0.25, 0.15, 0.08, 0.04, 0.02, 0.01, 0.01), 0.9, 6
@@ -54,63 +49,8 @@ WHOLE = 1.2
 MEAN = 2 * (1 - log(2))
 #: Largest pressure of a line at first yield over the yield strength.
 FIRST_YIELD = 1.79
-#: Nodes from which the shapes of the modes at a station are taken.
-NEAREST = 3
 #: Least slope of the indentation over its first one.
 LEAST_SLOPE = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class Cylinder:
-    """A part of the surface that is straight in one direction.
-
-    Attributes
-    ----------
-    centre : (3,) of its axis, relative to the centre of mass [m]; axis : (3,) its direction.
-    radius, length : [m].
-    down, spread : (3,) direction of the middle of its arc, and half the angle of it [rad].
-    compliance : of the whole line without modes and half-space [m/N].
-    material : (2,) Young's modulus [Pa] and Poisson's ratio.
-    members : numbers of the points of the body on it.
-    nodes, shapes : (M, 3) nodes relative to the centre of mass [m], and (M, J, 3) the modes there.
-    """
-
-    centre: Array
-    axis: Array
-    radius: float
-    length: float
-    down: Array
-    spread: float
-    compliance: float
-    material: Array
-    members: IntArray
-    nodes: Array
-    shapes: Array
-
-    @property
-    def points(self) -> Array:
-        """(STATIONS, 3) of the axis [m]."""
-        return self.centre + np.outer(_rule()[0] * self.length / 2, self.axis)
-
-    def lands(self, up: Array) -> BoolArray:
-        """Whether it lands along its line, for verticals (..., 3) in the axes of the body."""
-        level = np.abs(up @ self.axis) <= LEVEL
-        inside = -up @ self.down >= np.cos(max(self.spread - LEVEL, 0.0))
-        return np.asarray(level & (inside | (self.spread >= pi)))
-
-    def shapes_at(self, up: Array) -> Array:
-        """Shapes (STATIONS, J, 3) of the modes where the line is for a vertical (3,)."""
-        away, number = cKDTree(self.nodes).query(self.points - self.radius * up, NEAREST)
-        weights = 1 / np.maximum(away, 1e-9 * self.radius)
-        weights /= weights.sum(axis=1, keepdims=True)
-        return np.asarray(np.einsum("sn,snjd->sjd", weights, self.shapes[number]))
-
-
-def _rule() -> tuple[Array, Array]:
-    """Nodes and weights (STATIONS,) of the Gauss-Lobatto rule; the weights add up to 1."""
-    last = np.polynomial.legendre.Legendre.basis(STATIONS - 1)
-    x = np.concatenate(([-1.0], np.sort(last.deriv().roots().real), [1.0]))
-    return x, 1 / (STATIONS * (STATIONS - 1) * last(x) ** 2)
 
 
 def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
@@ -139,7 +79,7 @@ def _added(body: FreeBody, one: Cylinder, floor: Floor) -> FreeBody:
     first, count = len(body.points), body.omega.size
     which, shapes = np.arange(first, first + STATIONS), np.zeros((STATIONS, count, 3))
     law = _law(one, floor)
-    shares = _rule()[1].tolist()
+    shares = rule()[1].tolist()
     laws = {
         int(i): Tabulated(law[0], share * law[1]) for i, share in zip(which, shares, strict=True)
     }

@@ -14,13 +14,12 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.plot.charts import figure_or_path, new_figure
 from antiosc.plot.surfaces import LIGHT
-from antiosc_studies.drops.body import skin_of
 from antiosc_studies.drops.flight import State
+from antiosc_studies.drops.skin import skin_of
+from antiosc_studies.drops.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from antiosc_studies.drops.fall import Fall
 
 #: Frames of a film in a second, and times of a fall at which heights are drawn.
 RATE, DRAWN = 25, 500
@@ -28,7 +27,7 @@ RATE, DRAWN = 25, 500
 TRIANGLES, COLOUR = 6000, (0.35, 0.55, 0.8)
 
 
-def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
+def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | Path:
     """The part as it first hits, its height, the energies, and the forces of the impacts."""
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
@@ -59,7 +58,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     return figure_or_path(figure, path)
 
 
-def surface_of(fall: Fall) -> tuple[Array, IntArray]:
+def surface_of(fall: Trajectory) -> tuple[Array, IntArray]:
     """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or those of the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -79,7 +78,7 @@ def surface_of(fall: Fall) -> tuple[Array, IntArray]:
         return points, np.zeros((0, 3), dtype=int)
 
 
-def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray]) -> None:
+def _posed(axes: Any, fall: Trajectory, state: State, surface: tuple[Array, IntArray]) -> None:
     """Draw the part in a state above the floor."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
@@ -106,7 +105,7 @@ def _posed(axes: Any, fall: Fall, state: State, surface: tuple[Array, IntArray])
     axes.set_axis_off()
 
 
-def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
+def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path:
     """A film of the whole fall from the first impact's approach on."""
     target = checks.new_file("path", path)
     if target.suffix.lower() not in (".mp4", ".gif"):
@@ -136,7 +135,7 @@ def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
     return target
 
 
-def at(fall: Fall, time: float) -> State:
+def at(fall: Trajectory, time: float) -> State:
     """The state at a time [s] of the fall; during a contact that at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     since = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
+from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr, engineering
@@ -38,6 +40,7 @@ SUNK = 2e-3
 MOST_IMPACTS, CONTACTS = 200, 3
 #: Indentation over the radius up to which finite strain was measured (`ElasticPlastic`).
 DEEP = 0.25
+NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
@@ -441,3 +444,52 @@ def _modulus(stiffness: float, radii: tuple[float, float], material: Array) -> f
     flat = relative_curvatures(radii, (np.inf, np.inf), 0.0)
     E, nu = material.tolist()
     return min(stiffness / hertz_stiffness(1.0, *flat), effective_modulus(E, nu, None, None))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory:
+    """The flights and the episodes of contact of a body from its start to its end.
+
+    Attributes
+    ----------
+    body, setting : what falls, and on what.
+    start, end : position, orientation, velocity and spin at the start and at the end.
+    episodes, flights : in the order of time.
+    groups : of each impact the indices of its episodes.
+    message : why it ended.
+    """
+
+    body: FreeBody
+    setting: Setting
+    start: State
+    end: State
+    episodes: list[Episode]
+    flights: list[Flight]
+    groups: list[list[int]]
+    message: str
+
+    @cached_property
+    def impacts(self) -> Impacts:
+        """The impacts, as a table."""
+        gravity = self.setting.gravity
+        own = range(len(self.groups))
+        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in own)
+
+    def energy(self) -> tuple[Array, Array]:
+        """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
+
+        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
+        """
+        rows = [(self.start, 0.0)]
+        for one in self.episodes:
+            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
+        rows.append((self.end, rows[-1][1]))
+        gravity = self.setting.gravity
+        energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
+        return np.array([s.time for s, _ in rows]), np.array(energies)
+
+    def _episodes(self, impact: int) -> list[Episode]:
+        if not self.groups:
+            raise InputError(NO_IMPACT)
+        k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
+        return [self.episodes[i] for i in self.groups[k]]
