@@ -69,7 +69,7 @@ PACKAGES = {
     "antiosc": set(),
     "antiosc_decks": {"antiosc"},
     "antiosc_studies": {"antiosc"},
-    "antiosc_app": {"antiosc", "antiosc_studies"},
+    "antiosc_app": {"antiosc", "antiosc_decks", "antiosc_studies"},
 }
 
 
@@ -83,6 +83,19 @@ def test_packages_import_those_below_them():
     assert arrows == {(a, b) for a, below in PACKAGES.items() for b in {a, *below}}
 
 
+def test_readers_of_decks_need_no_finite_elements():
+    """They run in processes of their own, with NumPy alone."""
+    meshed = {name for name in FILES if package(name) == "antiosc" and room(name) not in READABLE}
+    decks = {name for name in FILES if package(name) == "antiosc_decks"}
+    arrows = {name: imports(TREES[name]) for name in decks}
+    with_meshes = {"antiosc_decks.from_deck", "antiosc_decks.shared_nodes"}
+    assert {name for name, to in arrows.items() if to & meshed} == with_meshes
+    readers = decks - with_meshes
+    assert not {name for name in readers if arrows[name] & with_meshes}
+
+
+#: Rooms of the core that readers of files import.
+READABLE = {"base", "io"}
 #: Room of the core -> rooms below it that it imports: one way from the mesh to the force.
 ROOMS = {
     "base": set(),

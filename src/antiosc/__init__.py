@@ -21,6 +21,7 @@ _MESHED = (
     "antiosc.reduce",
     "antiosc.fields",
     "antiosc.strikes",
+    "antiosc_decks",
     "antiosc_studies",
 )
 #: Modules with names that `dir` leaves out here, but for these common ones.

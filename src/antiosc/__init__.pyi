@@ -57,9 +57,6 @@ from antiosc.engine.damping import (
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
 )
-from antiosc.fem.assembly.from_deck import (
-    read_model as read_model,
-)
 from antiosc.fem.assembly.pins import (
     Ball as Ball,
     Bolt as Bolt,
@@ -257,6 +254,9 @@ from antiosc_app.report import (
 from antiosc_app.view import (
     View as View,
     view as view,
+)
+from antiosc_decks.from_deck import (
+    read_model as read_model,
 )
 from antiosc_studies.between import (
     contact_between as contact_between,

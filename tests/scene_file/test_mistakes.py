@@ -243,7 +243,7 @@ def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
 
 @pytest.mark.fem
 def test_groups_of_a_deck_of_several_parts(tmp_path):
-    from antiosc.fem.assembly.from_deck import outline_of_deck
+    from antiosc_decks.from_deck import outline_of_deck
 
     text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n*NSET,NSET=TIP\n5\n"
     text += "*ELEMENT,TYPE=S4,ELSET=SKIN\n1,1,2,3,4\n*ELEMENT,TYPE=B31,ELSET=POLE\n2,1,5\n"

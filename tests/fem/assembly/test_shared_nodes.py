@@ -8,11 +8,11 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem.assembly.assemble import put_together
-from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
 from antiosc.fem.platform import compat
+from antiosc_decks.shared_nodes import SharedNodes
 from assemblies import eigenfrequencies, static
 
 pytestmark = pytest.mark.filterwarnings(

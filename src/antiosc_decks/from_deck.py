@@ -23,7 +23,6 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly.assemble import put_together
 from antiosc.fem.assembly.joint import Joint
-from antiosc.fem.assembly.shared_nodes import NodeConstraints, SharedNodes
 from antiosc.fem.elements import Layer, Section
 from antiosc.fem.elements.beam import Beam, Truss
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Nearest, Shell
@@ -39,6 +38,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import Model, RawMesh, UnitSystem
 from antiosc.io.reading import NumberedElements, pieces_error, read_parts
+from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 
 def point_name(number: int) -> str:
