@@ -31,7 +31,7 @@ def contact_between(
     at: Site | ArrayLike | None = None,
     radius: float | None = None,
 ) -> ContactLaw:
-    """The law that `contact="auto"` takes between a part and something else.
+    """The law that `contact="auto"` chooses between a part and another body.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def _radii(surface: Surface) -> list[float]:
 
 
 def _other(other: Any, at: object) -> Surface:
-    """The surface of what touches the part."""
+    """The surface of the other body."""
     if other is None:
         return Surface(RIGID)
     if isinstance(other, Structure | Body):
@@ -89,7 +89,7 @@ def _other(other: Any, at: object) -> Surface:
 
 
 def _surface_of(body: Structure | Body, at: object) -> Surface:
-    """The surface of a structure at a place, or of a body."""
+    """The surface of a structure at a place, or of an impactor."""
     if isinstance(body, Structure):
         return surface_at(body, *_place(body, at))
     kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
@@ -103,7 +103,7 @@ def _surface_of(body: Structure | Body, at: object) -> Surface:
 
 
 def _place(part: Structure, at: object) -> tuple[Array, Array | None, float | None]:
-    """Point, direction and radius of a place on a structure."""
+    """Point, direction and patch radius of a place on a structure."""
     if isinstance(at, Site):
         found = functional(part, at)
         if found.point is None:

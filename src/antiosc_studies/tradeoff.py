@@ -58,7 +58,7 @@ MATRIX_BYTES, FACTOR_BYTES = 24.0, 8.0 * 1.3
 
 @dataclass(frozen=True)
 class Member:
-    """One way to compute the impact, with what it takes and how accurate it is.
+    """One method to compute the impact, with its cost and accuracy.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Member:
     difference: float = 0.0
 
     def cells(self) -> tuple[str, ...]:
-        """What the table says of it."""
+        """The cells of its row in the table."""
         return (
             *(self.family, engineering(self.size, "m"), f"{self.order}", f"{self.dofs}"),
             *(f"{self.n}", engineering(self.step, "s"), f"{self.seconds:.3g}"),
@@ -103,7 +103,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tradeoff(Result):
-    """What `tradeoff` has tried, the cheap members first.
+    """The methods that `tradeoff` compared, the cheapest first.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class Tradeoff(Result):
 
     @property
     def front(self) -> tuple[Member, ...]:
-        """The members than which none is faster and more accurate, the fastest first."""
+        """The methods that no other exceeds in both speed and accuracy, the fastest first."""
         kept: list[Member] = []
         for one in sorted(self.table, key=lambda one: one.seconds):
             if not kept or one.bar < kept[-1].bar:
@@ -151,12 +151,12 @@ class Tradeoff(Result):
 
     @property
     def status(self) -> int:
-        """0 if a member has a bar of at most `tol`, else 1."""
+        """0 if a method has an error bar of at most `tol`, else 1."""
         return 0 if min(one.bar for one in self.table) <= self.tol else 1
 
     @property
     def message(self) -> str:
-        """The least bar beside `tol`."""
+        """The smallest error bar compared with `tol`."""
         least = min(one.bar for one in self.table)
         return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
 
@@ -220,7 +220,7 @@ def tradeoff(
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
 ) -> Tradeoff:
-    """Error against seconds and memory of the impact on a part, down to a tolerance.
+    """Error of the impact on a part against seconds and memory, down to a tolerance.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def tradeoff(
 
 
 def _of_few(structure: Structure, site: Site, run: Run, accuracy: float, n: int) -> Answer:
-    """The answer with a given number of anti-oscillators, whatever it leaves out."""
+    """The result with a given number of anti-oscillators, at any truncation error."""
     started = time.perf_counter() - structure.seconds["factorization"]
     model = extract(structure, site, n=n, error="estimate")
     hit = second_order.simulated(structure, model, partial(run, error=accuracy))

@@ -52,7 +52,7 @@ class _Sink:
         return self.place
 
     def flush(self) -> None:
-        """Nothing: what is written reaches the disk when the file is closed."""
+        """Do nothing: what is written reaches the disk when the file is closed."""
 
 
 @contextmanager

@@ -46,7 +46,7 @@ _TRUTH = (bool, np.bool_)
 
 
 class _Required:
-    """Stands for an argument that must be given, behind one that may be left out."""
+    """The default of an argument that must be given although one before it may be left out."""
 
     def __repr__(self) -> str:
         return "nothing"
@@ -307,7 +307,7 @@ def path(name: str, value: object) -> Path:
 
 
 def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
-    """What is written, and the path; they may be given in the other order too."""
+    """What is written and its path, in this order, also where the caller gave the path first."""
     return (path, what) if isinstance(what, str | os.PathLike) else (what, path)
 
 
@@ -486,6 +486,6 @@ class Checked(FieldsRepr):
 
 @cache
 def _checks_of(kind: type[Checked]) -> list[tuple[str, Check, bool]]:
-    """Names and checks of the fields that have one, and whether None is allowed."""
+    """(name, check, whether None is allowed) of each field of a class that has a check."""
     found = [one for one in fields(kind) if "check" in one.metadata]
     return [(one.name, one.metadata["check"], one.default is None) for one in found]

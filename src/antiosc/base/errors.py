@@ -54,7 +54,7 @@ class AccuracyError(AntioscError, ArithmeticError):
 
 
 class RangeError(AccuracyError):
-    """A force exceeds the range of its law; `radius` [m] of a patch that is enough, if one is."""
+    """A force exceeds the range of its law; `radius` [m]: patch that is large enough, or None."""
 
     radius: float | None = None
 
@@ -119,7 +119,7 @@ def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
 
 
 def without_warnings() -> AbstractContextManager[None]:
-    """Drop antiosc's warnings of this thread, which were given before."""
+    """Drop the antiosc warnings of this thread, where they have been given before."""
     return warnings_to(lambda message: None)
 
 

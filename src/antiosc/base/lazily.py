@@ -10,7 +10,7 @@ from typing import Any
 
 
 def listed(module: str) -> dict[str, str]:
-    """Name -> module that holds it, from the stub beside a module's file."""
+    """Name -> module that defines it, read from the stub (.pyi) beside a module's file."""
     stub = ast.parse(Path(module).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [
         node

@@ -62,7 +62,7 @@ class Record:
 
 
 def record(name: object) -> Record:
-    """The material of a name, or of a part of a name that one alone has; else InputError."""
+    """The material of this name, or the only one whose name contains it; else InputError."""
     known, given = names(), checks.text("material", name)
     words = _words(given)
     alike = [one for one in known if all(_begins(word, _words(one)) for word in words)]
@@ -93,7 +93,7 @@ def _begins(word: str, words: list[str]) -> bool:
 
 
 def _likeness(given: str, name: str) -> float:
-    """How alike two names are; a part of a name counts as the whole."""
+    """Similarity (0 to 1) of two names; a part of a name counts as the whole."""
     pieces = [name, *name.split()]
     return max(difflib.SequenceMatcher(None, given.lower(), one.lower()).ratio() for one in pieces)
 
@@ -125,7 +125,7 @@ def _read(name: str, row: Mapping[str, Any]) -> Record:
 
 
 def _spelled_out(source: str) -> str:
-    """A source with its title in place of its key."""
+    """A source with the title of the work in place of its key."""
     key, _, place = source.partition(" ")
     title, page = _table()["sources"][key], _table()["read"].get(key)
     how = "recalled" if page is None else f"read at {page}"

@@ -54,7 +54,7 @@ UNITS = (
 
 @runtime_checkable
 class Material(Protocol):
-    """What is asked of a material here."""
+    """The properties of a material that are examined here."""
 
     def bar_speed(self) -> float:
         """Speed √(E/ρ) of waves in a bar, m/s."""
@@ -62,7 +62,7 @@ class Material(Protocol):
 
 
 def of_material(one: Material) -> str:
-    """What is implausible of a material; "" for nothing. InputError for what is impossible."""
+    """Why a material is implausible, "" if it is not; InputError for impossible values."""
     speed, name = one.bar_speed(), type(one).__name__
     massless = abs(speed / MASSLESS_WAVE - 1) < ROUNDING
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
@@ -79,7 +79,7 @@ def of_material(one: Material) -> str:
 
 
 def _meant(E: float | None, rho: float | None) -> str:
-    """The units in which a modulus [Pa] and a density [kg/m³] would be real ones."""
+    """The system of units in which a modulus [Pa] and a density [kg/m³] would be plausible."""
     if E is None or rho is None:
         return ""
     for of_E, of_rho, words in UNITS:
@@ -90,7 +90,7 @@ def _meant(E: float | None, rho: float | None) -> str:
 
 
 def of_part(extent: float, stated: bool = False, lines: bool = False) -> str:
-    """What is implausible of the diagonal [m] of the box around a part; "" for nothing.
+    """Why the diagonal [m] of the box around a part is implausible; "" if it is not.
 
     `stated`: its unit was given, or its file states one: it may be long. `lines`: it is of lines.
     """
@@ -119,7 +119,7 @@ def refuse_size(size: float, points: ArrayLike, name: str) -> None:
 
 
 def of_patch(radius: float, extent: float) -> str:
-    """What is implausible of a patch on a part of this size [m]; InputError where it is larger."""
+    """Why a patch of this radius is implausible on a part this large [m]; InputError if larger."""
     if radius > extent:
         raise InputError(
             f"the radius {radius:g} m of the site is larger than the part, which measures "
@@ -135,7 +135,7 @@ def of_patch(radius: float, extent: float) -> str:
 
 
 def of_modulus(E: float) -> str:
-    """What is implausible of the modulus [Pa] of a surface that is touched; "" for nothing."""
+    """Why the modulus [Pa] of a surface in contact is implausible; "" if it is not."""
     if E >= SOFTEST:
         return ""
     scales = ((1e9, "GPa"), (1e6, "MPa"))
@@ -148,7 +148,7 @@ def of_modulus(E: float) -> str:
 
 
 def _of_strength(strength: float | None) -> str:
-    """What is implausible of a yield strength [Pa]; "" for nothing."""
+    """Why a yield strength [Pa] is implausible; "" if it is not."""
     if strength is None or strength >= WEAKEST:
         return ""
     return (
@@ -158,7 +158,7 @@ def _of_strength(strength: float | None) -> str:
 
 
 def of_sphere(radius: float, rho: float) -> str:
-    """What is implausible of a sphere of this radius [m] and density [kg/m³]; "" for nothing."""
+    """Why a sphere of this radius [m] and density [kg/m³] is implausible; "" if it is not."""
     if radius > LARGEST_SPHERE:
         return (
             f"the sphere of radius {radius:g} m is larger than {LARGEST_SPHERE:g} m: lengths are "
@@ -173,7 +173,7 @@ def of_sphere(radius: float, rho: float) -> str:
 
 
 def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
-    """What is implausible of a sheet or bar so thick in a part of this size [m]; "" for nothing."""
+    """Why the thickness of a sheet or bar is implausible in a part of this size [m]; "" if not."""
     if thickness <= extent:
         return ""
     return (
@@ -184,7 +184,7 @@ def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
 
 
 def of_model(*models: object) -> list[str]:
-    """What was implausible of the parts from which models were extracted."""
+    """The sentences on implausible parts that were stored when the models were extracted."""
     return [
         str(text)
         for one in models
@@ -193,7 +193,7 @@ def of_model(*models: object) -> list[str]:
 
 
 def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str:
-    """What is implausible of a blow on a model; "" for nothing. InputError for the impossible.
+    """Why an impact on a model is implausible, "" if it is not; InputError for impossible values.
 
     `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
     velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.

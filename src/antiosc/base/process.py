@@ -214,7 +214,7 @@ def cores() -> int:
 
 
 def free_cores() -> int:
-    """Number of them that are idle, at least 1; 1 if this is unknown."""
+    """Number of cores that are idle, at least 1; 1 if this is unknown."""
     allowed = cores()
     if allowed == 1:
         return 1
@@ -306,7 +306,7 @@ class _Blas:
 
 
 def _blas() -> _Blas | None:
-    """The same for all Python threads; None where threadpoolctl is not installed."""
+    """The BLAS libraries of this process, for all Python threads; None without threadpoolctl."""
     with _blas_lock:
         return _blas_once()
 
@@ -407,7 +407,7 @@ def trim_heap() -> None:
 
 
 def _process_limit() -> float:
-    """What the limit of this process (ulimit -v) leaves it, in bytes."""
+    """Bytes that the memory limit of this process (ulimit -v) leaves free."""
     try:
         import resource
     except ImportError:  # no Unix

@@ -31,7 +31,7 @@ RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 
 
 class _Lines(threading.local):
-    """What this thread is doing, the outermost first."""
+    """The texts of the current work of this thread, the outermost first."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
@@ -48,7 +48,7 @@ _lines = _Lines()
 
 @contextmanager
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
-    """Show `text` while the block runs; yields a function that appends a note to it."""
+    """Show `text` while the block runs; yields a function that appends text to it."""
     lines = _lines.texts
     index = len(lines)
     lines.append(text)
@@ -67,7 +67,7 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def following(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with what this thread is doing, at each change; "" at the end of all."""
+    """Call `tell` with the text of this thread's work at each change, with "" at the end."""
     _lines.told = tell
     try:
         yield
@@ -77,7 +77,9 @@ def following(tell: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
-    """Show how many of `total` are done and what remains; the function takes the number done."""
+    """Show how many of `total` are done and the remaining time; yields a function of the number
+    done.
+    """
     started = shown = time.monotonic()
     with doing(text, rank) as further:
 
@@ -162,7 +164,7 @@ def _write_in_notebook() -> None:
 
 
 def world_rank() -> int:
-    """The rank of this process among all; before mpi4py is loaded, as its launcher says."""
+    """Rank of this process as its MPI launcher states it, without loading mpi4py."""
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)
@@ -171,7 +173,7 @@ def world_rank() -> int:
 
 
 def say(text: str, stream: TextIO | None = None) -> None:
-    """Print a text on the first rank; signs that the terminal's encoding lacks become "?"."""
+    """Print a text on rank 0; characters that the terminal cannot encode become "?"."""
     if world_rank():
         return
     target = sys.stdout if stream is None else stream

@@ -110,7 +110,7 @@ def delamination_load(D: float, G: float) -> float:
 
 
 def tensors(name: str, value: object) -> Array:
-    """Symmetric tensors (..., 3, 3) of such, or of six components (..., 6)."""
+    """Symmetric tensors (..., 3, 3) from tensors, or from six components (..., 6)."""
     given = checks.array(name, value, None)
     if given.shape[-2:] == (3, 3):
         size = np.abs(given).max(initial=0.0)
@@ -126,7 +126,7 @@ def tensors(name: str, value: object) -> Array:
 
 
 def components(name: str, value: object) -> Array:
-    """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors in either form."""
+    """The components 11, 22, 33, 23, 13, 12 (..., 6) of symmetric tensors or of such components."""
     s = tensors(name, value)
     return np.stack([s[..., i, j] for i, j in PAIRS], axis=-1)
 
@@ -156,7 +156,7 @@ RANK, LOOKED_AT, AT_ONCE = 1e-12, 20, 2000
 
 
 def equivalent_parts(columns: Array) -> Array:
-    """Columns (S, r, B) of the fewest parts whose length is von Mises's stress, of (S, 6, B).
+    """Columns (S, r, B) from components (S, 6, B): their Euclidean length is von Mises's stress.
 
     r is 5 in solids; a sheet's plane stress has 3.
     """
@@ -260,7 +260,7 @@ class Strengths(Checked):
 
 
 def exposure(criterion: str, own: Strengths, s: Array) -> Array:
-    """Exposure (...,) by a criterion, of components 11, 22, 33, 23, 13, 12 (..., 6)."""
+    """Exposure (...,) of a layer with strengths by a criterion, for components (..., 6)."""
     one, two, shear = s[..., 0], s[..., 1], s[..., 5]
     if criterion == "delamination":
         if own.interlaminar is None:

@@ -58,7 +58,7 @@ class ReprMixin:
 
 
 class Result(ReprMixin):
-    """What a computation returns, as text and as JSON values; it has a status and a message.
+    """Base of results: text, JSON values, a status and a message.
 
     Status 0: completed; the message tells what another one means.
     """
@@ -67,14 +67,14 @@ class Result(ReprMixin):
     message: Any
 
     def summary(self) -> str:
-        """What was found, one fact a line, and the message of a status that is not 0."""
+        """The results, one a line, and the message if the status is not 0."""
         facts = self._facts()
         width = max((len(name) for name, _ in facts), default=0)
         rows = [f"{name:<{width}}  {value}" for name, value in facts]
         return "\n".join([*rows, *([str(self.message)] if np.any(self.status) else [])])
 
     def numbers(self) -> dict[str, object]:
-        """Its single results in SI units, status and message: name -> JSON value."""
+        """The single results in SI units, status and message: name -> JSON value."""
         names = [f.name for f in dataclasses.fields(self)]  # type: ignore[arg-type]
         values = {name: getattr(self, name) for name in names}
         single = bool, int, float, str, np.generic
@@ -83,7 +83,7 @@ class Result(ReprMixin):
 
 
 class Completed(Result):
-    """A result that exists if the computation has completed, and else is an error."""
+    """Base of results that exist only if the computation has completed: status 0."""
 
     status = 0
     message = "Completed."
@@ -120,7 +120,7 @@ class FieldsRepr:
 
 
 def _table(one: object, facts: list[tuple[str, str]]) -> str:
-    """HTML of an object: its kind, and a row for each fact."""
+    """HTML table of an object: its class, and a row for each (name, value)."""
     from html import escape  # 5 ms of each start; notebooks alone need it
 
     rows = "".join(
@@ -132,7 +132,7 @@ def _table(one: object, facts: list[tuple[str, str]]) -> str:
 
 
 def _is_default(field: dataclasses.Field[object], value: object) -> bool:
-    """Whether a field has its default."""
+    """Whether a field of a dataclass has its default value."""
     if field.default is dataclasses.MISSING:
         return field.default_factory is not dataclasses.MISSING and not np.size(np.asarray(value))
     plain = isinstance(value, float | int | str | tuple)
@@ -140,7 +140,7 @@ def _is_default(field: dataclasses.Field[object], value: object) -> bool:
 
 
 def _field_text(value: object) -> str:
-    """A value of a field in one short piece."""
+    """The value of a field as one short text."""
     if isinstance(value, float) and float(f"{value:g}") == value:
         return f"{value:g}"
     if isinstance(value, np.ndarray):
@@ -180,7 +180,7 @@ def value_text(value: object) -> str:
 
 
 def array_text(values: NDArray[np.generic]) -> str:
-    """An array by its shape and range, or its numbers if they are few."""
+    """An array as text: its numbers if they are few, otherwise its shape and range."""
     if values.dtype.kind not in "fiub":
         return f"array {values.shape}"
     if values.size <= 3 and values.ndim == 1:
@@ -194,7 +194,7 @@ PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M
 
 
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
-    """A number with so many significant digits and a prefix of its unit, as "2.20 kN".
+    """A number with this many significant digits and a prefix of its unit, as "2.20 kN".
 
     Masses below 1 kg are written in grams, speeds below 0.1 m/s in mm/s; a dash for what is not
     finite.
@@ -219,19 +219,19 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
 
 
 def point_text(point: Iterable[float]) -> str:
-    """A place: "(20, 40, 75) mm"."""
+    """The coordinates [m] of a point as text: "(20, 40, 75) mm"."""
     own = [float(x) for x in point]
     rounding = 1e-9 * max(map(abs, own), default=0.0)
     return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in own)}) mm"
 
 
 def range_text(low: float, high: float, unit: str = "") -> str:
-    """A range: "1.100 kN to 2.204 kN"."""
+    """Two values as text: "1.100 kN to 2.204 kN"."""
     return " to ".join(engineering(end, unit, 4) for end in (low, high))
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Factor and unit of a column of a table whose largest value is given: (1e6, "µs")."""
+    """Factor and unit for a table column with this largest value: (1e6, "µs")."""
     if unit == "kg" and 0 < largest < 1:
         return 1e3, "g"
     shown = engineering(largest, unit).rpartition(" ")[2] if largest else unit
@@ -240,5 +240,5 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 
 
 def percent(share: float) -> str:
-    """A share in per cent with two significant digits: "0.34 %"."""
+    """A ratio in per cent with two significant digits: "0.34 %"."""
     return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"

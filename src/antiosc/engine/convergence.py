@@ -13,7 +13,7 @@ FINE = 200  # touches closer than the expected contact time over this count as o
 
 @dataclass(eq=False)
 class Converged:
-    """The finest run, its estimated relative errors, and until when [s] two runs agreed.
+    """The finest run, estimated relative errors, and the time [s] up to which two runs agree.
 
     `share`: what its steps were chosen by, or the step [s]. The errors are infinite where no finer
     run reached the end.
@@ -39,7 +39,7 @@ def converge(
     max_contacts: int,
     max_steps: int,
 ) -> Converged:
-    """Finer runs until the forces of two agree to the tolerance: `aom_solve` of the march.
+    """Refine a run until the forces of two runs agree to the tolerance, by `aom_solve`.
 
     `contact_time_estimate`: expected time of a contact [s], the shortest.
     """
@@ -50,7 +50,7 @@ def converge(
 
 
 def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
-    """Why the march stopped at t before the end; empty if it did not."""
+    """Why the integration stopped at t before the end; "" if it did not."""
     if answer == library.DONE:
         return ""
     return {
@@ -71,7 +71,8 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Relative difference of the forces (L2 norm, impulse) and of their peak; until they agree.
+    """Relative differences of force (L2 norm, impulse) and peak; the time up to which they are
+    small.
 
     Up to the end of the shorter run.
     """

@@ -55,7 +55,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DampingMatrix(ReprMixin):
-    """Damping that couples the modes of a model, exact in the march however strong it is.
+    """Damping that couples the modes of a model, integrated exactly at any strength.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class DampingMatrix(ReprMixin):
         return int(self.factor.shape[1])
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
-        """What it adds to the dynamic stiffness at circular frequencies (...) [rad/s]: (..., n, n).
+        """Contribution to the dynamic stiffness at circular frequencies (...) [rad/s]: (..., n, n).
 
         The harmonic motion is exp(i omega t).
         """
@@ -124,7 +124,9 @@ class DampingMatrix(ReprMixin):
 
 
 def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) -> DampingMatrix:
-    """Damping of C = factor' factor, factor (r, n), and of branches likewise: semidefinite."""
+    """Damping of the matrix C = factor' factor, factor (r, n), and of Maxwell branches;
+    semidefinite.
+    """
     found = object.__new__(DampingMatrix)
     _store_factors(found, factor, branches)
     return found
@@ -203,7 +205,7 @@ class FirstOrder:
     at_springs: Sequence[Array]
 
     def receptance(self, b: Array, omega: Numbers) -> ComplexArray:
-        """b'(...)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
+        """b'(dynamic stiffness)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
         s = 1j * omega[..., None]
         size = self.omega.size
         ca, cb = self.at_q[:, :size].T @ b, self.at_q[:, size:].T @ b
@@ -216,7 +218,7 @@ class FirstOrder:
 
 @dataclass(eq=False)
 class StackedModes:
-    """The modes of several bodies, of which some have first-order modes.
+    """The modes of several bodies side by side, some of which have first-order modes.
 
     Attributes
     ----------
@@ -236,7 +238,7 @@ class StackedModes:
         self.free = sum(w.size for w, *_ in self.parts)
 
     def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
-        """Free modes, integrated modes, decay and first-order modes of each body."""
+        """Free modes, integrated modes, decays and first-order modes of each body."""
         j = i = 0
         for w, d, first, _ in self.parts:
             size = w.size if first is None else first.omega.size
@@ -244,7 +246,7 @@ class StackedModes:
             j, i = j + w.size, i + size
 
     def rows(self, values: Array) -> Array:
-        """Project values (n, J) on the displacements of the free modes to the states: (n, 2 I)."""
+        """Project functionals (n, J) of the displacements on the first-order states: (n, 2 I)."""
         size = self.omega.size
         found = np.zeros((len(values), 2, size))
         for free, own, _, first in self._spans():
@@ -256,7 +258,7 @@ class StackedModes:
         return found.reshape(len(values), 2 * size)
 
     def state_gradient(self, by_q: Array, by_v: Array) -> Array:
-        """Derivatives (n, 2 I) by the states (a, b), from those by q and v (n, J)."""
+        """Derivatives by the states (a, b), (n, 2 I), from those by q and v (n, J)."""
         found = self.rows(by_q).reshape(-1, 2, self.omega.size)
         for free, own, _, first in self._spans():
             if first is None:
@@ -267,7 +269,9 @@ class StackedModes:
         return found.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:
-        """Derivatives (J,) by the initial displacements, from those by the (a, b) of `state`."""
+        """Derivatives (J,) by the initial displacements, from those by the (a, b) that `state`
+        returns.
+        """
         found = np.zeros(self.free)
         for free, own, _, first in self._spans():
             both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
@@ -276,11 +280,11 @@ class StackedModes:
 
     @property
     def spans(self) -> list[slice]:
-        """The integrated modes of each body."""
+        """The slices of the integrated modes of each body."""
         return [own for _, own, _, _ in self._spans()]
 
     def state(self, q: Array, v: Array) -> Array:
-        """(2, I) of displacements and velocities (J,) of the free modes."""
+        """First-order states (2, I) for displacements and velocities (J,) of the free modes."""
         found = np.zeros((2, self.omega.size))
         for (free, own, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
             if begun is not None:
@@ -293,7 +297,7 @@ class StackedModes:
         return found
 
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
-        """Displacements and velocities of the free modes (n, J), and what brakes them."""
+        """Displacements, velocities and damping decelerations (n, J) of the free modes."""
         q, v, deceleration = (np.empty((len(a), self.free)) for _ in range(3))
         for free, own, d, first in self._spans():
             if first is None:
@@ -309,7 +313,7 @@ class StackedModes:
         return q, v, deceleration
 
     def springs(self, a: Array, b: Array) -> list[list[Array]]:
-        """Displacements (n, J) of the spring of each branch, body by body."""
+        """Displacements (n, J) of the spring of each Maxwell branch, body after body."""
         return [
             []
             if first is None
@@ -325,7 +329,7 @@ class StackedModes:
 
 
 def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
-    """The first-order modes of free modes (J,) with this damping in them.
+    """The first-order modes of a body with free modes (J,) and this damping.
 
     A double pole is no mode: such damping is changed by its NUDGE. AccuracyError where rounding
     leaves no such modes.
@@ -390,7 +394,8 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
 
 
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
-    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, decelerations, L q - xi of branches.
+    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, damping decelerations, L q - xi of
+    branches.
 
     All modes are damped.
 
@@ -450,7 +455,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
 
 
 def _real_clusters(poles: Numbers) -> list[list[int]]:
-    """Indices of real poles so near to each other that rounding mixes their modes."""
+    """Groups of real poles so close that rounding mixes their modes."""
     real = np.flatnonzero(np.abs(poles.imag) <= CLUSTERED * np.abs(poles))
     order = real[np.argsort(poles[real].real)]
     value = poles[order].real
@@ -459,7 +464,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
-    """The poles and modes of a cluster from its invariant subspace, which is well conditioned.
+    """Poles and modes of a cluster from its invariant subspace, which is well conditioned.
 
     In it Z' sign Z = Y'JAY is of one sign: the modes are those of a symmetric matrix. Otherwise
     the poles and modes are returned as they are.
@@ -482,7 +487,7 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
 
 
 def _groups(poles: Numbers) -> list[list[int]]:
-    """Indices of equal poles; real and complex ones apart."""
+    """Groups of equal poles, real and complex ones separately."""
     groups: list[list[int]] = []
     for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
         for group in reversed(groups[-8:]):
@@ -498,7 +503,9 @@ def _groups(poles: Numbers) -> list[list[int]]:
 def _pairs(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
-    """(w, d, c_a, c_b) of real poles: each negative one with the nearest slower positive one."""
+    """(w, d, c_a, c_b) of real poles, each negative one paired with the nearest slower positive
+    one.
+    """
     found: list[tuple[float, float, Array, Array]] = []
     rest = sorted(plus, key=lambda one: one[0])  # the fastest first
 
@@ -521,7 +528,7 @@ def _pairs(
 
 
 def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
-    """Error of the receptance of the modes at a real s, relative; inf where it is no number."""
+    """Relative error of the receptance of the modes at a real s; inf if it is not finite."""
     positive = modes.omega[modes.omega > 0]
     s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
     at = np.array(-1j * s)

@@ -73,7 +73,7 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
 
 
 def closed(system: System, laws: list[ContactLaw]) -> Array:
-    """Contact forces (p,) at the start, without any motion of what has mass."""
+    """Contact forces (p,) at the start while the masses do not move."""
     p = len(laws)
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     if not (free > 0).any():
@@ -84,7 +84,7 @@ def closed(system: System, laws: list[ContactLaw]) -> Array:
 def _pressed(
     laws: list[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> tuple[float, Array, Array]:
-    """Potential, forces (p,) and their derivative (p, p) of the contacts at approaches `free`.
+    """Potential, forces (p,) and their derivative (p, p) at unloaded indentations `free` (p,).
 
     F = law(free - R F), by Gauss and Seidel's sweeps: R is a compliance, the laws are monotone.
     """

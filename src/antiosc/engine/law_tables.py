@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class OwnLaw:
-    """A law of the user's own: what the march calls, and the error that stopped it, if any."""
+    """A contact law of the user: the callback of the C library, and the error that stopped it."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law = law
@@ -71,7 +71,7 @@ class OwnLaw:
         new: Callable[..., tuple[float, ...]],
         *arguments: object,
     ) -> int:
-        """1 if the new state, or its origin, fails; else 0 and both are stored."""
+        """Store a new state and its origin, and return 0; 1 if computing them fails."""
         found: list[float] = []
 
         def values() -> Iterator[float]:
@@ -88,7 +88,7 @@ class OwnLaw:
         out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:
-        """0 if the law's values were stored in `out`; 1 if it failed: the march returns at once."""
+        """Store values of the law in `out` and return 0; 1 if it fails, which ends the run."""
         try:
             for i, value in enumerate(values()):
                 if not sound(value):
@@ -104,7 +104,7 @@ class OwnLaw:
 
 
 def packed(law: ContactLaw) -> tuple[library.Law, object]:
-    """A law as the march takes it, and what keeps its numbers and functions alive."""
+    """A law as the C library takes it, and the objects whose memory it refers to."""
     if is_compiled(law):
         return law.kernel
     own = OwnLaw(law)
@@ -112,6 +112,6 @@ def packed(law: ContactLaw) -> tuple[library.Law, object]:
 
 
 def raise_error(own: object) -> None:
-    """Raise the error of a law of the user's own, if it failed; `own` as `packed` gives it."""
+    """Raise the error of a user's law, if it failed; `own` as returned by `packed`."""
     if isinstance(own, OwnLaw) and own.error is not None:
         raise own.error

@@ -31,7 +31,7 @@ SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
 
 @dataclass(eq=False)
 class Run:
-    """One run: values at 0, h/2, h of every step, and the events.
+    """One run: values at 0, h/2 and h of every step, and the events.
 
     Attributes
     ----------
@@ -64,7 +64,9 @@ class Run:
     exits: Array | None = None
 
     def kept(self, system: System, t: float) -> list[Kept | None]:
-        """The contacts (p) at a time [s], for a run that goes on there; None before a touch."""
+        """Contact states (p) at a time [s], from which a run continues; None before the first
+        touch.
+        """
         last = int(np.searchsorted(self.time, t * (1 + 1e-12), side="right")) - 1
         found = list(system.kept or [None] * len(system.laws))
         for c, law in enumerate(system.laws):
@@ -85,7 +87,7 @@ class Run:
         return found
 
     def _advanced(self, law: ContactLaw, state: State, c: int, first: int, last: int) -> State:
-        """The state of a law after the steps of contact c between two nodes, where it is closed."""
+        """The law state of contact c, closed throughout, after the steps between two nodes."""
         if is_compiled(law):  # of the deepest indentation alone
             return law.advance(float(self.depth[first : last + 1, c].max()), 0.0, state)
         for n in range(first + first % 2, last - 1, 2):
@@ -97,7 +99,7 @@ class Run:
 
 
 class Buffers:
-    """What the march writes of a run into: times, forces, depths, states, events."""
+    """Arrays into which a run is written: times, forces, depths, states, events."""
 
     def __init__(self, record: library.Record, p: int, m: int, size: int) -> None:
         self.record, self.shape = record, (p, m, size)
@@ -105,7 +107,9 @@ class Buffers:
         self.nbytes = 0
 
     def keep(self, states: bool) -> None:
-        """Write states and exits, or not; without room for them all is to be made anew."""
+        """Choose whether states and exits are written; all arrays are reallocated if they lack
+        space.
+        """
         r = self.record
         if states == (r.states is not None):
             return
@@ -115,7 +119,9 @@ class Buffers:
             r.max_nodes = 0
 
     def enlarge(self, keep: bool) -> None:
-        """Room for more nodes; `keep`: for their states too, of every 2nd where they are many."""
+        """Enlarge the arrays; with `keep` also the states, of every second node where there are
+        many.
+        """
         r, (p, m, size) = self.record, self.shape
         nodes = r.max_nodes
         full = r.n_events + 1 > r.max_events or (keep and r.n_exits + 1 > r.max_exits)
@@ -145,14 +151,14 @@ class Buffers:
             r.states = r.exits = None
 
     def thin(self) -> None:
-        """Keep every other state of those that are kept."""
+        """Keep every other one of the stored states."""
         r, states = self.record, self.arrays[3]
         half = states[: r.n_states : 2].copy()
         states[: len(half)] = half
         r.n_states, r.every = len(half), 2 * r.every
 
     def run(self, answer: int, told: library.Summary, keep: bool) -> Run:
-        """What was written, as copies."""
+        """A copy of what was written, as a run."""
         r, (time, force, depth, states, events, exits) = self.record, self.arrays
         while keep and 16 * r.n_states * self.shape[2] > STATES:
             self.thin()
@@ -177,7 +183,7 @@ class Buffers:
 
 
 class Workspace:
-    """A stepper in its memory, and the buffers of its runs.
+    """A stepper of the C library with its memory, and the arrays of its runs.
 
     It holds the responses of the steps that earlier runs of the same bodies and rows used.
     """
@@ -198,19 +204,21 @@ class Workspace:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all its memory."""
+        """Bytes of memory in all."""
         own = self.memory.nbytes + (0 if self.work is None else self.work.nbytes)
         return own + sum([each.nbytes for each in self.buffers])
 
     def fits(self, given: Given) -> bool:
-        """Whether other bodies have as many modes and rows, and need no more memory."""
+        """Whether another system has as many modes and rows, and needs no more memory."""
         system = given.system
         same = self.shape == (system.n_contacts, system.n_rows, system.n_modes)
         need = library.library.aom_memory_size(byref(system)) if same else 0
         return same and int(need) <= self.memory.nbytes
 
     def renew(self, given: Given) -> None:
-        """Be for other bodies of as many modes and rows: new memory costs more than a run."""
+        """Use the memory for another system of as many modes and rows: allocation costs more than a
+        run.
+        """
         answer = library.library.aom_create(
             byref(given.system),
             library.address(self.memory),
@@ -230,7 +238,7 @@ _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
 def _space(key: Key, given: Given) -> Workspace:
-    """Workspace for a system, with the responses of its bodies if they are kept.
+    """A workspace for a system, with stored step responses of its bodies if there are any.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
@@ -246,7 +254,7 @@ def _space(key: Key, given: Given) -> Workspace:
 
 
 def _taken(one: tuple[Key, Workspace]) -> bool:
-    """Whether it was still there to be taken: another thread may have done so."""
+    """Remove a workspace from the store; False if another thread has taken it."""
     try:
         _kept.remove(one)
     except ValueError:
@@ -255,14 +263,14 @@ def _taken(one: tuple[Key, Workspace]) -> bool:
 
 
 def _keep(key: Key, space: Workspace) -> None:
-    """Leave the space to later runs."""
+    """Return a workspace to the store for later runs."""
     if space.nbytes <= _LARGEST_KEPT:
         _kept.insert(0, (key, space))
         del _kept[_MOST_KEPT:]
 
 
 def _check(answer: int) -> None:
-    """InputError where the march refuses what it is given."""
+    """InputError if the C library refuses its input."""
     if answer > library.LAW_FAILED:
         name = library.library.aom_status_name(answer).decode()
         raise InputError(
@@ -274,7 +282,7 @@ def _check(answer: int) -> None:
 def solve(
     system: System, options: library.Options, keep: bool = True
 ) -> tuple[Run, library.Solution]:
-    """The run of the options, or the finest of several, and what is known of its errors."""
+    """The run with these options, or the finest of several with the estimates of its errors."""
     if system.first is not None:
         system = system.marched
     given = system.packed
@@ -314,7 +322,7 @@ def run(
     max_contacts: int = 10_000,
     max_steps: int = 1_000_000,
 ) -> Run:
-    """March over [0, duration] with forces to `share` of their scale (0: found as it goes).
+    """Integrate over [0, duration] with forces to `share` of their scale (0: the scale so far).
 
     The steps under contact are halvings of the longest; with `step` [s] given they are that step,
     or halvings of it where the forces need them.
@@ -355,7 +363,7 @@ def gradient(
     force: Array,
     time: Array,
 ) -> tuple[Slopes, float, int]:
-    """Derivatives of a goal by all numbers of a system, the grazing, and the status of the march.
+    """Derivatives of a goal by all numbers of a system, the grazing, and the status.
 
     The grazing is the least speed at which a contact touches or parts, over the largest.
 

@@ -40,7 +40,7 @@ _CUTS = 0.93 ** np.arange(1, 34)  # of a step, until it is stable
 
 
 def growth_rate(omega: Array, beta: Array, R: Array, stiffness: Array, h: float) -> float:
-    """By how much the motion may grow in a step: the largest |z| - 1, 0 where it is stable.
+    """Growth of the motion in a step: the largest |z| - 1, 0 if the step is stable.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def growth_rate(omega: Array, beta: Array, R: Array, stiffness: Array, h: float)
 
 
 def _weights(J0: Array, J1: Array, J2: Array) -> tuple[Array, Array, Array]:
-    """Responses to unit forces at 0, h/2 and h, of the parabola through them."""
+    """Weights of the responses to the force at 0, h/2 and h, through which it is a parabola."""
     return J0 - 3 * J1 + 4 * J2, 4 * J1 - 8 * J2, 4 * J2 - J1
 
 
@@ -110,7 +110,7 @@ def margin(omega: Array, beta: Array, R: Array, stiffness: Array, h: float) -> f
 def _onset(
     omega: Array, beta: Array, R: Array, stiffness: Array, h: float, low: float, high: float
 ) -> float:
-    """Share of the stiffness, between a stable and an unstable one, at which a window opens."""
+    """The stiffness, as a share, at which a window of instability opens between two shares."""
     for _ in range(20):
         middle = 0.5 * (low + high)
         if middle > 0 and growth_rate(omega, beta, R, middle * stiffness, h) > GROWS:
@@ -152,7 +152,7 @@ def stepped(
     max_contacts: int,
     max_steps: int,
 ) -> tuple[Run, str]:
-    """A run with steps of `step` [s] under contact, and why it failed; empty if it did not.
+    """A run with steps of `step` [s] during contact, and why it failed; "" if it did not.
 
     `stiffness` gives the largest stiffnesses (p,) [N/m] that are expected of the contacts. A step
     in a window of instability counts as a gain of energy where vibrations that it does not resolve
@@ -178,7 +178,9 @@ def stepped(
 
 
 def _unstable(system: System, stiffness: Array, step: float, t: float, grew: bool) -> str:
-    """That the step lies in a window of instability, if it does or the energy grew."""
+    """Message that the step lies in a window of instability, if it does or the energy grew; else
+    "".
+    """
     p = len(system.laws)
     modes = system.omega, system.beta[:p], system.R[:p, :p]
     if not grew and margin(*modes, stiffness, step) == np.inf:

@@ -93,7 +93,7 @@ def deformed(
 def _arrow(
     point: Sequence[float] | None, direction: Sequence[float] | None
 ) -> tuple[Array, Array] | None:
-    """Point and direction of the arrow of the impact, if they are given."""
+    """Point and direction of the arrow that shows the impact, if both are known."""
     if (point is None) != (direction is None):
         raise InputError("the arrow of the impact needs both point and direction.")
     if point is None or direction is None:
@@ -103,7 +103,7 @@ def _arrow(
 
 
 def _motion(history: History, body: str) -> Array:
-    """What is largest at the time of the picture: the motion of the site, or the contact forces."""
+    """The curve that sets the time of the picture: motion of the site, or contact forces."""
     if isinstance(history, SceneHistory):
         return np.asarray(np.abs(history.run.force).max(axis=1))
     impactor = body == "impactor"

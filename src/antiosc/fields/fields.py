@@ -57,7 +57,7 @@ MISMATCH = 1.5, 1.01
 
 
 def history_key(history: AnyHistory) -> tuple[object, ...]:
-    """Data of a history that must agree on all ranks, with rounded numbers."""
+    """Rounded data of a history, to compare between ranks."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"
     of = list(history.assembly.bodies) if history.named else history.model
@@ -181,7 +181,7 @@ def skin(
 def nodal_motion(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> Array:
-    """Displacements (P, 3) [m] at one time of the points that `peak_field` has."""
+    """Displacements (P, 3) [m] at one time, at the points of `peak_field`."""
     own = shapes_of(structure, history, body)
     _, cells, shapes = source(structure).at_nodes(structure, own)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
@@ -191,7 +191,7 @@ def nodal_motion(
 
 
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
-    """Shapes of the body on the rows of this rank, columns side by side.
+    """Blocks of shapes of the body on the rows of this rank.
 
     Of a body that stretches the second-order displacements of pairs of its modes follow.
     """
@@ -205,7 +205,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
-    """Warn if the ground shakes mass that the shapes of the model do not represent."""
+    """Warn if ground motion shakes mass that the shapes of the model do not represent."""
     weight, base = histories.modes_of(history, body).weight, history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
@@ -233,7 +233,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
 
 
 def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
-    """Factors (n, B (1 + branches)) of columns of stress, as `with_branches` has them."""
+    """Factors (n, B (1 + branches)) of the columns of stress, in the order of `with_branches`."""
     springs = histories.spring_amplitudes(history, times, body)
     own = [springs[k] for k in branches_of_materials(structure, len(springs))]
     return np.hstack([histories.amplitudes(history, times, body), *own])
@@ -242,7 +242,9 @@ def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, b
 def checked_shapes(
     structure: Structure, history: AnyHistory, body: str, limits: tuple[float, float]
 ) -> tuple[Array, ...]:
-    """Blocks of the shapes of the body, which are those of the structure within these ratios."""
+    """Blocks of the body's shapes; InputError unless their energies fit the structure within
+    `limits`.
+    """
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")

@@ -80,7 +80,7 @@ class Margin(ReprMixin):
 
     @property
     def reached(self) -> bool:
-        """Whether yield or failure is reached, of a contact that yields also away from it."""
+        """Whether yield or failure is reached; for a contact that yields, also elsewhere."""
         return self.exposure >= 1
 
     @property
@@ -117,7 +117,7 @@ def margin_of(
     times: Array,
     places: list[Place],
 ) -> Margin | None:
-    """The worst of values (S,) with strengths (S,), NaN where unknown; None where none is known."""
+    """The worst of values (S,) over strengths (S,), NaN if unknown; None if all are."""
     exposure = values / strengths
     if not np.isfinite(exposure).any():
         return None
@@ -146,7 +146,7 @@ Search = Callable[[Array, Callable[[Array], Array]], tuple[Array, Array, float |
 
 
 class Maxima(NamedTuple):
-    """Largest values at all points with times, error, exposures and margin, as in a `PeakField`."""
+    """Largest values of all points with times, errors, exposures and margin, for a `PeakField`."""
 
     values: Array
     times: Array
@@ -155,7 +155,7 @@ class Maxima(NamedTuple):
     margin: Margin | None = None
 
     def or_larger(self, other: Maxima) -> Maxima:
-        """At each point the larger of both."""
+        """At each point the larger of two maxima."""
         times = np.where(other.values > self.values, other.times, self.times)
         margins = [one.margin for one in (self, other) if one.margin is not None]
         worst = max(margins, key=lambda margin: margin.exposure, default=None)
@@ -167,13 +167,13 @@ class Maxima(NamedTuple):
 
 
 def _larger_error(error: float | None, other: float | None) -> float | None:
-    """The larger of two errors, or the one that is known."""
+    """The larger of two errors; the other if one is None."""
     known = [one for one in (error, other) if one is not None]
     return max(known, default=None)
 
 
 def plies(structure: Structure, quantity: str, part: str | None) -> list[Place | None]:
-    """Surfaces of layers at which a criterion of plies is looked at; [None] of other quantities."""
+    """Ply surfaces at which a ply criterion is evaluated; [None] for other quantities."""
     if quantity not in PLY_SURFACES:
         return [None]
     materials = source(structure).materials_of(structure, part)
@@ -185,7 +185,7 @@ def plies(structure: Structure, quantity: str, part: str | None) -> list[Place |
 
 
 def criteria_of(structure: Structure) -> list[str]:
-    """The quantities of `peak_field` for which materials of the structure have strengths."""
+    """The criteria for which materials of the structure have strengths."""
     materials = source(structure).materials_of(structure, None)
     own = [getattr(material, "yield_strength", None) for material in materials]
     own += [layer.strength for material in materials for layer in layers_of(material)]
@@ -196,7 +196,7 @@ def criteria_of(structure: Structure) -> list[str]:
 
 
 def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
-    """Keep the tensors whose material has the strength; no origins if none has."""
+    """The tensors of materials with the strength that a criterion needs."""
     known = [_has_strength(strength, criterion) for strength, _ in found.origins]
     own = np.array(known, dtype=bool)[found.origin]
     arrays = found.nodes[own], found.columns[own], found.origin[own]
@@ -204,14 +204,14 @@ def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
 
 
 def _has_strength(strength: object, criterion: str) -> bool:
-    """Whether a material's strength serves a criterion."""
+    """Whether a strength is of the kind that a criterion needs."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
     return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
 
 
 def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -> Maxima:
-    """The largest values of tensors, with exposures and margin where strengths are known."""
+    """The largest values of tensors, with exposures and margin for known strengths."""
     criterion = quantity
     if quantity in PLY_SURFACES:
         own, then, error = _of_plies(quantity, found, search)
@@ -239,7 +239,9 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
 def _of_plies(
     criterion: str, found: NodeTensors, search: Search
 ) -> tuple[Array, Array, float | None]:
-    """Largest exposures, their times, what they may miss: layers of equal strength together."""
+    """Largest exposures, their times and error bounds; layers of equal strength are searched as
+    one.
+    """
     values, when, missed = np.zeros(len(found.nodes)), np.zeros(len(found.nodes)), None
     of_origin = [strength for strength, _ in found.origins]
     for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
@@ -251,7 +253,7 @@ def _of_plies(
 
 
 def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
-    """Return the largest value at each of `count` nodes, and its time."""
+    """The largest value at each of `count` nodes, and its time."""
     order = np.argsort(values, kind="stable")  # the largest is written last
     best, time = np.zeros(count), np.zeros(count)
     best[nodes[order]], time[nodes[order]] = values[order], when[order]
@@ -281,7 +283,7 @@ class HertzContact(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The pressure over that at first yield."""
+        """The pressure over the pressure at first yield."""
         return self.pressure / (FIRST_YIELD * self.strength)
 
     def warning(self) -> str:
@@ -296,7 +298,7 @@ class HertzContact(NamedTuple):
 
 
 def contact_yields(history: AnyHistory) -> bool:
-    """Whether a contact of `simulate`, `strike` or a scene yields."""
+    """Whether a contact of a history yields."""
     return isinstance(history, History) and any(map(yields, history.contact_histories))
 
 
@@ -314,7 +316,7 @@ def mesh_error(
     times: Array,
     body: str,
 ) -> Array | None:
-    """Estimated errors [Pa] of the von Mises stress at all points at `times` (P,); on rank 0."""
+    """Estimated errors [Pa] of von Mises stress at all points, each at its time (P,); on rank 0."""
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 
     at, number = np.unique(times, return_inverse=True)
@@ -323,7 +325,7 @@ def mesh_error(
 
 
 def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
-    """A sentence on the largest stress at x (3,), whose error is this share of it; "" if none."""
+    """A sentence on the largest stress at x (3,) with this relative error; "" if it needs none."""
     from antiosc.recovery.mesh_fields import corner_at  # needs dolfinx
 
     angle, held = corner_at(structure, shapes, x, part)
@@ -346,7 +348,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
 
 
 def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:
-    """The warning that the stresses of sheets have no error estimate; "" for other parts."""
+    """Warning that stresses of sheets have no error estimate; "" for other parts."""
     from antiosc.recovery.mesh_fields import families  # needs dolfinx
 
     if "sheet" not in families(structure, shapes, part):

@@ -74,7 +74,7 @@ SAME_TIME = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Motion of a body over a run.
+    """Motion of a body over a run, as sums of columns with factors.
 
     nodes : (n,) times of the history [s]. factors : times (k,) -> factors (k, B) of the columns.
     omega : (J,) of the modes [rad/s]; shapes (J, B) their factors; sizes (J,) their amplitudes.
@@ -90,7 +90,7 @@ class BodyMotion:
 def refined_maxima(
     motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array, float]:
-    """Largest value (S,) of a scalar of components (S, c, B), its time, and the error bound.
+    """(largest value (S,) of a scalar of components (S, c, B), its time, error bound).
 
     `scalar`: (..., c) -> (...,), a norm. Single precision finds where the values are largest.
     """
@@ -117,7 +117,7 @@ def refined_maxima(
 def sampled_maxima(
     columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Largest value (S,) of a scalar of components (S, c, B) at these times, and its time."""
+    """(largest value (S,) of a scalar of components (S, c, B) at these times, its time)."""
     values, when = np.zeros(len(columns)), np.zeros(len(columns))
     for block in _blocks(columns, len(times)):
         found = _values(columns[block], factors, scalar)
@@ -129,7 +129,7 @@ def sampled_maxima(
 def _step(
     motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[float, float]:
-    """Time step [s] of the search, and by how much it may underestimate a peak."""
+    """Time step [s] of the search, and the largest underestimate of a peak."""
     every = max(1, len(motion.nodes) // FEWEST)
     at = motion.nodes[::every]
     values, _ = sampled_maxima(columns, motion.factors(at), at, scalar)
@@ -155,7 +155,7 @@ def _step(
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """The nodes, and even times between those that are farther apart than the step."""
+    """The nodes, with evenly spaced times between nodes farther apart than the step."""
     nodes = np.unique(nodes)
     nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * (nodes[-1] - nodes[0]))]
     gaps = np.diff(nodes)
@@ -166,7 +166,7 @@ def _sample_times(nodes: Array, step: float) -> Array:
 
 
 def _parabola_maxima(t: Array, y: Array) -> Array:
-    """Values (S, n); local maxima are those of the parabola through three values."""
+    """Values (S, n) in which each local maximum is that of the parabola through three values."""
     tops = y.copy()
     if len(t) < 3:
         return tops
@@ -188,7 +188,7 @@ def _refined_near(
     times: Array,
     near: IntArray,
 ) -> tuple[Array, Array]:
-    """Largest values (S,) within a step of the times `near` (S,), and their times."""
+    """(largest values (S,) within a step of the times `near` (S,), their times)."""
     values, when = np.zeros(len(columns)), np.zeros(len(columns))
     order = np.argsort(near, kind="stable")
     used, starts = np.unique(near[order], return_index=True)
@@ -218,7 +218,7 @@ def _values(columns: Reals, factors: Reals, scalar: Callable[[Array], Array]) ->
 
 
 def _blocks(columns: Array, times: int) -> Iterator[slice]:
-    """Slices of nodes whose values at so many times fit `BLOCK_BYTES`."""
+    """Slices of nodes whose values at this many times fit `BLOCK_BYTES`."""
     size = max(1, int(BLOCK_BYTES / (8 * 3 * columns.shape[1] * times)))
     return (slice(first, first + size) for first in range(0, len(columns), size))
 
@@ -300,7 +300,8 @@ class PeakField(Completed):
     def largest(
         self, count: int = 5, apart: float | None = None
     ) -> list[tuple[float, Array, float]]:
-        """(value, place (3,) [m], time [s]) of the largest values, each `apart` from the others.
+        """(value, point (3,) [m], time [s]) of the largest values, at least `apart` from each
+        other.
 
         `apart` [m]: default 5 % of the size of the part.
         """
@@ -317,7 +318,7 @@ class PeakField(Completed):
         return found
 
     def summary(self, count: int = 5) -> str:
-        """The largest values with place and time, as a table."""
+        """The largest values with point and time, as a table."""
         rows = [f"largest {self.quantity}, where and when"]
         for value, x, t in self.largest(count):
             told = engineering(value, self.unit, 4)
@@ -357,7 +358,7 @@ class PeakField(Completed):
         return name + (f" ({unit})" if unit else "")
 
     def surface(self, label: str, moved: Array) -> Deformed:
-        """The surface coloured by the values, moved by displacements (P, 3) [m] drawn larger."""
+        """The surface coloured by the values, displaced by magnified (P, 3) [m]."""
         from antiosc.plot.surfaces import Deformed, magnification
 
         label = checks.instance("label", label, str, "a text")
@@ -531,7 +532,9 @@ def _with_pairs(
     shapes: Array,
     sizes: Array,
 ) -> tuple[Array, Array, Array]:
-    """The modes of `BodyMotion` and, for each pair of modes that stretch, one as curved as it."""
+    """(omega, shapes, sizes) of `BodyMotion`, with a further entry for each pair of stretching
+    modes.
+    """
     count = shapes.shape[1]
     moved, bends = (
         np.abs(amplitudes(history, times, body, order)[:, count:]).max(axis=0) for order in (0, 2)
@@ -557,7 +560,7 @@ def static_stress(structure: Structure) -> PeakField:
 
 
 def _beside_static(factors: Callable[..., Array], times: Array) -> Array:
-    """The factors, and 1 of the static state."""
+    """The factors, with a column of 1 for the static state."""
     return np.pad(factors(times=times), ((0, 0), (0, 1)), constant_values=1.0)
 
 
@@ -570,7 +573,7 @@ def _at_times(
 def _peak_field_of(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
 ) -> PeakField:
-    """The field at the nodes of these cells; other ranks' nodes are left out."""
+    """The field at the nodes of these cells, without nodes of other ranks."""
     used = _used_nodes(cells)
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
     exposures = None if best.exposure is None else best.exposure[used]
@@ -586,7 +589,7 @@ def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
 def _with_mesh_error(
     found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
 ) -> PeakField:
-    """The field with estimated errors [Pa] at all points."""
+    """The field with its estimated errors [Pa]."""
     if errors is None:
         return found
     own = errors[_used_nodes(cells)]
@@ -598,6 +601,6 @@ def _with_mesh_error(
 def _places(
     surface: str | Sequence[float] | None, layer: int | None, fibre: Sequence[float] | None
 ) -> list[Place]:
-    """Where in the thickness or section the quantity is recovered; both sides by default."""
+    """Positions in the thickness or section where the quantity is evaluated; default both sides."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(each, layer, fibre, "global") for each in surfaces]

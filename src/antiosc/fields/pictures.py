@@ -82,7 +82,7 @@ class SavedFields(ReprMixin):
             )
 
     def at(self, time: float) -> Array:
-        """Displacements (P, 3) [m] at a time in s, linear between the stored times."""
+        """Displacements (P, 3) [m] at a time [s], linear between stored times."""
         t = checks.number("time", time, "s")
         if not self.time[0] <= t <= self.time[-1]:
             raise InputError(
@@ -154,7 +154,7 @@ class SavedFields(ReprMixin):
         *,
         view: ArrayLike | None = None,
     ) -> Figure | Path:
-        """The deformed part at a time, drawn larger and coloured alike at all times.
+        """The part at a time, magnified, with the same colour scale at all times.
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
@@ -175,7 +175,7 @@ class SavedFields(ReprMixin):
 
 
 def _cells(given: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
-    """Pairs (kind, cells), or InputError."""
+    """Checked pairs (kind, cells); InputError for anything else."""
     try:
         blocks = [(str(kind), np.asarray(cells)) for kind, cells in given]
     except (TypeError, ValueError):
@@ -201,7 +201,7 @@ def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
 
 
 def _outer(kind: str, cells: IntArray) -> IntArray:
-    """Corners of the faces of cells of one kind that belong to one cell only."""
+    """Corners of the faces that belong to only one cell, for cells of one kind."""
     name = kind.rstrip("0123456789")
     if name not in FACES:
         return cells[:, :2] if name == "line" else cells[:, :1]
@@ -231,7 +231,7 @@ MAP_QUANTITIES = {
 
 
 class SurfaceMap(Protocol):
-    """What `plot_map` reads of an `ImpactMap`."""
+    """The interface of an `ImpactMap` that `plot_map` uses."""
 
     @property
     def points(self) -> Array: ...
@@ -299,7 +299,7 @@ def plot_map(
 
 
 def _on_faces(value: Array) -> Array:
-    """The mean (T,) of what is known at the corners (T, 3) of faces; NaN where one alone is."""
+    """Mean (T,) over the corners (T, 3) of faces; NaN if only one is known."""
     known = ~np.isnan(value)
     count = known.sum(axis=1)
     mean = np.where(known, value, 0.0).sum(axis=1) / np.maximum(count, 1)
@@ -307,7 +307,8 @@ def _on_faces(value: Array) -> Array:
 
 
 def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:
-    """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
+    """Mask (T,) of the faces to draw: the front faces of a solid that is struck against its
+    surface.
 
     matplotlib sorts faces by their centres; back faces would show through openings.
     """

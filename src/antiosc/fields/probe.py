@@ -173,7 +173,7 @@ def _over_time(columns: Array, factors: Array) -> Array:
 
 
 def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
-    """The places where von Mises stress is asked: all points of the outlines of beams' sections."""
+    """The points of the beam sections' outlines at which von Mises stress is evaluated."""
     materials = source(structure).materials_of(structure, part, there.stiffener)
     sections = [getattr(material, "section", None) for material in materials]
     of_beams = [section for section in sections if isinstance(section, Section)]
@@ -203,7 +203,7 @@ def strain_gauge(
     layer: int | None = None,
     fibre: Sequence[float] = (0.0, 0.0),
 ) -> Array:
-    """Signal (n,) of a strain gauge: the mean strain along `direction` over its length.
+    """Signal (n,) of a strain gauge: mean strain along `direction` over its length.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def _columns(
     there: Place,
     reach: Reach,
 ) -> Array:
-    """The quantity (P, …, columns) of every shape at points (P, 3)."""
+    """The quantity (P, …, columns) for every shape at points (P, 3)."""
     where = source(structure)
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):

@@ -45,7 +45,7 @@ def _of_state(at: Columns, structure: Structure, shapes: Array) -> Array:
 def with_pairs(
     at: Columns, structure: Structure, history: AnyHistory, body: str, shapes: Array
 ) -> Array:
-    """Columns (…, B) of the shapes (rows, B) of a body, those of pairs with η of their modes."""
+    """Columns (…, B) of a body's shapes (rows, B), with η of its modes for the pairs."""
     forces = stretch_in(history, body)
     if forces is None:
         linear = at(shapes, False)
@@ -74,7 +74,7 @@ def with_pairs(
 def work_on(
     structure: Structure, history: History, body: str, shapes: Array, motions: Array, at: Array
 ) -> Array:
-    """Work (n, R) of second-order forces on motions (dofs, R) at times; shapes of `shapes_of`."""
+    """Work (n, R) of the second-order forces on motions (dofs, R) at times."""
     forces = histories.stretch_in(history, body)
     assert forces is not None
     count = shapes.shape[1] - forces.size * (forces.size + 1) // 2
@@ -88,7 +88,7 @@ def work_on(
 def tensors_at_nodes(
     structure: Structure, history: AnyHistory, body: str, shapes: Array, *asked: Any
 ) -> tuple[Any, Any, NodeTensors]:
-    """`mesh_fields.tensors_at_nodes` of the motion of a body."""
+    """`mesh_fields.tensors_at_nodes` for the motion of a body."""
     found: list[Any] = []
 
     def at(columns: Array, whole: bool) -> Array:

@@ -54,7 +54,7 @@ class ShockSpectrum(Completed):
 
     @property
     def maximax(self) -> Array:
-        """(m,) largest response of either sign."""
+        """(m,) largest absolute response."""
         return np.maximum(self.positive, self.negative)
 
     def plot(self, path: str | os.PathLike[str] | None = None, unit: str = "m/s²") -> Figure | Path:
@@ -197,7 +197,7 @@ def srs(
 
 
 def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> Array:
-    """The frequencies of a spectrum, Hz; an AccuracyWarning above what the signal resolves."""
+    """The frequencies of a spectrum, Hz; AccuracyWarning above the resolution of the signal."""
     span = float(t[-1] - t[0])
     known = np.inf
     if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
@@ -223,7 +223,7 @@ def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> A
 
 
 def _warn_if_rough(t: Array, a: Array) -> None:
-    """An AccuracyWarning for accelerations that their samples do not resolve."""
+    """AccuracyWarning if the samples do not resolve the accelerations."""
     if t.size < SAMPLED:
         return
     fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
@@ -274,7 +274,7 @@ def spectrum(t: ArrayLike, x: ArrayLike, *, pad: float = 1.0) -> Spectrum:
 
 
 def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
-    """Times and values as arrays of one length; repeated times (jumps) are dropped."""
+    """Times and values as arrays of one length, without repeated times (jumps)."""
     time = checks.column("t", t)
     value = checks.column("the signal", x, time.size)
     if np.any(np.diff(time) < 0):
@@ -286,7 +286,7 @@ def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
 
 
 def _even_step(t: Array) -> tuple[float, bool]:
-    """The step [s] of equally spaced times, or the one that takes its place; whether they are."""
+    """(step [s] of equally spaced times or an equivalent one, whether they are equally spaced)."""
     steps = np.diff(t)
     mean = float(t[-1] - t[0]) / steps.size
     if np.abs(steps - mean).max() <= UNEVEN * mean:
@@ -318,7 +318,7 @@ def _checked_samples(samples: float) -> float:
 def _extremes(
     t: Array, a: Array, f: float, Q: float, parts: str, signal: str
 ) -> tuple[float, float]:
-    """Largest positive and negative response of the oscillator of one frequency."""
+    """Largest positive and negative response of one oscillator."""
     from scipy.signal import lfilter
 
     even, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
@@ -338,7 +338,7 @@ def _extremes(
 
 
 def _largest(y: Array) -> float:
-    """Largest value of a response, >= 0, of the parabola through the largest sample."""
+    """Maximum (>= 0) of a response by the parabola through the largest sample."""
     k = int(np.argmax(y))
     top = float(y[k])
     if 0 < k < y.size - 1:
@@ -349,7 +349,7 @@ def _largest(y: Array) -> float:
 
 
 def _step_response(f: float, Q: float, h: float, size: int) -> Array:
-    """Absolute acceleration (size,) of an oscillator whose base has a unit acceleration from 0."""
+    """Absolute acceleration (size,) of an oscillator after a step of the base acceleration to 1."""
     w, zeta = 2 * np.pi * f, 1 / (2 * Q)
     wd = w * np.sqrt(1 - zeta**2)
     t = h * np.arange(size)

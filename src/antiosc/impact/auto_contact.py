@@ -19,12 +19,12 @@ LAW = 'a ContactLaw such as Hertz(stiffness), or "auto"'
 
 
 def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
-    """Whether the law is to be chosen; an array, which has no truth value, is not "auto"."""
+    """Whether the law is "auto"; an array, whose comparison has no truth value, is not."""
     return isinstance(contact, str) and contact == AUTO
 
 
 def chosen(one: object, other: object, sites: tuple[str, str] = ("", "")) -> Choice:
-    """The law of the contact of two bodies at their sites, and why.
+    """The law for the contact of two bodies at their sites, with the reason.
 
     InputError, in one sentence, for a body that does not know its material and its shape.
     """
@@ -51,14 +51,14 @@ def _surface(body: object, site: str) -> Surface:
 
 
 def law_of(contact: object, one: object, other: object) -> ContactLaw:
-    """The law that is given, or the one that two bodies of one contact point need."""
+    """The law itself, or for "auto" the one that the surfaces of two bodies require."""
     if is_auto(contact):
         return chosen(one, other).law
     return checks.instance("contact", contact, ContactLaw, LAW)
 
 
 def choice_of(law: ContactLaw, one: object, other: object) -> Choice | None:
-    """The choice that gives this law; None for a law of the user's own."""
+    """The choice that results in this law; None for a law that the user gave."""
     try:
         found = chosen(one, other)
     except InputError:

@@ -147,7 +147,7 @@ def completed_calls(
 def _submitted(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> list[Future[T] | AntioscError]:
-    """Return the future of each call, or the error of a call that the executor refused."""
+    """The future of each call, or the error of a call that the executor refused."""
     futures: list[Future[T] | AntioscError] = []
     for given, keywords in calls:
         try:
@@ -178,7 +178,7 @@ def _executor_error(error: Exception) -> AntioscError:
 
 
 def rows_of(found: Any, size: int) -> list[Any] | AntioscError:
-    """The rows that a part of `size` calls gave, or the error of an executor that gave others."""
+    """The rows that a chunk of `size` calls returned; an error if their number differs."""
     if isinstance(found, AntioscError) or (isinstance(found, list) and len(found) == size):
         return found
     return AntioscError(
@@ -395,7 +395,7 @@ def _info(scene: Impact) -> ModelInfo:
 
 
 def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
-    """The laws of scenes, chosen where they are "auto"; InputError names the scene."""
+    """The laws of all scenes, chosen for "auto"; InputError names the scene."""
     found: dict[tuple[int, int], ContactLaw] = {}
     laws = list(given)
     for i, pair in enumerate(zip(models, impactors, strict=True)):
@@ -415,7 +415,7 @@ def _warn_of_worst(
     ranked: Sequence[tuple[float, int]],
     check: Callable[[History], str],
 ) -> None:
-    """Warn of what `check` finds in the worst scenes by `ranked` (rank > 0, scene), run again.
+    """Run the worst scenes by `ranked` (rank > 0, scene) again and warn of what `check` finds.
 
     Of each model the worst scene is run, of `CHECKED_MODELS` models at most.
     """
@@ -431,13 +431,13 @@ def _warn_of_worst(
 
 
 def _deflection(model: LinearBody, impulse: float) -> float:
-    """Bound of a sheet's deflection by an impulse [N s], over its thickness; 0 if not held."""
+    """Bound on a sheet's deflection by an impulse [N s], over its thickness; 0 for a free sheet."""
     held = info_of(model).thickness is not None and model.modal().omega.all()
     return _bend(model, impulse) if held else 0.0
 
 
 def _bend(model: LinearBody, impulse: float) -> float:
-    """Bound of the elastic deflection of a sheet by an impulse [N s], over its thickness.
+    """Bound on the elastic deflection of a sheet by an impulse [N s], over its thickness.
 
     A push by F ≥ 0 deflects a mode of frequency ω, at rest before, by b² ∫F dt / ω at most.
     """
@@ -477,7 +477,7 @@ def _solve_chunk(
     settings: Settings,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
-    """Rows of scenes: groups that the march solves in one call, the others one by one.
+    """Rows of scenes: groups in one call of the C library, the others one by one.
 
     Where second-order forces are chosen by the linear run, it is one of these.
     """
@@ -505,7 +505,7 @@ def _solve_chunk(
 
 
 def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
-    """The scene with a linear model, where its run says whether a sheet stretches."""
+    """The scene with a linear model, where a linear run decides whether a sheet stretches."""
     model = scene.model
     if not isinstance(model, AntiOscillators) or info_of(model).thickness is None:
         return scene
@@ -517,7 +517,7 @@ def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
 
 
 def _slight(model: LinearBody, row: _Row) -> bool:
-    """Whether a linear run deflects a sheet too little to stretch it."""
+    """Whether the deflection in a linear run is too small to stretch the sheet."""
     info, ratio = info_of(model), _bend(model, row.impulse)
     changes = [abs(one) for one in (info.second_order or {}).values()]
     curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
@@ -532,7 +532,7 @@ def _report_progress(done: Callable[[int], None], before: int, count: int) -> No
 def _solve_group(
     scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
 ) -> list[_Row | None]:
-    """Rows of a group of impacts; None for an impact that must be integrated alone."""
+    """Rows of a group of impacts; None for an impact that must be integrated separately."""
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             group = ImpactRows(scenes, settings.tol, *settings.limits)
@@ -551,7 +551,7 @@ def _row_of(
     pair: Pair,
     settings: Settings,
 ) -> _Row | None:
-    """Row of an outcome of the march; None where the impact must be integrated alone."""
+    """The row of an outcome of the C library; None if the impact must be integrated separately."""
     answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
     end, contact_time_estimate, gained, highest, rotation = rest
     if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
@@ -578,7 +578,7 @@ def _row_of(
 
 
 def _doubts(scene: Impact) -> list[str]:
-    """What is implausible of a scene."""
+    """Sentences on implausible properties of a scene."""
     blow = plausible.of_blow(scene.model, [scene.impactor], scene.initial_velocity)
     return [*plausible.of_model(scene.model), *filter(None, [blow])]
 

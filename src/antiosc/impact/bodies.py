@@ -179,7 +179,7 @@ class Sphere(FieldsRepr, Body):
 
 
 def _constants(matter: Matter | None) -> dict[str, float | None]:
-    """E, nu and yield strength of a material."""
+    """E, nu and yield strength of a surface's material."""
     names = ("E", "nu", "yield_strength")
     return {name: getattr(matter, name, None) for name in names}
 
@@ -261,7 +261,7 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class NamedImpactor(FieldsRepr):
-    """What is known of an impactor.
+    """A named impactor: its numbers, their source, and what is unknown.
 
     Attributes
     ----------
@@ -287,7 +287,7 @@ class NamedImpactor(FieldsRepr):
     note: str = ""
 
     def law(self) -> Gonthier:
-        """The law of its stiffness and restitution; InputError where the source has none."""
+        """The law with its stiffness and restitution; InputError if the source gives none."""
         if self.stiffness is None or self.restitution is None:
             raise InputError(
                 f"the source on the {self.name} has no stiffness and no restitution: give a "
@@ -312,7 +312,7 @@ _TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
 
 
 def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpactor:
-    """A hammer of IEC 60068-2-75 with its energy [J]; up to 1 J its tip is polyamide."""
+    """A hammer of IEC 60068-2-75 of this energy [J]; up to 1 J its tip is of polyamide."""
     steel = energy > 1
     speed = sqrt(2 * energy / mass)
     note = "" if steel else _POLYAMIDE
@@ -483,7 +483,7 @@ class RigidBody(FieldsRepr):
 
 @dataclass(eq=False)
 class SceneBody:
-    """A body as a scene sees it: its free modes, and how it begins.
+    """A body in a scene: its free modes and its initial motion.
 
     Attributes
     ----------
@@ -546,12 +546,12 @@ class SceneBody:
 
     @property
     def directions(self) -> Array | None:
-        """Unit vectors (P, 3) of the columns, where known."""
+        """Unit vectors (P, 3) of the columns; None if unknown."""
         return self.modes.axes
 
     @property
     def inertia(self) -> Inertia | None:
-        """Momentum of the modes, where known."""
+        """Inertia of the body and momentum of its modes; None if unknown."""
         return self.modes.inertia
 
     @property
@@ -560,7 +560,7 @@ class SceneBody:
         return self.modes.weight
 
     def columns_of(self, site: str) -> tuple[int, ...]:
-        """The columns of a site; () of an obstacle."""
+        """The columns of a site; () for an obstacle."""
         return () if isinstance(self.body, Obstacle) else self.sites[site]
 
     def site_directions(self, site: str) -> Array | None:
@@ -577,12 +577,14 @@ class SceneBody:
 
     @property
     def supported(self) -> bool:
-        """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""
+        """Whether no rigid-body mode moves a site: displacements are from equilibrium under
+        gravity.
+        """
         return not bool(np.any(self.B[self.omega == 0] != 0))
 
     @property
     def grounded(self) -> bool:
-        """Whether it is the ground or its supports hold it, so that motion of the ground acts."""
+        """Whether motion of the ground acts on the body: it is the ground, or supported."""
         rigid = self.omega == 0
         if isinstance(self.body, Obstacle) or not rigid.any():
             return True
@@ -594,12 +596,12 @@ class SceneBody:
 
 
 def may_rotate(body: SceneBody | ModalBody | SiteModes) -> bool:
-    """Whether a body may turn, and its inertia in space is known."""
+    """Whether a body can rotate, and its inertia in space is known."""
     return body.inertia is not None and not body.omega.all()
 
 
 def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
-    """First-order modes of all bodies, stacked; None if no body has them."""
+    """First-order modes of all bodies, stacked; None if no body has any."""
     parts = [
         (body.omega, body.decay, body.modes.first_order, body.first_order_start) for body in bodies
     ]
@@ -607,7 +609,7 @@ def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
 
 
 def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
-    """Describe a body of the scene with its start; InputError for a motion that it cannot have."""
+    """The body of a scene with its initial motion; InputError for an impossible motion."""
     if isinstance(body, RigidBody):
         placed = _rigid_body(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
@@ -651,7 +653,7 @@ def _modal_body(name: str, body: object) -> SceneBody:
 def single_site_body(
     name: str, body: object, asked: Body, modes: ModalBody, start: Array
 ) -> SceneBody:
-    """Describe a body of one contact point, with its modal start velocities (J,)."""
+    """A body with one contact point, with modal initial velocities (J,)."""
     local = {"": asked.local_compliance}
     return SceneBody(
         name, body, modes, start,
@@ -686,7 +688,7 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
 
 
 def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
-    """Modal start velocities (J,) of a body that moves without strain."""
+    """Modal initial velocities (J,) of a rigid-body motion."""
     if not isinstance(motion, Motion):
         along = placed.directions is None or placed.inertia is None  # the speed along it
         if not along or placed.B.shape[1] != 1:

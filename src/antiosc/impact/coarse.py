@@ -20,7 +20,7 @@ LARGE_CELL = 0.5
 
 
 class Coarse(NamedTuple):
-    """A cell at a site [m], the wave length that it should hold, and the edge that is allowed."""
+    """A cell at a site [m], the wavelength to be resolved, and the edge length that suffices."""
 
     size: float
     wave: float
@@ -31,7 +31,7 @@ class Coarse(NamedTuple):
 
 
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
-    """The cell at a site if a contact's waves do not fit in it; None of others."""
+    """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
     known = (info_of(model).cells or {}).get(site)
     if known is None or getattr(model, "strain_error", None) is not None:  # its budget tells it
         return None
@@ -42,7 +42,7 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
 
 
 def coarse_cell(model: object, site: str, contact_time: float) -> str:
-    """The warning of a cell that is too large; "" of others."""
+    """Warning of a cell too large for the waves of a contact; "" if it is not."""
     cell = coarse_at(model, site, contact_time)
     if cell is None:
         return ""

@@ -60,7 +60,7 @@ Rerun = Callable[[LinearBody, float], History]
 
 @dataclass(frozen=True, eq=False)
 class RepeatedImpact:
-    """An impact and its repetition on other bodies, by the exact method to `tol`.
+    """An impact that is repeated on other bodies, by the exact method to `tol`.
 
     `raw` is the history on `model` itself; `run` simulates the impact on a body.
     """
@@ -75,12 +75,12 @@ class RepeatedImpact:
         return self.run(body, self.tol)
 
     def change(self, body: LinearBody) -> Shares:
-        """Relative differences of the three quantities on another body."""
+        """Relative changes of peak force, impulse and contact time on another body."""
         return parts.differences(self.raw, self.simulate_on(body))
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
-    """Share of each quantity from the element family, and notes.
+    """Relative errors of the three quantities due to the element family, and notes.
 
     The model's info has the data ("model"), or the reason why there is no figure.
     """
@@ -124,7 +124,7 @@ ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
 
 
 def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
-    """Shares of noise and band in peak force, impulse and contact time."""
+    """Relative errors of the three quantities due to measured noise and the limited band."""
     facts = impact.model.info.measured
     if facts is None:
         return parts.NO_ERROR, parts.NO_ERROR
@@ -145,7 +145,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
 
 
 def low_band_message(hit: History) -> str:
-    """The warning of a measured band that is too low for the contact; "" if it is not."""
+    """Warning of a measured band that is too low for the contact; "" if it is not."""
     facts = info_of(hit.model).measured
     if facts is None or not hit.contacts:
         return ""
@@ -161,7 +161,7 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Length [s] of a half-sine whose spectrum reaches as far as that of the force.
+    """Duration [s] of a half-sine whose spectrum reaches as far as that of the force.
 
     The spectrum of the main impact reaches to where `ENERGY` of its energy lie below.
     """
@@ -173,7 +173,7 @@ def pulse_time(hit: History) -> float:
 
 
 def warn_low_band(hit: History) -> None:
-    """Warn of a band that is too low for the contact."""
+    """Warn of a measured band that is too low for the contact."""
     if sentence := low_band_message(hit):
         warn(sentence, AccuracyWarning)
 
@@ -200,8 +200,11 @@ NO_PATCH = "Not included: the radius of the patch."
 
 
 def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
-    """The bars of a run; `rerun(model, tol)` is the same impact on another model, and `by_law(law,
-    tol)` by another law, with the exact method and a step that meets the tolerance."""
+    """The error bars of a run.
+
+    `rerun(model, tol)` repeats the impact on another model and `by_law(law, tol)` by another law,
+    with the exact method and a step that meets the tolerance.
+    """
     model = hit.model
     if not isinstance(model, AntiOscillators):
         raise InputError(NO_ESTIMATE)
@@ -257,7 +260,7 @@ NOT_ESTIMATED = (
 
 
 def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> Shares:
-    """The share of the modes that the second-order forces leave out: m against m + 2.
+    """Error due to the truncated second-order modes: the change from m to m + 2 modes.
 
     The change of a peak force may vanish by chance: the deflection's counts too.
     """
@@ -278,14 +281,15 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
 
 
 def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
-    """The model whose impacts take so many modes of its second-order forces."""
+    """The model with this number of modes of its second-order forces."""
     assert model.stretch is not None
     return replace(model, stretch=replace(model.stretch, count=count))
 
 
 def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
-    """The shares of mesh and truncation, that of the errors of strains in the energy, the factor of
-    safety, and what is to be said; of a model without a mesh nothing."""
+    """Errors due to mesh and truncation, the strain error over the strain energy, the safety factor
+    and notes; for a model without a mesh, none.
+    """
     model, raw = impact.model, impact.raw
     if model.strain_error is None:
         return parts.NO_ERROR, parts.NO_ERROR, 0.0, SAFETY, []
@@ -322,10 +326,11 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
-    """The factor of the mesh's share, and why it is not the usual one; one sentence each.
+    """The safety factor of the mesh error, and a note if it is not the usual one.
 
-    Faces as large as the patch spread its load: the strains that they miss grow as their size over
-    the radius (the compliance of a patch is inverse to its radius), and no recovery sees them.
+    The sentence says why: faces as large as the patch spread its load, so that strains are missed
+    which no recovery sees. They grow as the size of the faces over the radius, for the compliance
+    of a patch is inverse to its radius.
     """
     safety, doubts = SAFETY, []
     if share > (COARSE if model.strain_misfit is None else COARSE_SHELL):
@@ -355,7 +360,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
 
 
 def amplitudes(hit: History) -> Array:
-    """Sum of a aᵀ over the contact of the amplitudes a of psi_0 ... psi_N, (N + 1, N + 1)."""
+    """Σ a aᵀ over the contact, a the amplitudes of psi_0 ... psi_N: (N + 1, N + 1)."""
     size = hit.model.n + 1
     total = np.zeros((size, size))
     for start, end in hit.contacts:
@@ -367,12 +372,12 @@ def amplitudes(hit: History) -> Array:
 
 
 def _time_errors(hit: History) -> list[float]:
-    """Estimated errors of the time integration; none where the step was given."""
+    """Estimated errors of the time integration; None if the user gave the step."""
     return [hit.error[name] for name in ("force", "peak") if name in hit.error]
 
 
 def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """The share of the time steps: the estimate of the run, or more if a finer run says so."""
+    """Errors due to the time steps: the estimate of the run, or that of a finer run if larger."""
     known = max(_time_errors(hit), default=0.0)
     own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     changed = parts.NO_ERROR if finer is None else parts.differences(hit, finer)
@@ -380,7 +385,7 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
 
 
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
-    """The share of the patch's radius, and a note on it.
+    """Errors due to the radius of the patch, and a note.
 
     A second radius changed the compliance of the part by a little beyond that of the half-space;
     the impact with this change in the contact gives the share.
@@ -402,7 +407,7 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 
 
 def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]]:
-    """The share of flat faces that stand for a curved surface, and what is to be said of it.
+    """Errors due to flat faces in place of a curved surface, and notes.
 
     Between both lie layers that the mesh lacks or has in excess. Their strain energy over that of
     the contact, and their mass over the structure's, change all stiffnesses and masses of the run.

@@ -34,7 +34,7 @@ ByLaw = Callable[[ContactLaw, float], History]
 
 
 def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float] | None, str]:
-    """Shares of the law in the three quantities, and why it is left out of the bars; runs to `tol`.
+    """Errors of the three quantities due to the law, and why they are missing; reruns to `tol`.
 
     The shares are None where they are not known, and 0 for a law of the caller's own.
     """
@@ -54,7 +54,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
 
 
 def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
-    """The laws that each cause of error changes the law into."""
+    """For each cause of error, the laws that differ by this error."""
     yield list(_by_curvature(raw, choice.law))
     law, soft = choice.law, choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
@@ -67,7 +67,7 @@ def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
 
 
 def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
-    """The laws of surfaces that are as much more or less curved as they may be."""
+    """The laws for the smallest and the largest possible curvatures of the surfaces."""
     pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]
     surfaces = [one for one in pair if one is not None]
     if len(surfaces) < 2 or not any(one.error for one in surfaces):
@@ -80,27 +80,27 @@ def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
 
 
 def _bent(surface: Surface, change: float) -> Surface:
-    """A surface whose curvatures differ [1/m]; what is flat stays flat."""
+    """A surface with changed curvatures [1/m]; flat directions stay flat."""
     low, high = (k + change if k else k for k in surface.curvatures)
     return replace(surface, curvatures=(low, high), error=0.0)
 
 
 def _by_error(law: ElasticPlastic, elliptic: float, raw: History) -> Iterator[ContactLaw]:
-    """The law with forces that are off by its measured error: E and Y scale them."""
+    """The law with E and Y scaled so that its forces change by its measured error."""
     share = min(GROWS * law.error_at(raw.deepest)[0] + elliptic, MOST)
     for factor in (1 - share, 1 + share):
         yield replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
 
 
 def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[ContactLaw]:
-    """The law with the lowest yield strength, and the highest at the strain rate of the run."""
+    """The law with the lowest yield strength, and with the highest at the run's strain rate."""
     for strength in soft.strengths_at(strain_rate(law, raw)):
         if strength != law.yield_strength:
             yield replace(law, yield_strength=strength)
 
 
 def strain_rate(law: ElasticPlastic, raw: History) -> float:
-    """Mean strain rate [1/s] of the first contact: Tabor's strain in half of its time."""
+    """Mean strain rate [1/s] of the first contact: Tabor's strain over half of its duration."""
     start, end = raw.contacts[0]
     return mean_strain_rate(law, raw.deepest, end - start)
 

@@ -36,7 +36,7 @@ QUOTIENT = 1e-9
 
 
 class Step(NamedTuple):
-    """The end of a step; `mean` (m,) are the forces that made its impulse."""
+    """The end of a step; `mean` (m,): forces whose impulse is that of the step."""
 
     q: Array
     v: Array
@@ -67,7 +67,9 @@ class SceneStep(SceneMethod):
 
     @cached_property
     def moved_modes(self) -> Array:
-        """1 for the modes that contacts move, else 0: the energy of those would hide a growth."""
+        """1 for modes that contacts move, otherwise 0: other modes' energy would hide an
+        instability.
+        """
         return np.any(self.system.beta != 0, axis=0).astype(float)
 
     @abstractmethod
@@ -76,7 +78,7 @@ class SceneStep(SceneMethod):
 
     @staticmethod
     def longest(system: System) -> float:
-        """The longest step [s] that is stable."""
+        """The longest stable step [s]."""
         return np.inf
 
     def integrate_contact(
@@ -121,7 +123,7 @@ class SceneStep(SceneMethod):
         return StepLoads(self.loads_at(t)[0], load1, gap1)
 
     def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, StepLoads]:
-        """Take one step of at most h; contacts that touch within it are closed first.
+        """Take one step of at most h, which ends where the last contact parts.
 
         The step ends where the last contact parts.
         """
@@ -267,7 +269,7 @@ class Quotient:
         return F
 
     def _potential(self, free: float) -> tuple[float, float]:
-        """Energy of contact and residual compliance in series, and the force."""
+        """Energy of a contact in series with its residual compliance, and its force."""
         F = self.law.implicit(free, self.r, 0.0, 0.0, self.state)
         delta = free - self.r * F
         return self.law.potential(delta, self.state) + 0.5 * self.r * F * F, F
@@ -330,7 +332,7 @@ class ConservingScene(SceneStep):
         self.contacts.move_anchors((start.delta + end.delta) / 2, end.mean)
 
     def _nodal(self, after: Array, rate: Array, mean: Array) -> Array:
-        """Forces (m,) at the end of the step, by the laws."""
+        """Forces (m,) by the laws at the end of the step."""
         force = np.zeros_like(mean)
         for c in self.contacts.active:
             r, state = float(self.system.R[c, c]), self.contacts.state(c)
@@ -341,7 +343,7 @@ class ConservingScene(SceneStep):
 
 
 def _segment_of(times: Array, nodes: list[Step]) -> Segment:
-    """Fit parabolas to the steps: each has the impulse of its step, work on a straight path."""
+    """Parabolas with the impulses of the steps; their work is that of a straight path."""
     n, m = len(nodes) - 1, len(nodes[0].force)
     time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
     time[::2], force[::2] = times, [node.force for node in nodes]
@@ -373,7 +375,7 @@ LEAST_IVP_TOL = 3e-14  # one that rounding permits
 
 @dataclass(frozen=True)
 class Settings:
-    """How a scene is integrated, as `Scene.run` takes it."""
+    """Options of the integration of a scene, as for `Scene.run`."""
 
     tol: float = 1e-3
     method: str = "exact"
@@ -437,7 +439,7 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
 def _converged(
     one: Callable[[float], Run], step: float, longest: float, settings: Settings
 ) -> Converged:
-    """Runs `one(step)` of ever smaller steps until their forces converge.
+    """Runs `one(step)` with smaller and smaller steps until their forces converge.
 
     A run that diverged is not used for the error of another.
     """

@@ -32,7 +32,7 @@ SWEEP_TOL = 1e-13  # change of a force in a sweep, relative to the largest
 
 
 class JointContacts:
-    """The contacts of a scene, and what they remember of the time before.
+    """The contacts of a scene, with the states of their laws and friction.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class JointContacts:
 
     @property
     def touches(self) -> int:
-        """How often a contact has closed."""
+        """Number of times that a contact has closed."""
         return sum(piece for _, _, piece, _ in self.events)
 
     @property
@@ -80,7 +80,7 @@ class JointContacts:
         return 0.0 if state is None else self.laws[c].origin(state)
 
     def touch(self, c: int, t: float, speed: float, displacement: Array) -> None:
-        """Close a contact at the closing `speed`; `displacement` (m,) is that there."""
+        """Close a contact at the closing `speed`, where the rows have `displacement` (m,)."""
         speed = max(speed, float(self.system.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
@@ -123,7 +123,7 @@ class JointContacts:
         return self.settled(sweep, F)
 
     def settled(self, sweep: Callable[[int], None], F: Array, share: float = SWEEP_TOL) -> Array:
-        """F once sweeps over the closed contacts, which change it, change less than a share."""
+        """F after sweeps over the closed contacts, once they change it by less than a share."""
         active = self.active
         if len(active) == 1 and len(F) <= len(self.laws):  # nothing that its force has to suit
             sweep(active[0])
@@ -153,7 +153,7 @@ class JointContacts:
         return law.implicit(*unloaded, state, float(F[c]))
 
     def friction(self, c: int, free: Array, A: Array, F: Array) -> None:
-        """Set the friction of one contact in F: its spring, within the cone."""
+        """Set the friction of one contact in F: its spring force, limited by the friction cone."""
         rows = self.tangents(c)
         if rows.start == rows.stop or rows.stop > len(F):
             return
@@ -164,7 +164,7 @@ class JointContacts:
         F[rows] = self.within_cone(c, F[rows], F[c])
 
     def within_cone(self, c: int, friction: Array, normal: float) -> Array:
-        """Friction (k,) of a contact, shortened to mu times the normal force."""
+        """Friction (k,) of a contact, limited to mu times the normal force."""
         size, most = float(np.linalg.norm(friction)), self.system.slip[c, 0] * normal
         return friction * (most / size) if size > most else friction
 
@@ -175,7 +175,7 @@ TOUCH_RESOLUTION = 1 / 4  # of a step: touches closer than this to a release bel
 
 
 class Segment(NamedTuple):
-    """A flight, or all from a touch until nothing touches, as a `Run` has it.
+    """A flight, or a period of contact, in the arrays of a `Run`.
 
     time : (2 n + 1,); force, depth : (2 n + 1, m); states : (n + 1, 2, J).
     """
@@ -218,11 +218,11 @@ class SceneMethod(ABC):
 
     @property
     def busy(self) -> bool:
-        """Whether the method integrates the motion; otherwise it is an exact flight."""
+        """Whether the method integrates now; otherwise the motion is an exact flight."""
         return self.driven or bool(self.contacts.active)
 
     def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
-        """All of the scene."""
+        """Integrate the whole scene."""
         s, contacts = self.system, self.contacts
         force = np.zeros((1, len(s.beta)))
         force[0, : self.p] = s.pressed
@@ -268,7 +268,7 @@ class SceneMethod(ABC):
         )
 
     def on_touch(self, c: int, free: Array, rate: Array, force: Array) -> None:  # noqa: B027
-        """Hook of a method when contact c touches.
+        """Called when contact c touches; methods override it.
 
         free, rate, force : (m,) displacements without contact forces, speeds and forces.
         """
@@ -308,7 +308,7 @@ class SceneMethod(ABC):
         return piece, library.DONE
 
     def _touch(self, t: float, q: Array, v: Array, origins: Array) -> None:
-        """Close the contacts that touch at t: those that reach it first, within rounding."""
+        """Close the contacts that touch at t, those first reached within rounding."""
         s, p = self.system, self.p
         _, gap, drift = self.loads_at(t)
         free, rate = s.free_rows(q, v)
@@ -409,7 +409,7 @@ class SceneIVP(SceneMethod):
         return joined_segments(pieces), answer
 
     def _solved(self, span: tuple[float, float], y: Array, atol: Array) -> Any:
-        """The solution up to the first event.
+        """The solution up to its first event.
 
         SciPy refuses an event at the end of a step that it has passed: then with other steps.
         """
@@ -473,7 +473,7 @@ class SceneIVP(SceneMethod):
         return y[2 * self.size :][rows.start - self.p : rows.stop - self.p]
 
     def _slip_direction(self, c: int, z: Array, rate: Array) -> Array:
-        """Unit vector (k,) along z, which begins along the speed."""
+        """Unit vector (k,) along z; at the start, along the speed."""
         along = z if np.any(z) else rate[self.contacts.tangents(c)]
         length = float(np.linalg.norm(along))
         return along / length if length > 0 else along
@@ -502,7 +502,7 @@ class SceneIVP(SceneMethod):
         return change
 
     def _slip(self, c: int, free: Array, z: Array, rate: Array, force: Array) -> float:
-        """Speed [m/s] of the slider if it slides: that of the point less that of its spring."""
+        """Speed [m/s] of a sliding contact: of the point minus that of its friction spring."""
         p = self.p
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
@@ -530,7 +530,9 @@ class SceneIVP(SceneMethod):
     # -- events
 
     def _events(self, c: int) -> list[Callable[[float, Array], float]]:
-        """Touch or parting, turn of a law with memory, and change of stick and slip."""
+        """Event functions: touch or parting, reversal of a law with memory, change of stick and
+        slip.
+        """
         closed, rubs = bool(self.contacts.closed[c]), self.system.tangents[c, 1] > 0
 
         def beyond(t: float, y: Array) -> float:
@@ -560,7 +562,7 @@ class SceneIVP(SceneMethod):
         return found
 
     def _apply_events(self, t: float, y: Array, found: list[Array]) -> None:
-        """Apply the events at t to the contacts and to their sliding."""
+        """Apply the events at t to the states of contacts and friction."""
         free, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             own = found[3 * c : 3 * c + 3]
@@ -582,7 +584,7 @@ class SceneIVP(SceneMethod):
     # -- results
 
     def _absolute(self) -> Array:
-        """Absolute tolerances (2 J + m - p,): what is small beside the contacts' own motion."""
+        """Absolute tolerances (2 J + m - p,), small relative to the motion of the contacts."""
         s = self.system
         reach = np.abs(s.beta[: self.p]).max(axis=1)
         reach = np.where(reach > 0, reach, 1.0)
@@ -595,7 +597,7 @@ class SceneIVP(SceneMethod):
         return np.asarray(np.maximum(1e-3 * self.rtol * np.concatenate(parts), 1e-300))
 
     def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> Segment:
-        """Times, forces and indentations at 0, h/2, h of parts of steps; states at their ends."""
+        """Times, forces and indentations at 0, h/2, h of parts of steps; states at ends."""
         fraction = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
         t = (ends[:-1, None] + np.diff(ends)[:, None] * fraction).ravel()
         t = np.append(t, ends[-1])

@@ -158,7 +158,7 @@ class Scene(SceneParts):
 def integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """Integrate an assembly; returns the history, and the check result before any warning.
+    """Integrate an assembly; returns the history, and the result of its check before warnings.
 
     With bodies that stretch the linear run comes first (`antiosc.impact.stretching`).
     """
@@ -184,7 +184,7 @@ def integrate(
 def _integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """Integrate an assembly as it is."""
+    """Integrate an assembly without looking for stretching."""
     step, tol, limits = settings.step, settings.tol, settings.limits
     step = None if step is None else checked_step(step, duration)
     if settings.method == "exact":
@@ -216,7 +216,7 @@ def with_deflection_warning(history: H) -> H:
 
 
 def _told(history: H, sentence: str) -> H:
-    """Warn of a sentence and append it to the message; nothing of an empty one."""
+    """Warn of a sentence and append it to the history's message; nothing for ""."""
     if not sentence:
         return history
     warn(sentence, AccuracyWarning)
@@ -226,7 +226,7 @@ def _told(history: H, sentence: str) -> H:
 def set_initial_forces(
     assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None
 ) -> None:
-    """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
+    """Set the forces of the contacts that are closed at the start.
 
     Without preload only a load on a site without mass closes a contact at once, or a run before.
     cut : states of contacts that go on from that run (`Run.kept`), and their forces (p,) [N].
@@ -286,7 +286,7 @@ def integrate_exact(
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
-    """AccuracyError if a force exceeds the range of its law; `doubts` precede its message."""
+    """AccuracyError if a force leaves the range of its law; its message begins with `doubts`."""
     a = history.assembly
     for c, law in enumerate(a.laws):
         if law.valid_force == np.inf:
@@ -439,7 +439,7 @@ def simulate(
 def simulate_impact(
     scene: Impact, settings: Settings, n: int | str | None = None, budget: Budget | None = None
 ) -> tuple[History, CheckResult]:
-    """Simulate one impact; returns the check result before any warning. `n` as of `simulate`."""
+    """Simulate one impact; returns the history and the check result before warnings."""
 
     def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         assembly = assemble_pair(scene._replace(model=model), stretch=True)
@@ -484,7 +484,7 @@ def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) ->
 def _truncated(
     model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """Truncate the model to `n` anti-oscillators; returns it, its errors, and a note if too few."""
+    """The model with `n` anti-oscillators, its estimated errors, and a note if too few."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

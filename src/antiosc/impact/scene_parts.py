@@ -152,7 +152,7 @@ MOST = 1000
 
 @dataclass(frozen=True, eq=False)
 class SceneParts(FieldsRepr):
-    """What a `Scene` consists of, checked."""
+    """The checked bodies, contacts and loads of a `Scene`."""
 
     bodies: Mapping[str, object]
     contacts: Sequence[Contact]
@@ -225,7 +225,7 @@ class SceneParts(FieldsRepr):
                 )
 
     def _with_law(self, contact: Contact) -> Contact:
-        """The contact with the law that its bodies need, if it has none."""
+        """The contact with its law; for "auto", the one that its surfaces require."""
         if not is_auto(contact.law):
             return contact
         ends = [end.partition(":") for end in (contact.a, contact.b)]
@@ -238,7 +238,7 @@ class SceneParts(FieldsRepr):
             raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
 
     def _site_of(self, end: str) -> str:
-        """Normalise an end: any site name of a body with one site means this site."""
+        """An end in normal form: for a body with one site, "body" alone."""
         name = end.partition(":")[0]
         return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
 
@@ -246,7 +246,7 @@ class SceneParts(FieldsRepr):
 def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
-    """The scene of "structure" and "impactor" of `simulate`, whose checks have passed."""
+    """The scene "structure" and "impactor" of `simulate`, from checked arguments."""
     parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
     checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
     bodies = {"structure": model, "impactor": impactor}
@@ -255,7 +255,7 @@ def two_body_parts(
 
 
 class StackedBodies(NamedTuple):
-    """All bodies of a scene side by side.
+    """The modes and columns of all bodies of a scene, side by side.
 
     spans, columns : slices of each body's modes and columns among those of all. B : (J, P)
     displacements of all columns. r : (P, P) their residual compliance.
@@ -304,7 +304,7 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
 def set_axes(
     scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, SceneBody]
 ) -> None:
-    """Give the sites without a direction (`SceneBody.axes`) that of their contacts.
+    """Give sites without a direction (`SceneBody.axes`) the direction of their contacts.
 
     Such sites that touch each other share one axis and sense, that of the first contact with one.
     """
@@ -349,14 +349,14 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
 
 
 def contact_direction(a: End, b: End) -> Array | None:
-    """Direction (3,) of a contact in space, where one of its ends knows it."""
+    """Direction (3,) of a contact in space; None if neither end has one."""
     return a[0].pushes.get(a[1], b[0].pushes.get(b[1]))
 
 
 def contact_row(
     contact: Contact, ends: tuple[End, End], stacked: StackedBodies
 ) -> tuple[Array, Array | None]:
-    """Row (P,) of the indentation, and the contact's direction in space, where known."""
+    """Row (P,) of the indentation, and the direction of the contact in space or None."""
     if all(isinstance(body.body, Obstacle) for body, _ in ends):
         raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
     direction = contact_direction(*ends)
@@ -374,7 +374,7 @@ def _relative_row(
 
 
 def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
-    """Notes on contacts that did not touch and push their second end against its site."""
+    """Notes on untouched contacts that push their second end away from its site's direction."""
     notes = []
     for contact in contacts:
         (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
@@ -389,7 +389,7 @@ def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -
 
 
 def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -> list[str]:
-    """Sentences on contacts whose ends lie apart, or point along other lines."""
+    """Sentences on contacts whose ends are apart or have different directions."""
     sentences = []
     for contact in contacts:
         ends = find_site(contact.a, bodies), find_site(contact.b, bodies)
@@ -404,7 +404,7 @@ def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) ->
 
 
 def _distance(contact: Contact, ends: tuple[End, End]) -> str:
-    """How far the ends lie from where they touch, if farther than they may."""
+    """Words on the distance between the ends of a contact; "" if patches and cells allow it."""
     direction, points = contact_direction(*ends), [_point(*end) for end in ends]
     a, b = points
     if a is None or b is None or direction is None:
@@ -423,7 +423,7 @@ def _distance(contact: Contact, ends: tuple[End, End]) -> str:
 
 
 def _point(body: SceneBody, site: str) -> Array | None:
-    """Place (3,) [m] of a site, where known."""
+    """Coordinates (3,) [m] of a site; None if unknown."""
     if isinstance(body.body, RigidBody):
         return np.asarray(body.body.sites[site][0])
     point = site_points(body.body).get(site)
@@ -431,13 +431,13 @@ def _point(body: SceneBody, site: str) -> Array | None:
 
 
 def _reach(body: SceneBody, site: str) -> float:
-    """Distance [m] by which a site may lie off the surface: its patch's radius and its cell."""
+    """Distance [m] that a site may be off the surface: radius of its patch and size of its cell."""
     cells = info_of(body.body).cells or {}
     return (body.patch_radius or 0.0) + (cells[site][0] if site in cells else 0.0)
 
 
 def _angle(ends: tuple[End, End]) -> str:
-    """The angle between the directions of the ends, if they are not one line."""
+    """Words on the angle between the directions of the ends; "" if they are parallel or unknown."""
     a, b = (body.pushes.get(site) for body, site in ends)
     if a is None or b is None or abs(a @ b) >= PARALLEL:
         return ""
@@ -478,7 +478,7 @@ def tangential_rows(
 
 
 def _axis(body: SceneBody) -> Array | None:
-    """Direction in space of the one coordinate of a body that has one; None for others."""
+    """Direction in space of a body with one coordinate; None for other bodies."""
     if body.directions is not None and len(body.directions):
         return body.directions[0] if body.inertia is None else None
     return next(iter(body.axes.values()), None)
@@ -507,7 +507,7 @@ def load_series(
     gaps: Array,
     duration: float,
 ) -> tuple[Array, Array, Array]:
-    """Times (K,), modal loads (K, J) and offsets (K, m) that loads, base and gravity cause."""
+    """Times (K,), modal loads (K, J) and gaps (K, m) due to loads, base motion and gravity."""
     if not scene.loads and scene.base is None and not np.any(scene.gravity):
         return np.zeros(1), np.zeros((1, len(stacked.B))), gaps[None]
     series = [load.times for load in scene.loads]
@@ -552,7 +552,7 @@ def load_series(
 
 
 def _check_ground_direction(body: SceneBody, moved: Array) -> None:
-    """InputError if the ground (K, 3) moves across the only direction that a body knows."""
+    """InputError if the ground (K, 3) moves across the only direction in which a body can move."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
     axis = _axis(body)

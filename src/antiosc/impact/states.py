@@ -29,7 +29,7 @@ MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use few
 
 
 def record_of(run: Run) -> tuple[library.Record, list[Array]]:
-    """A run as the march reads it, and the arrays that this points to."""
+    """A run as the C library reads it, and the arrays to which it refers."""
     arrays = [np.ascontiguousarray(each) for each in (run.time, run.force, run.events)]
     time, force, events = map(library.address, arrays)
     counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
@@ -37,7 +37,8 @@ def record_of(run: Run) -> tuple[library.Record, list[Array]]:
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:
-    """Intervals (`library.TOUCH`) in which contact c is closed, and whether it is at the end.
+    """Intervals (`library.TOUCH`) in which contact c is closed, and whether it is closed at the
+    end.
 
     Intervals of zero length do not count.
     """
@@ -62,7 +63,7 @@ def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
 
 
 def interpolated(t: Array, breaks: Array, values: Array) -> Array:
-    """Rows of `values` at times, linear between the breaks and constant after the last."""
+    """Rows of `values` at times, linear between the breaks, constant after the last."""
     if breaks.size == 1:
         return np.broadcast_to(values[0], (t.size, values.shape[1]))
     i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, breaks.size - 2)
@@ -102,7 +103,7 @@ def states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, 
 
 
 def integrated_states(run: Run, system: System, step: Index, since: Array) -> tuple[Array, Array]:
-    """States (n, I) of the integrated modes."""
+    """States (n, I) of the integrated modes at times since the starts of steps."""
     q, v = integrated_starts(run, system, step)
     if run.time.size < 3:
         return q, v
@@ -110,14 +111,14 @@ def integrated_states(run: Run, system: System, step: Index, since: Array) -> tu
 
 
 def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
-    """Convert states of the integrated modes to states of the free modes."""
+    """Displacements and velocities of the free modes from states of the integrated modes."""
     return (q, v) if system.first is None else system.first.motion(q, v)[:2]
 
 
 def damping_states(
     run: Run, system: System, step: Index, since: Array
 ) -> tuple[Array, list[list[Array]]]:
-    """What damping that couples the free modes adds to their motion.
+    """Effect of coupled damping on the motion of the free modes.
 
     Decelerations (n, J); displacements (n, J) of the spring of each branch, body by body.
     """
@@ -127,7 +128,7 @@ def damping_states(
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,), the end as the last.
+    """Modal displacements and velocities (n, J) at the starts of steps (n,); the last is the end.
 
     From those that the run has kept, by the exact motion over the steps in between.
     """
@@ -166,7 +167,7 @@ def _advanced(
     q: Array,
     v: Array,
 ) -> tuple[Array, Array]:
-    """Advance the states by times since the starts of steps."""
+    """States after these times since the starts of steps."""
     whole, system = system, system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -221,7 +222,7 @@ def node_states(
 
 
 def blocks(run: Run, size: int) -> list[tuple[int, int]]:
-    """First and last steps of the blocks of a run whose states of `size` modes fit in memory."""
+    """First and last steps of blocks of a run whose states of `size` modes fit in memory."""
     steps, most = run.time.size // 2, max(STATES_AT_ONCE // max(size, 1), 1)
     return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
 
@@ -260,7 +261,7 @@ def with_flight_nodes(run: Run, system: System) -> Run:
 
 
 def free_steps(run: Run, system: System) -> Array:
-    """Displacements (n, J) of the free modes at the steps' ends that the run has kept."""
+    """Displacements (n, J) of the free modes at the stored ends of steps."""
     assert run.states is not None
     return _free_modes(system, run.states[:, 0], run.states[:, 1])[0]
 
@@ -268,7 +269,8 @@ def free_steps(run: Run, system: System) -> Array:
 def largest_rotation(
     run: Run, system: System, bodies: Mapping[str, SceneBody], parts: Mapping[str, slice]
 ) -> tuple[str, float]:
-    """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
+    """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0) if
+    none.
 
     Of bodies whose inertia in space is known.
     """

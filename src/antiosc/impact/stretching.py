@@ -45,7 +45,7 @@ DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
 def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
-    """The assembly with rows for the modes of these second-order forces of its bodies."""
+    """The assembly with rows for the modes of these second-order forces."""
     system = a.system
     count = sum(one.size for one in taken.values())
     rows = np.zeros((count, system.omega.size))
@@ -78,7 +78,7 @@ def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
 
 @dataclass(frozen=True)
 class Motion:
-    """The motion of a body that may stretch, in a run.
+    """The motion of a body with second-order forces in a run.
 
     Attributes
     ----------
@@ -92,13 +92,13 @@ class Motion:
     change: float
 
     def first(self, count: int) -> Stretch:
-        """The forces in the first modes; of a fixed number in so many."""
+        """The forces in the first `count` modes; the user's number takes precedence."""
         given = self.forces.count
         return self.forces.turned(self.turn[:, : count if given == "auto" else given])
 
 
 def motion_of(history: History, name: str) -> Motion | None:
-    """The motion of a body in a linear run; None of one that does not stretch."""
+    """The motion of a body in a linear run; None for a body without second-order forces."""
     a, body = history.assembly, history.assembly.bodies[name]
     forces = stretch_of(body.body)
     if forces is None:
@@ -116,7 +116,7 @@ def motion_of(history: History, name: str) -> Motion | None:
 
 
 def check_body(body: SceneBody) -> None:
-    """InputError for a body whose damping couples its modes."""
+    """InputError for a body whose modes are coupled by damping."""
     if body.modes.damping is not None:
         raise InputError(
             f"{body.name!r} stretches, which does not go with dampers or layers that relax."
@@ -124,7 +124,7 @@ def check_body(body: SceneBody) -> None:
 
 
 def stretched(linear: H, again: Integrate[H], tol: float) -> H:
-    """The run with the second-order forces of its bodies; `linear` itself where they do not matter.
+    """The run with second-order forces; the `linear` one itself if they are negligible.
 
     again : integrates another assembly.
     """
@@ -158,13 +158,13 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
 
 
 def largest(changes: list[dict[str, float]]) -> dict[str, float]:
-    """The largest of each change; nothing of none."""
+    """The largest of each change; () if there are none."""
     names = changes[0] if changes else {}
     return {name: max(each[name] for each in changes) for name in names}
 
 
 def differences(one: History, other: History) -> dict[str, float]:
-    """Relative changes of the three quantities from one run to another, the largest contact's."""
+    """Relative changes of the three quantities between two runs, for the largest contact."""
     found = dict.fromkeys(parts.QUANTITIES, 0.0)
     for a, b in zip(one.contact_histories, other.contact_histories, strict=True):
         changes = parts.differences(a, b) if b.contacts else found
@@ -175,7 +175,7 @@ def differences(one: History, other: History) -> dict[str, float]:
 
 
 def told(history: H, sentence: str) -> H:
-    """Warn of a sentence and append it to the message."""
+    """Warn of a sentence and append it to the history's message."""
     warn(sentence, AccuracyWarning)
     return replace(history, message=f"{history.message} {sentence}")
 

@@ -55,7 +55,7 @@ WARN_SHARE = 0.3
 def truncation_share(
     model: AntiOscillators, assembly: Assembly, contact: int = 0, begin: int = 0
 ) -> float:
-    """Share of the force of an impact in which both extremes differ, 0 … about 1.
+    """Share of the force in which the stiffest and the softest possible model differ, 0 to about 1.
 
     begin : the first mode of the model among those of all bodies. 0 for models whose anti-
     oscillators have all converged, such as those of method="modes", whose error is not bounded as
@@ -87,7 +87,7 @@ def truncation_share(
 
 
 def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> ComplexArray:
-    """Difference of the compliance along a row of sites from the softer extreme, at complex s."""
+    """Compliance along a row of sites minus that of the softest model, at complex s."""
     assert model.P is not None
     assert model.dependence is not None
     row = row @ model.dependence
@@ -130,7 +130,7 @@ _blocks: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictio
 
 
 def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
-    """Difference of Z between the model and its softer extreme, at complex s."""
+    """Z of the model minus Z of its softest model, at complex s."""
     known = _rules.get(model)
     if known is None:
         known = _rules[model] = _rule(model)
@@ -142,7 +142,7 @@ def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
 
 
 def _rule(model: AntiOscillators) -> tuple[Array, Array]:
-    """The nodes λ_i of the Gauss–Radau rule, and the logarithms of m_i Π_(j≠i) (λ_i - λ_j)²."""
+    """Nodes λ_i of the Gauss–Radau rule, and the logarithms of m_i Π_(j≠i) (λ_i - λ_j)²."""
     lam, masses = np.append(0.0, model.omega**-2.0), np.append(model.m0, model.m)
     apart = abs(lam[:, None] - lam)
     apart.flat[:: lam.size + 1] = 1.0
@@ -153,7 +153,7 @@ _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDiction
 
 
 def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begin: int = 0) -> str:
-    """Warning of too few anti-oscillators of a Krylov model for a contact; "" where they suffice.
+    """Warning that a Krylov model has too few anti-oscillators for a contact; "" if it has enough.
 
     begin : the first mode of the model among those of all bodies.
     """
@@ -244,7 +244,7 @@ def truncation_error(
 
 
 def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
-    """Smallest truncation of `model` whose estimated error is <= `tol`, or how many are missing.
+    """Smallest truncation of `model` with an estimated error <= `tol`, or the missing number.
 
     `run(model, tol)` is the impact, as for `truncation_error`. To extract as many anti-oscillators
     as a scene needs: extract some, call this, and extract `choice.missing` more until that is 0.
@@ -279,7 +279,7 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
 
 
 def softest_model(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
-    """The model whose residual mass is attached by the softest springs that it may have.
+    """The model with the softest springs for its residual mass that its moments permit.
 
     If Krylov anti-oscillators have not converged, it is the Gauss rule of the same moments
     (module); otherwise one spring with the first truncated frequency carries m0.
@@ -322,8 +322,10 @@ def softest_model(model: AntiOscillators, next_omega: float | None = None) -> An
 
 
 def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> Array:
-    """Coordinates of the model (one of the site, n of its modes, hidden ones) in those of the
-    softest one, in which psi_0 moves against the site: no damper is known to brake that."""
+    """Coordinates of the model in those of the softest one (one of the site, n modes, hidden ones).
+
+    In the softest model psi_0 moves against the site: no damper is known to act on that motion.
+    """
     from scipy.linalg import block_diag  # takes as long to load as some impacts
 
     modes = np.sqrt(model.m)[:, None] * psi[:, 1:].T / np.sqrt(masses)
@@ -331,7 +333,7 @@ def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> A
 
 
 def _unconverged(model: AntiOscillators) -> bool:
-    """Whether the upper anti-oscillators stand for all that the Krylov method left out."""
+    """Whether the highest anti-oscillators have not converged and stand for truncated modes."""
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
 
 
@@ -369,7 +371,7 @@ def _checked(hit: History) -> History:
 
 
 def _missing(known: dict[int, TruncationError], tol: float) -> int:
-    """Anti-oscillators still needed if the estimate goes on falling as a power of n."""
+    """Number of missing anti-oscillators, if the error decreases as a power of n."""
     n = max(known)
     worst = known[n].worst
     rates = [

@@ -46,7 +46,7 @@ CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
 def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
-    """Mesh gmsh's current model, whose unit is `scale` metres."""
+    """Mesh the current gmsh model, one unit of which is `scale` metres."""
     dim = gmsh.model.getDimension()
     if dim < 1:
         raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
@@ -111,7 +111,7 @@ def expected_cells(gmsh: ModuleType, ask: Request, dim: int, size: float, scale:
 
 
 def _mesh_coarsely(gmsh: ModuleType, dim: int) -> None:
-    """Mesh the model with some thirty edges along it, for measurements."""
+    """Mesh the model with about thirty edges along it, for measurements."""
     gmsh.model.mesh.clear()
     gmsh.option.setNumber("Mesh.MeshSizeMax", _extent(gmsh) / 30)
     gmsh.model.mesh.generate(dim)
@@ -134,7 +134,7 @@ def _refined(ask: Request, dim: int) -> float:
 
 
 def _bound(gmsh: ModuleType, dim: int, tag: int) -> float:
-    """Length, area or volume of an entity; in gmsh's own kernel an upper bound, from its box."""
+    """Length, area or volume of an entity; in gmsh's own kernel an upper bound, that of its box."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
         return _length(gmsh, tag) if mass is None else mass
@@ -158,7 +158,7 @@ def _length(gmsh: ModuleType, tag: int) -> float:
 
 
 def measure_of(gmsh: ModuleType, dim: int, tag: int) -> float:
-    """Length, area or volume of an entity; in gmsh's own kernel from the mesh of its boundary."""
+    """Length, area or volume of an entity; in gmsh's own kernel measured on its boundary mesh."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
         return _length(gmsh, tag) if mass is None else mass
@@ -212,7 +212,7 @@ LISTS = {3: "ST", 4: "SS"}
 
 @dataclass
 class SizeField:
-    """Sizes at the corners of simplices.
+    """Element sizes at the corners of simplices.
 
     Lists, as they are sent to the reading process: points (n, 3) in m, cells (c, dim + 1), and the
     sizes of edges wanted at the points (n,) in m.
@@ -233,7 +233,8 @@ class SizeField:
         return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
     def lay(self, gmsh: ModuleType, scale: float, flat: bool) -> int:
-        """Make it a field of gmsh's current model, whose unit is `scale` metres: its tag.
+        """Make it a size field of the current gmsh model, one unit of which is `scale` m; returns
+        its tag.
 
         `flat`: the cells have flat faces, of which curved surfaces need more.
         """
@@ -260,7 +261,7 @@ GMSH_KINDS = {number: label for label, (_, _, number) in CELLS.items()}
 
 
 def read(ask: Request) -> FileMesh:
-    """A mesh file (`.msh`)."""
+    """Read a mesh file (`.msh`)."""
     source = Path(ask.path)
     ask.allow(30 + 2e-6 * source.stat().st_size)
     if not ask.trust:
@@ -276,7 +277,7 @@ def read(ask: Request) -> FileMesh:
 
 
 def generate(ask: Request) -> FileMesh:
-    """The mesh of a geometry."""
+    """Mesh a geometry."""
     source = Path(ask.path)
     suffix = source.suffix.lower()
     # a script may take long to build the geometry
@@ -352,14 +353,14 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
 
 
 def _as_attempted(ask: Request, attempt: Attempt) -> Request:
-    """The request with the sizes and the order of an attempt."""
+    """The request with the sizes and the order of one attempt."""
     size = ask.size and attempt.share * ask.size
     order = 1 if attempt.flat else ask.order
     return replace(ask, size=size, order=order, refine=ask.refine if attempt.refined else [])
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line between the corners of the box around each solid, or the model, in all groups."""
+    """One line across the box of each solid, or of the model, which belongs to all groups."""
     entities = gmsh.model.getEntities(3) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
@@ -387,7 +388,7 @@ def _session() -> ModuleType:
 
 
 def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
-    """All cells, entity after entity, and the groups of gmsh's current model.
+    """All cells and groups of the current gmsh model, entity after entity.
 
     `names`: of entities that are groups besides the physical ones; `numbered`: whether the
     numbers of the nodes are those of the file.

@@ -24,7 +24,7 @@ Names = dict[tuple[int, int], list[str]]
 
 @dataclass(frozen=True)
 class Attempt:
-    """A way to mesh a geometry: a share of the element size, and options of gmsh."""
+    """One attempt to mesh a geometry: a factor on the element size, and gmsh options."""
 
     about: str
     share: float = 1.0
@@ -40,11 +40,11 @@ class Attempt:
 
     @property
     def curved(self) -> bool:
-        """Whether it is for surfaces with a curvature."""
+        """Whether the attempt is for surfaces with known curvature."""
         return bool(AROUND.keys() & self.options.keys())
 
     def suits(self, drawn: bool) -> bool:
-        """Whether it is for CAD files (`drawn`), or for surfaces of triangles."""
+        """Whether the attempt is for CAD files (`drawn`), or for triangulated surfaces."""
         return self.options != PATCHES if drawn else not self.curved
 
     def prepare(self, gmsh: ModuleType, scripted: bool = False) -> None:
@@ -92,7 +92,7 @@ ATTEMPTS = (
 
 
 def opened(gmsh: ModuleType, path: str) -> float:
-    """Open a file; metres per unit of its coordinates then.
+    """Open a file; returns metres per unit of its coordinates.
 
     gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
     millimetres there without one.
@@ -118,13 +118,13 @@ ALIKE = 1e-3
 
 
 def label_of(text: str) -> str:
-    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for what programs write."""
+    """The name in a label such as "Shapes/assembly/nut_1/nut"; "" for names made by programs."""
     parts = [part.strip() for part in text.split("/")]
     return next((part for part in reversed(parts) if not NO_NAME.fullmatch(part)), "")
 
 
 def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
-    """Names of the solids of a CAD file, of its faces and holes.
+    """Names of the solids, faces and holes of a CAD file.
 
     The solids are cut at each other (`fragments`), or all but one are removed (`piece`). `scale`:
     metres per unit of the model.
@@ -138,7 +138,7 @@ def names_of(gmsh: ModuleType, ask: Request, scale: float) -> Names:
 
 
 def in_order(names: Iterable[str]) -> list[str]:
-    """Names with numbers in them by these, those of numbered faces at the end."""
+    """Names sorted by the numbers in them, those of numbered faces last."""
 
     def key(name: str) -> list[tuple[float, str]]:
         words = re.split(r"(\d+(?:\.\d+)?)", name)
@@ -148,7 +148,7 @@ def in_order(names: Iterable[str]) -> list[str]:
 
 
 def _labelled(gmsh: ModuleType, dim: int) -> Names:
-    """Entities with a label; a label that several have gets numbers."""
+    """Entities by label; a label of several entities gets numbers."""
     names: Names = {}
     seen: dict[str, int] = {}
     for entity in gmsh.model.getEntities(dim):
@@ -160,7 +160,7 @@ def _labelled(gmsh: ModuleType, dim: int) -> Names:
 
 
 def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
-    """Cut the solids at each other; the names of the pieces."""
+    """Cut the solids at each other; returns the names of the pieces."""
     solids = gmsh.model.getEntities(3)
     if len(solids) < 2:
         raise MeshError(f"fragments=True joins solids; {name} has {len(solids)} of them.")
@@ -189,7 +189,7 @@ def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
 
 
 def face_names(gmsh: ModuleType, scale: float) -> Names:
-    """Names of the outer faces: their numbers, labels, colours where there are several, holes."""
+    """Names of the outer faces: numbers, labels, colours if there are several, holes."""
     every = gmsh.model.getEntities(2)
     if gmsh.model.getEntities(3):
         every = [face for face in every if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
@@ -208,7 +208,7 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
 
 
 def _colour(gmsh: ModuleType, face: tuple[int, int]) -> str:
-    """ "colour #rrggbb"; "" of a face for which the file says none."""
+    """ "colour #rrggbb" of a face; "" if the file has none."""
     red, green, blue, shown = gmsh.model.getColor(*face)
     return f"colour #{red:02x}{green:02x}{blue:02x}" if shown else ""
 
@@ -232,7 +232,7 @@ class Cylinder:
 def _holes(
     gmsh: ModuleType, faces: Sequence[tuple[int, int]], scale: float
 ) -> Iterator[tuple[str, list[tuple[int, int]]]]:
-    """("hole 6 mm (1)", its faces): cylindrical faces all around empty space, along one axis."""
+    """("hole 6 mm (1)", its faces): cylindrical faces with one axis that enclose empty space."""
     solid = gmsh.model.getDimension() == 3
     hollow = [one for face in faces if solid and (one := _hollow(gmsh, face)) is not None]
     joined: list[list[Cylinder]] = []
@@ -252,7 +252,7 @@ def _holes(
 
 
 def _beside(one: Cylinder, other: Cylinder) -> bool:
-    """Whether two cylinders have an edge, the axis and the radius in common."""
+    """Whether two cylinders share an edge, the axis and the radius."""
     near = ALIKE * one.radius
     apart = float(np.linalg.norm(one.foot - other.foot))
     parallel = abs(float(one.axis @ other.axis)) > 1 - ALIKE
@@ -262,7 +262,7 @@ def _beside(one: Cylinder, other: Cylinder) -> bool:
 
 
 def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
-    """The cylinder that a face is if it goes around empty space; None for any other face."""
+    """The cylinder of a face that encloses empty space; None for any other face."""
     tag = face[1]
     low, high = gmsh.model.getParametrizationBounds(*face)
     steps = np.linspace(0.01, 0.99, GRID)
@@ -294,13 +294,13 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
 
 
 def _spread(points: Array, axis: Array) -> float:
-    """How far points (n, 3) lie from one line along the axis."""
+    """Largest distance of points (n, 3) from their mean line along the axis."""
     off = points - np.outer(points @ axis, axis)
     return float(np.ptp(off, axis=0).max())
 
 
 def _sectors(across: Array, axis: Array) -> frozenset[int]:
-    """The sectors of a turn about the axis between the first and the last of directions (n, 3)."""
+    """The angular sectors about the axis that directions (n, 3) span."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(np.round(axis, 6)))])
     second = np.cross(axis, first)
     turns = np.arctan2(across @ second, across @ first).reshape(GRID, GRID)

@@ -15,7 +15,7 @@ BESIDE = 1e-4
 
 
 def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
-    """Curvatures of surfaces of OpenCASCADE at the nodes of their mesh; None if there are none."""
+    """Curvatures of OpenCASCADE surfaces at the nodes of their mesh; None if there are none."""
     found = []
     for tag in surfaces:
         tags, x, at = gmsh.model.mesh.getNodes(2, tag, True, True)

@@ -34,14 +34,14 @@ def main() -> None:
 
 
 def _hollow_package(folder: Path) -> None:
-    """An empty package around the readers: its own lists all public names first."""
+    """An empty package around the readers: the real one would load all public names."""
     package = types.ModuleType("antiosc")
     package.__path__ = [str(folder)]
     sys.modules["antiosc"] = package
 
 
 def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
-    """(exit code, answer) of a fork of this process that reads one file."""
+    """(exit code, response) of a fork of this process that reads one file."""
     from antiosc.io.table import reader_of
 
     with contextlib.suppress(Exception):  # the fork raises it again, and says it
@@ -64,7 +64,7 @@ def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
 
 
 def _answer_of(pid: int, reading: int) -> bytes:
-    """The output of the fork; both processes end if the caller has closed its end."""
+    """The output of the fork; both processes end if the caller closes its end of the pipe."""
     poll = select.poll()
     poll.register(reading, select.POLLIN)
     poll.register(0, 0)  # readable only if the other end is closed
@@ -82,7 +82,7 @@ def _answer_of(pid: int, reading: int) -> bytes:
 
 
 def _work(asked, answer):  # type: ignore[no-untyped-def]
-    """Read one file, in a private folder and with limits, and write the answer."""
+    """Read one file in a private folder with limits, and write the response."""
     from antiosc.io.request import Request
 
     folder = asked.pop("folder")

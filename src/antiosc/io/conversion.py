@@ -41,7 +41,7 @@ WEIGHTS = {2: (2, 0.5, 0.0), 8: (4, -0.25, 0.5), 20: (8, -0.25, 0.25)}
 
 
 class NodeTable:
-    """The points of a mesh, and which of them are middle nodes of which pairs."""
+    """The points of a mesh, with the middle node of each pair of nodes."""
 
     def __init__(self, points: Array) -> None:
         self.points = points
@@ -59,7 +59,7 @@ class NodeTable:
         self._faces: dict[bytes, int] = {}
 
     def all_points(self) -> Array:
-        """Coordinates of all nodes, the new ones after those of the file."""
+        """Coordinates of all nodes, those of the file first."""
         return np.vstack([self.points, *self._more])
 
     def new(self, points: Array, parents: IntArray) -> IntArray:
@@ -70,11 +70,13 @@ class NodeTable:
         return np.arange(self.count - len(points), self.count)
 
     def give(self, ends: IntArray, nodes: IntArray) -> None:
-        """`nodes` (n,) of the file lie between `ends` (n, 2)."""
+        """Enter `nodes` (n,) of the file as middle nodes of `ends` (n, 2)."""
         self._pairs.add(ends, nodes)
 
     def place(self, ends: IntArray, points: Array, around: IntArray) -> None:
-        """Nodes between `ends` (n, 2), if needed, lie at `points`, among the nodes `around`."""
+        """Set the coordinates that middle nodes of `ends` (n, 2) get if needed, with nearby nodes
+        `around`.
+        """
         self._placed.append(points)
         self._around.append(_padded(around))
         self._places.add(ends, np.arange(self._n_placed, self._n_placed + len(points)))
@@ -94,7 +96,7 @@ class NodeTable:
         return x.reshape(*ends.shape[:-1], 3)
 
     def between(self, ends: IntArray) -> IntArray:
-        """Nodes (…,) between `ends` (…, 2), which are created where they do not exist."""
+        """Middle nodes (…,) of `ends` (…, 2), created if they do not exist."""
         flat = ends.reshape(-1, 2)
         missing = flat[self._pairs.find(flat) < 0]
         if len(missing):
@@ -109,7 +111,7 @@ class NodeTable:
         return around
 
     def of_face(self, corners: IntArray, points: Array, around: IntArray) -> IntArray:
-        """Nodes (n,) inside faces with these corners (n, 4), at `points` if they are new."""
+        """Nodes (n,) inside faces with corners (n, 4); new ones get the coordinates `points`."""
         ordered = np.ascontiguousarray(np.sort(corners, axis=1))
         _, first, which = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
@@ -121,7 +123,7 @@ class NodeTable:
         return nodes[np.ravel(which)]
 
     def grown(self, nodes: IntArray) -> IntArray:
-        """`nodes` of the file, and the new nodes that lie only between these."""
+        """`nodes` of the file with the new nodes whose parents are all among them."""
         inside = np.zeros(self.count + 1, dtype=bool)
         inside[nodes] = True
         inside[-1] = True  # the entry of index -1, which stands for no node
@@ -132,7 +134,7 @@ class NodeTable:
         return np.flatnonzero(inside[:-1])
 
     def near(self, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
-        """New nodes among some of the file, each with the nodes of the file and their weights.
+        """New nodes among some of the file, each with its nodes of the file and their weights.
 
         Weights are those of the serendipity functions in the middle of an edge, a face or a cell.
         """
@@ -149,7 +151,7 @@ class NodeTable:
         ]
 
     def _weights(self, parents: IntArray, node: int) -> dict[int, float]:
-        """Weights of the nodes of the file; its ends replace a new middle node."""
+        """Weights of the nodes of the file; a new middle node is replaced by its ends."""
         start = len(self.points)
         if node < start:
             return {node: 1.0}
@@ -165,14 +167,14 @@ class NodeTable:
 
 
 def _padded(nodes: IntArray) -> IntArray:
-    """Rows of equal width."""
+    """Rows padded to equal width."""
     result = np.full((len(nodes), MOST_AROUND), -1, dtype=np.int64)
     result[:, : nodes.shape[1]] = nodes
     return result
 
 
 class PairTable:
-    """Numbers by unordered pairs of nodes; a pair keeps the first number that it gets."""
+    """Values of unordered pairs of nodes; the first value of a pair is kept."""
 
     def __init__(self, n: int) -> None:
         self._n = max(n, 1)
@@ -184,13 +186,13 @@ class PairTable:
         return np.asarray(low * self._n + high)
 
     def add(self, ends: IntArray, values: IntArray) -> None:
-        """Set the numbers of pairs (n, 2)."""
+        """Set the values of pairs (n, 2)."""
         keys = np.concatenate([self._keys, self._key(ends)])
         self._keys, first = np.unique(keys, return_index=True)
         self._values = np.concatenate([self._values, values])[first]
 
     def find(self, ends: IntArray) -> IntArray:
-        """Numbers of pairs (n, 2), -1 where there is none."""
+        """Values of pairs (n, 2), -1 for unknown ones."""
         if not len(self._keys) or not len(ends):
             return np.full(len(ends), -1, dtype=np.int64)
         key = self._key(ends)
@@ -227,7 +229,7 @@ class FixedEntities:
             self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
 
     def of(self, rows: IntArray) -> dict[int, IntArray]:
-        """{dimension: entities by their vertices} that are fixed if the nodes `rows` are."""
+        """{dimension: entities by their vertices} that fixing the nodes `rows` fixes."""
         found = {0: np.intersect1d(rows, self.corners)[:, None]}
         marked = np.zeros(self.nodes.count + 1, dtype=bool)
         marked[self.nodes.grown(rows)] = True
@@ -251,7 +253,7 @@ class FixedEntities:
 
 
 def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
-    """Nodes (cells, edges, 8) that must be fixed for a diagonal; -1 for edges of the deck."""
+    """Nodes (cells, edges, 8) to be fixed to fix a diagonal; -1 for edges of the deck."""
     real, diagonals = PairTable(n), PairTable(n)
     around = [np.full((1, 8), -1, dtype=np.int64)]
     for block in blocks:
@@ -277,7 +279,7 @@ NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
 def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
-    """The deck's elements as cells, its sets as groups.
+    """The elements of a deck as cells, its sets as groups.
 
     `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them.
 
@@ -337,7 +339,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
 
 
 def kept_apart(deck: Deck) -> bool:
-    """Whether sheets are mostly quadrilaterals with some triangles, so that two meshes are smaller.
+    """Whether quadrilaterals and triangles become two meshes: mostly quadrilaterals, no volumes.
 
     Not beside volumes, whose faces may become triangles.
     """
@@ -349,7 +351,7 @@ def kept_apart(deck: Deck) -> bool:
 
 
 def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, IntArray]]]:
-    """The quadrilaterals; the triangles and the quadrilaterals that use a node twice."""
+    """(quadrilaterals, triangles and quadrilaterals that repeat a node)."""
     found: list[list[tuple[Block, IntArray]]] = [[], []]
     for block, elements in sheets:
         flat = _folded(block) | (block.shape == "triangle")
@@ -367,7 +369,7 @@ _SIMPLEX = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
 def _of_dimension(
     deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
 ) -> tuple[IntArray, IntArray]:
-    """(cells with all their nodes, the element of each)."""
+    """(cells of one dimension with all their nodes, the element of each)."""
     for block, _ in blocks if order == 2 and split else ():
         _note_cuts(block, nodes)
     tables, owners = [], []
@@ -400,7 +402,7 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
 
 
 def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:
-    """(the middles of a face of four corners, or of hexahedra; the nodes around them).
+    """(middles of faces of four corners, or of hexahedra; the nodes around them).
 
     −1/4 of the corners and 1/2 of the middles of the edges of a face, 1/4 of those of a hexahedron.
     """
@@ -442,7 +444,7 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
 
 
 def _note_inner(block: Block, nodes: NodeTable) -> None:
-    """Enter the file's own nodes within faces and cells as the middles of all their diagonals."""
+    """Enter the file's nodes inside faces and cells as middle nodes of all their diagonals."""
     pairs = [[(face[k], face[k + 2]) for k in (0, 1)] for face in rectangles(block.shape)]
     if block.shape == "hexahedron":
         pairs.append(list(DIAGONALS))
@@ -452,12 +454,12 @@ def _note_inner(block: Block, nodes: NodeTable) -> None:
 
 
 def _collapsed(block: Block) -> bool:
-    """Whether an element with more corners than a simplex uses a node twice."""
+    """Mask of elements with more corners than a simplex that repeat a node."""
     return CORNERS[block.shape] > DIMENSION[block.shape] + 1 and bool(_folded(block).any())
 
 
 def _folded(block: Block) -> BoolArray:
-    """The elements that use a node twice."""
+    """The elements that repeat a node."""
     ordered = np.sort(block.corners, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 

@@ -49,7 +49,7 @@ class Block:
         return self.mapped(lambda table: table[some])
 
     def mapped(self, new: Callable[[IntArray], IntArray]) -> Block:
-        """The block with other tables of nodes."""
+        """The block with its node tables transformed by `new`."""
         corners, mids, inner = map(new, (self.corners, self.mids, self.inner))
         return Block(self.shape, self.type, corners, mids, inner, self.role)
 
@@ -63,7 +63,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Place:
-    """File and line of an entry, for messages."""
+    """File and line of an entry of a deck, for messages."""
 
     file: str
     line: int
@@ -74,16 +74,16 @@ class Place:
         return f"line {self.line} of {self.file}"
 
     def error(self, text: str) -> MeshError:
-        """The error with the sentence `text` about this place."""
+        """MeshError with this file and line, and the sentence `text`."""
         return MeshError(f"{self}: {text}")
 
     def needs(self, holds: object, text: str) -> None:
-        """Raise this error unless something holds."""
+        """Raise `error(text)` unless `holds`."""
         if not holds:
             raise self.error(text)
 
     def found(self, known: Mapping[K, V], key: K, text: str) -> V:
-        """What is known by a key; this error without such."""
+        """The value of a key; `error(text)` if it is unknown."""
         self.needs(key in known, text)
         return known[key]
 
@@ -94,7 +94,7 @@ class Placed:
     place: Place
 
     def needs(self, holds: object, text: str) -> None:
-        """MeshError with this sentence about its place, unless something holds."""
+        """MeshError with its file and line and the sentence `text`, unless `holds`."""
         self.place.needs(holds, text)
 
 
@@ -130,7 +130,7 @@ class Deck:
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def name_elements(self, asked: Mapping[str, Sequence[int]], labels: IntArray) -> None:
-        """Make sets of elements by their numbers in the file; `labels`: of all, in their order.
+        """Make sets from element numbers of the file; `labels`: those of all elements, in order.
 
         MeshError for a number that no element has, and for a name that a set has.
         """
@@ -148,14 +148,14 @@ class Deck:
         return sum(len(block) for block in self.blocks)
 
     def numbered(self) -> Iterator[tuple[Block, IntArray]]:
-        """Each block, and the numbers of its elements."""
+        """Each block, with the numbers of its elements."""
         start = 0
         for block in self.blocks:
             yield block, np.arange(start, start + len(block))
             start += len(block)
 
     def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
-        """The parts of blocks that some elements are, and which of these each part holds."""
+        """(block restricted to some elements, which of `elements` it holds) for each block."""
         start = 0
         for block in self.blocks:
             mine = (elements >= start) & (elements < start + len(block))
@@ -170,7 +170,7 @@ class Deck:
 
 
 class Numbering:
-    """Rows of the nodes or elements of a deck by their numbers."""
+    """Node or element numbers of a deck, and the row of each."""
 
     def __init__(self, labels: IntArray) -> None:
         self.order = np.argsort(labels, kind="stable")
@@ -184,7 +184,7 @@ class Numbering:
         return np.where(self.labels[place] == labels, self.order[place], -1)
 
     def between(self, first: int, last: int, step: int = 1) -> IntArray:
-        """Rows of those numbers first, first + step, … up to `last` that exist."""
+        """Rows of the existing numbers among first, first + step, … up to `last`."""
         low, high = np.searchsorted(self.labels, [first, last + 1])
         some = self.labels[low:high]
         return np.asarray(self.order[low:high][(some - first) % step == 0])
@@ -226,7 +226,7 @@ def real_number(text: str, place: Place) -> float:
 
 
 def listed(counts: dict[str, int]) -> str:
-    """Types of elements and their numbers as text."""
+    """Counts by element type as text."""
     words = [f"{count} {kind}" for kind, count in sorted(counts.items())]
     more = f" and {len(words) - 8} more" if len(words) > 8 else ""
     return ", ".join(words[:8]) + more

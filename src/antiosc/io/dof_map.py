@@ -27,7 +27,7 @@ _OTHER_NAMES = {
 
 @dataclass(frozen=True, eq=False)
 class DofMap:
-    """What the rows of K and M are.
+    """Node and component of each row of K and M.
 
     Attributes
     ----------
@@ -43,11 +43,11 @@ class DofMap:
 
     @property
     def located(self) -> bool:
-        """Whether the coordinates of the nodes are known."""
+        """Whether coordinates of the nodes are known."""
         return bool(np.isfinite(self.points).all(axis=1).any())
 
     def row(self, node: int, component: int) -> int:
-        """The row of a node's dof; InputError where there is none."""
+        """The row of a node's component; InputError if there is none."""
         rows = np.flatnonzero(self.node == node)
         if not len(rows):
             raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
@@ -165,7 +165,7 @@ def _of_columns(given: tuple[object, ...], size: int) -> Array:
 
 
 def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
-    """The labels of the matrices with coordinates from rows of node, x, y, z."""
+    """Node and component labels of the matrices, with coordinates from rows of node, x, y, z."""
     if labels is None:
         raise InputError(
             f"{name} has rows of node, x, y, z, but the files do not say which rows of the "
@@ -182,7 +182,7 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
 
 
 def _table(source: Source) -> tuple[str, Array]:
-    """The numbers of a map file; names of dofs become their numbers."""
+    """The numbers of a map file; names of components become their numbers."""
     lines: list[bytes] = []
     numbers: list[int] = []
     for k, line in enumerate(source.lines()):

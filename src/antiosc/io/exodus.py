@@ -84,7 +84,7 @@ def read(ask: Request) -> FileMesh:
 
 
 def _variables(path: Path, name: str) -> tuple[Mapping[str, Any], dict[int, str]]:
-    """(variables, names of the element types by the number of the block)."""
+    """(variables of the file, element type of each block by its number)."""
     with path.open("rb") as file:
         beginning = file.read(8)
     if beginning == HDF5:
@@ -138,7 +138,7 @@ def _numbers(variables: Mapping[str, Any], of: str) -> list[int]:
 
 
 def _names(variables: Mapping[str, Any], of: str, what: str) -> list[str]:
-    """Their names, or what they are with their number."""
+    """The names of blocks or sets; unnamed ones get their kind and number."""
     numbers = _numbers(variables, of)
     rows = np.asarray(variables.get(f"{of}_names", np.zeros((0, 0), dtype="S1")))
     names = []
@@ -155,7 +155,7 @@ def _within(rows: IntArray, most: int, what: str, name: str) -> IntArray:
 
 
 def _add_block(deck: Deck, name: str, kind: str, table: IntArray, number: int) -> None:
-    """A block of elements, as a group too; those that are no cells are counted."""
+    """Add a block of elements, also as a group; elements that are not cells are counted."""
     shape = next((SHAPES[one] for one in sorted(SHAPES, key=len)[::-1] if kind.startswith(one)), "")
     width = table.shape[1] if table.ndim == 2 else 0
     if shape == "quad" and width in (3, 6):
@@ -191,7 +191,7 @@ def _add_sides(deck: Deck, name: str, cells: list[tuple[Block, int]], sides: lis
 def _corners(
     file: str, name: str, cells: list[tuple[Block, int]], sides: list[int]
 ) -> Iterator[IntArray]:
-    """Corners of sides; of shells the first two are the element itself."""
+    """Corners of element sides; the first two sides of a shell are the element itself."""
     for (block, row), side in zip(cells, sides, strict=True):
         shell = "SHELL" in block.type
         if shell and side < 2:

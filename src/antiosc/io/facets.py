@@ -63,12 +63,12 @@ class Skin:
 
     @property
     def closed(self) -> bool:
-        """Whether each edge belongs to two triangles."""
+        """Whether each edge belongs to exactly two triangles."""
         return self.open_edges == 0 and len(self.triangles) > 0
 
     @property
     def thick(self) -> bool:
-        """Whether it is closed around a body that is more than a sheet."""
+        """Whether it is closed and encloses a volume that is not that of a sheet."""
         size = float(np.ptp(self.points, axis=0).max())
         volume = abs(volumes(self.points, self.triangles).sum())
         area = areas(self.points, self.triangles).sum()
@@ -82,13 +82,13 @@ def areas(points: Array, triangles: IntArray) -> Array:
 
 
 def volumes(points: Array, triangles: IntArray) -> Array:
-    """Signed volumes (t,) between the origin and triangles; their sum is that of a closed skin."""
+    """Signed volumes (t,) between the origin and triangles; they add up to the enclosed volume."""
     a, b, c = points[triangles].transpose(1, 0, 2)
     return np.asarray(np.einsum("ni,ni->n", a, np.cross(b, c)) / 6)
 
 
 def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
-    """(triangles turned so that neighbours go around alike, number of the piece of each).
+    """(triangles with consistent orientation, number of the connected piece of each).
 
     Pieces that enclose a volume are turned outward. Where a piece has but one side, or more than
     two triangles meet at an edge, neighbours may differ.
@@ -110,7 +110,7 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
 
 
 def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
-    """Number of the component of each of `count` nodes, which pairs (a, b) connect."""
+    """Number of the connected component of each of `count` nodes; edges are pairs (a, b)."""
     from scipy.sparse import coo_matrix  # the reading process loads it for surfaces alone
     from scipy.sparse.csgraph import connected_components
 
@@ -119,7 +119,7 @@ def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
 
 
 def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """(whether both go around alike, one triangle, the other) of edges of two triangles."""
+    """(whether consistently oriented, one triangle, the other) for edges of two triangles."""
     ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
     owner = np.tile(np.arange(len(triangles)), 3)
     _, edge, uses = np.unique(
@@ -133,7 +133,7 @@ def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
 
 
 def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
-    """The surface without triangles of no area or twice, with small holes closed, oriented.
+    """The surface without degenerate and repeated triangles, small holes closed, oriented.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
 
 
 def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
-    """The points that triangles use, those within a distance as one."""
+    """The used points, with points closer than a distance merged."""
     used, triangles = np.unique(triangles, return_inverse=True)
     points, triangles = points[used], triangles.reshape(-1, 3)
     from scipy.spatial import cKDTree
@@ -176,14 +176,14 @@ def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array,
 
 
 def _flat(points: Array, triangles: IntArray) -> BoolArray:
-    """Which triangles have no area: two corners are one, or all lie on a line."""
+    """Mask of triangles without area: two corners coincide, or all three are collinear."""
     corners = points[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(2 * areas(points, triangles) <= FLAT * longest**2)
 
 
 def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
-    """(triangles, how many of them lay on a line and share an area with their neighbour now).
+    """(triangles, number of flat ones removed by swapping an edge with a neighbour).
 
     Left out, such a one leaves a hole without area, where a corner lies within a side. The
     neighbour across its longest side is cut in two at that corner.
@@ -199,7 +199,7 @@ def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
 
 
 def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> None:
-    """Give a flat triangle a part of its neighbour, if that has an area."""
+    """Swap the longest edge of a flat triangle with its neighbour, if that has an area."""
     own = triangles[row]
     ends = points[own] - np.roll(points[own], -1, axis=0)
     i, j, middle = np.roll(own, -int(np.argmax(np.linalg.norm(ends, axis=1))))
@@ -215,13 +215,13 @@ def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> N
 
 
 def _edge_uses(triangles: IntArray) -> IntArray:
-    """How many triangles each edge belongs to."""
+    """Number of triangles at each edge."""
     ends = np.sort(np.concatenate([triangles[:, list(side)] for side in SIDES]), axis=1)
     return np.asarray(np.unique(ends, axis=0, return_counts=True)[1])
 
 
 def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntArray, int]:
-    """(points with the middles of holes, triangles over the holes, number of these).
+    """(points with the centres of holes, triangles over holes, number of holes closed).
 
     A hole is a closed chain of edges of one triangle each, no longer across than `most`.
     """
@@ -250,7 +250,7 @@ def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntAr
 
 
 def skin_of(ask: Request) -> Skin:
-    """The surface in a file, cleaned."""
+    """The cleaned surface in a file."""
     path = Path(ask.path)
     points, triangles = triangles_of(path.read_bytes(), ask.name) or _by_meshio(path, ask.name)
     if not len(triangles):
@@ -277,7 +277,7 @@ def _by_meshio(path: Path, name: str) -> tuple[Array, IntArray]:
 
 
 def read(ask: Request) -> FileMesh:
-    """The surface of a file as a sheet."""
+    """Read a surface as a sheet."""
     skin = skin_of(ask)
     groups = {}
     if skin.closed and skin.thick:
@@ -297,7 +297,7 @@ CLOSED = "closed surface"
 def fill(
     gmsh: ModuleType, ask: Request, flat: bool, sharp: float = SHARP_ANGLE
 ) -> tuple[list[str], Names]:
-    """Make solids of the closed surface of a file in gmsh's model: (what was mended, its faces).
+    """Fill the closed surface of a file with solids in gmsh's model: (repairs in words, its faces).
 
     `flat`: its triangles stay the boundary of the cells; else edges from `sharp` degrees on are
     kept.
@@ -341,7 +341,7 @@ def fill(
 
 
 def _finer(skin: Skin, size: float) -> Skin:
-    """Each triangle cut into four until sides are below `size`, or there are MOST_CUT of them.
+    """Triangles cut into four until their sides are below `size`, or MOST_CUT is reached.
 
     gmsh finds no parameters of a side that is one triangle, and keeps triangles that it cannot
     mesh anew.
@@ -362,7 +362,7 @@ def _finer(skin: Skin, size: float) -> Skin:
 
 
 def sides(skin: Skin) -> IntArray:
-    """Number of the side of the part of each triangle; sharp edges divide sides."""
+    """Number of the smooth side of each triangle; sharp edges separate sides."""
     a, b = _neighbours(skin.triangles)[1:]
     x = skin.points[skin.triangles]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
@@ -382,7 +382,7 @@ def _put(gmsh: ModuleType, skin: Skin, piece: int) -> int:
 
 
 def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntArray:
-    """A triangle of the skin on each surface of gmsh's model, of which it is made."""
+    """For each surface of gmsh's model, a triangle of the skin on it."""
     from scipy.spatial import cKDTree
 
     middles = []
@@ -396,7 +396,7 @@ def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntAr
 
 
 def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
-    """The pieces around each body: the outer one, then its cavities.
+    """The pieces of the surface of each body: the outer one, then its cavities.
 
     `alone`: one of them is wanted, and others may pierce it.
     """
@@ -422,7 +422,7 @@ def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
 
 
 def _inside(skin: Skin, count: int) -> Array:
-    """Share of each piece (k) that lies in another (m), by some points of it (count, count)."""
+    """Share of the sample points of each piece (k) that lie inside another (m): (count, count)."""
     middles = skin.points[skin.triangles].mean(axis=1)
     found = np.zeros((count, count))
     order = np.argsort(skin.piece, kind="stable")
@@ -439,7 +439,7 @@ def _inside(skin: Skin, count: int) -> Array:
 
 
 def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
-    """The pieces around one body, 1 being that of the largest volume."""
+    """The pieces of one body, 1 being that of the largest volume."""
     if piece > len(bodies):
         raise MeshError(f"{name} has {len(bodies)} bodies; there is no piece {piece}.")
     volume = np.abs(np.bincount(skin.piece, volumes(skin.points, skin.triangles)))
@@ -447,7 +447,7 @@ def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> li
 
 
 def winding(skin: Skin, piece: int, points: Array) -> Array:
-    """How often a piece goes around points (p, 3): its solid angle over 4π (Van Oosterom 1983)."""
+    """Winding number of a piece about points (p, 3): solid angle over 4π (Van Oosterom 1983)."""
     corners = skin.points[skin.triangles[skin.piece == piece]]
     found = np.zeros(len(points))
     for row, point in enumerate(points):

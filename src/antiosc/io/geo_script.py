@@ -60,7 +60,7 @@ _TOKEN = re.compile(
 
 
 class Token(NamedTuple):
-    """A piece of a script: kind is "blank", "comment", "string", "name", "number" or "sign"."""
+    """A token of a script; its kind is "blank", "comment", "string", "name", "number" or "sign"."""
 
     kind: str
     text: str
@@ -68,7 +68,7 @@ class Token(NamedTuple):
 
 
 class Script(NamedTuple):
-    """A script that gmsh may run, and the geometry files beside it that it merges."""
+    """A script that gmsh may execute, with the geometry files beside it that it merges."""
 
     text: str
     merged: list[str]
@@ -177,7 +177,7 @@ def _is_beside(token: Token, endings: tuple[str, ...]) -> bool:
 
 
 def _behind(tokens: list[Token], k: int) -> str:
-    """The token after the bracket that closes the one at k."""
+    """Index of the token after the bracket that closes the one at k."""
     depth = 0
     for j in range(k, len(tokens)):
         depth += (tokens[j].text in ("(", "[")) - (tokens[j].text in (")", "]"))
@@ -187,7 +187,7 @@ def _behind(tokens: list[Token], k: int) -> str:
 
 
 def _written(token: Token) -> str:
-    """The token as passed to gmsh, on its original line."""
+    """The token as text for gmsh, with its line break kept."""
     if token.kind == "comment":
         return " " + "\n" * token.text.count("\n")
     return f" {token.text} " if token.kind in ("name", "string") else token.text

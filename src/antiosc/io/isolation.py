@@ -108,7 +108,7 @@ def _memory(size: int | None) -> int:
 
 
 def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
-    """The error of a reader that was ended; `again`: others may come after it."""
+    """The error for a reader process that was ended; `again`: other attempts may follow."""
     if -code in OVERTIME:
         late = UnmeshableError if again else MeshError
         return late(
@@ -126,7 +126,7 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
 
 
 def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
-    """The mesh in the reader's answer, or the error there."""
+    """The mesh in the reader's response, or its error raised."""
     line, _, rest = answer.partition(b"\n")
     if not line:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
@@ -174,7 +174,7 @@ _owner = 0
 
 
 def ask(request: Json) -> tuple[int, bytes]:
-    """Read one file in the other process: (exit code, answer); see `child`."""
+    """Read one file in the other process: (exit code, response); see `child`."""
     with _lock:
         process = _running()
         try:
@@ -195,7 +195,7 @@ def ask(request: Json) -> tuple[int, bytes]:
 
 
 def _running() -> subprocess.Popen[bytes]:
-    """The reading process of this process; a fork starts its own."""
+    """The reader process of this process; a fork starts its own."""
     global _process, _owner
     if _process is not None and _owner == os.getpid() and _process.poll() is not None:
         _end()
@@ -218,7 +218,7 @@ def _running() -> subprocess.Popen[bytes]:
 
 @atexit.register
 def _end() -> None:
-    """End the reading process and its forks."""
+    """End the reader process and its forks."""
     global _process
     process, _process = _process, None
     if process is None or _owner != os.getpid():

@@ -26,7 +26,7 @@ _FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-
 
 
 class Source:
-    """The content of one file."""
+    """The content of one matrix file."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         checked = Path(checks.path("path", path))
@@ -47,20 +47,20 @@ class Source:
         return self.content.splitlines()
 
     def error(self, line: int, text: str) -> InputError:
-        """The error for a line, counted from 1."""
+        """InputError for a line (from 1) with the sentence `text`."""
         return InputError(f"{self.name}, line {line}: {text}")
 
     def needs(self, holds: object, line: int, text: str) -> None:
-        """Raise the error for a line unless something holds."""
+        """Raise `error(line, text)` unless `holds`."""
         if not holds:
             raise self.error(line, text)
 
     def at_byte(self, offset: int, text: str) -> InputError:
-        """The error for a place in a binary file."""
+        """InputError for an offset in a binary file."""
         return InputError(f"{self.name}, byte {offset}: {text}")
 
     def table(self, lines: Sequence[bytes], numbers: Sequence[int], columns: int) -> Array:
-        """Lines of `columns` numbers each: (lines, columns); `numbers` are those of the lines."""
+        """Values (lines, columns) of lines with `columns` numbers each; `numbers`: of lines."""
         if not lines:
             return np.zeros((0, columns))
         rows = [line.replace(b",", b" ") for line in lines]
@@ -92,14 +92,14 @@ def _floats(text: bytes) -> Array | None:
 
 
 def fortran(text: bytes) -> bytes:
-    """The text with Fortran's exponents as others write them."""
+    """The text with Fortran exponents (1D+3) in the form 1E+3."""
     return _FORTRAN.sub(
         lambda m: m[1] + b"E" + m[2] if m[1] is not None else m[3] + b"E" + m[4], text
     )
 
 
 def is_text(content: bytes) -> bool:
-    """Whether the first bytes are those of a text."""
+    """Whether the content begins as a text."""
     head = content[:4096]
     return not any(byte < 9 or 13 < byte < 32 for byte in head)
 
@@ -113,7 +113,7 @@ Labels = IntArray
 
 @dataclass(frozen=True)
 class Entries:
-    """The entries of a square matrix that stand in a file.
+    """The entries of a square matrix as a file lists them.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Entries:
     counted: bool = True
 
     def matrix(self) -> scipy.sparse.csr_matrix:
-        """The matrix; repeated entries are added."""
+        """The sparse matrix; repeated entries are added."""
         row, column, value = self.row, self.column, self.value
         if self.triangle:
             off = row != column
@@ -144,14 +144,14 @@ class Entries:
         return scipy.sparse.coo_matrix((value, (row, column)), (self.size, self.size)).tocsr()
 
     def renumbered(self, position: IntArray, size: int) -> Entries:
-        """The same with row i at `position[i]` of `size` rows, without labels."""
+        """The entries with row i moved to `position[i]` of `size` rows, without labels."""
         return Entries(
             self.source, position[self.row], position[self.column], self.value, size, self.triangle
         )
 
 
 def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
-    """Entries of a table (node, component, node, component, value), rows sorted by their labels.
+    """Entries from a table (node, component, node, component, value), rows sorted by label.
 
     `triangle` None: the file does not say whether it holds one triangle or both.
     """
@@ -165,7 +165,7 @@ def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
 
 
 def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
-    """Whether off the diagonal no entry has its mirror in the file; InputError for some of them."""
+    """Whether only one triangle is listed; InputError if only some entries have a mirror."""
     off = row != column
     keys = row[off].astype(np.int64) * size + column[off]
     mirrored = np.isin(keys, column[off].astype(np.int64) * size + row[off])
@@ -181,7 +181,7 @@ def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> boo
 
 
 def checked(entries: Entries) -> Entries:
-    """`entries`, or InputError for numbers that are no matrix."""
+    """The entries; InputError if they are not those of a matrix."""
     source, size = entries.source, entries.size
     bad = ~np.isfinite(entries.value)
     if bad.any():
@@ -204,7 +204,7 @@ def checked(entries: Entries) -> Entries:
 
 
 class MatrixFormat(NamedTuple):
-    """How matrices of one format are recognised, read and written."""
+    """A file format of matrices: how to recognise, read and write it."""
 
     #: whether a file with this content is of the format
     matches: Callable[[bytes], bool]
@@ -364,7 +364,7 @@ def read_pair(
 
 
 def _on(K: Entries, M: Entries) -> Entries:
-    """M on the rows of K, by node and component."""
+    """M with the rows of K, matched by node and component."""
     assert K.labels is not None
     assert M.labels is not None
     both, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)

@@ -15,10 +15,9 @@ MESHES, RESULTS, SPACE, DIMENSION = "ENS_MAA", "CHA", "ESP", "DIM"
 
 
 def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str], IntArray]:
-    """(a copy in the working folder with the largest mesh of the file alone, what is left out,
-    numbers of its nodes).
+    """(path of a copy with only the largest mesh, note on the others, its node numbers).
 
-    The file itself where it is no HDF5: meshio says what it is.
+    The file itself if it is not HDF5: meshio then names the fault.
     """
     try:
         import h5py
@@ -31,7 +30,7 @@ def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str], IntArray]:
 
 
 def _cut_down(file: Any, name: str) -> list[str]:
-    """Leave one mesh at one time in an open file; a sentence on others."""
+    """Remove all but one mesh and one time from an open file; returns a note on the others."""
     if RESULTS in file:
         del file[RESULTS]
     meshes = file[MESHES]
@@ -51,14 +50,14 @@ def _cut_down(file: Any, name: str) -> list[str]:
 
 
 def _numbers(meshes: Any) -> IntArray:
-    """Numbers of the nodes of the one mesh: its own, or from 1 as Salome counts them."""
+    """Node numbers of the only mesh: its own, or from 1 as Salome counts."""
     (mesh,) = meshes.values()
     own = _first(mesh)["NOE"].get("NUM")
     return np.arange(1, _nodes(mesh) + 1) if own is None else np.asarray(own, dtype=np.int64)
 
 
 def _first(mesh: Any) -> Any:
-    """A mesh at its first time."""
+    """A mesh at its first time step."""
     return mesh if "NOE" in mesh else mesh[sorted(mesh)[0]]
 
 

@@ -61,7 +61,7 @@ GMSH_FACES = {
 
 
 def known(label: str, name: str) -> str:
-    """`label` itself; MeshError if such cells of the file `name` can neither be carried nor cut."""
+    """The label of cells; MeshError if such cells can neither be used nor divided."""
     if label not in CELLS:
         raise MeshError(
             f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
@@ -72,7 +72,7 @@ def known(label: str, name: str) -> str:
 
 
 def as_carried(mesh: FileMesh, name: str) -> FileMesh:
-    """`mesh` itself if its cells of each dimension are of one kind that is carried; else cut."""
+    """The mesh with cells of one supported kind for each dimension; others are divided."""
     if not _is_mixed(mesh):
         return mesh
     deck = Deck(name, mesh.points, labels=mesh.labels)
@@ -91,7 +91,7 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
 
 
 def _is_mixed(mesh: FileMesh) -> bool:
-    """Whether some cells of a dimension are of another kind than the rest, or not carried."""
+    """Whether some cells of a dimension differ in kind from the rest, or are not supported."""
     there = {label for label, block in mesh.cells.items() if len(block)}
     top = max((DIMENSION[CELLS[label][0]] for label in there), default=0)
     if mesh.aids:  # where some cells are in groups, those in none are construction aids
@@ -127,7 +127,7 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
 
 
 def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
-    """The index of each of our edges or faces among theirs."""
+    """Index in their edges or faces of each of ours."""
     listed = [frozenset(one) for one in theirs]
     return np.array([listed.index(frozenset(one)) for one in ours])
 
@@ -214,7 +214,7 @@ def content(path: Path, name: str) -> meshio.Mesh:
 
 
 def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyError:
-    """A sentence on a file that meshio does not read."""
+    """The sentence on a file that meshio cannot read."""
     suffix = path.suffix.lower()
     if "h5py" in text and suffix not in (".h5py",):
         return MissingDependencyError(
@@ -279,7 +279,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
 
 
 def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
-    """((tag, dimension), name) of groups; fields of other formats (MED, VTK) have other values."""
+    """((tag, dimension), name) of groups; fields of MED and VTK with other values are skipped."""
     for name, value in mesh.field_data.items():
         pair = np.asarray(value)
         if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer):
@@ -287,7 +287,7 @@ def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
 
 
 def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """(value, rows that have it), ascending; one sort for all of them."""
+    """(value, rows with this value), ascending, by one sort."""
     order = np.argsort(values, kind="stable")
     found, first = np.unique(values[order], return_index=True)
     for value, rows in zip(found, np.split(order, first[1:]), strict=True):
@@ -339,7 +339,7 @@ OF_NODES, OF_ELEMENTS = 7, 8
 
 @dataclass
 class _Content:
-    """What the data sets of a file hold."""
+    """The data sets of a universal file."""
 
     name: str
     labels: list[int] = field(default_factory=list)
@@ -354,7 +354,7 @@ class _Content:
 
 
 def read_universal(ask: Request) -> FileMesh:
-    """A universal file."""
+    """Read a universal file."""
     path = Path(ask.path)
     ask.allow(30 + 3e-5 * path.stat().st_size)
     content = path.read_bytes()
@@ -377,7 +377,7 @@ Lines = list[tuple[str, Place]]
 
 
 def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
-    """(number, lines) of the data sets, which lie between lines of -1."""
+    """(number, lines) of the data sets, which are delimited by lines of -1."""
     rows: Lines | None = None
     known = False
     for k, line in enumerate(lines):
@@ -426,7 +426,7 @@ def _node(found: _Content, label: list[str], at: Place, x: list[str], place: Pla
 
 
 def _wholes(rows: Lines, k: int, least: int, told: str, place: Place) -> tuple[list[int], int]:
-    """(whole numbers of the lines from k on, `least` or more; the line after them)."""
+    """(at least `least` integers from line k on, number of the following line)."""
     found: list[int] = []
     while len(found) < least:
         place.needs(k < len(rows), told)

@@ -88,7 +88,7 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 def rectangles(shape: str) -> list[tuple[int, ...]]:
-    """Corners of the faces with four corners; a quadrilateral is its own face."""
+    """Corners of the quadrilateral faces of a shape; a quadrilateral is its own face."""
     faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
     return [face for face in faces if len(face) == 4]
 
@@ -101,7 +101,7 @@ Term = tuple[int, int, float]
 
 
 class Joints(TypedDict):
-    """What joins nodes of a deck, as sums of motions, in SI units."""
+    """Constraints and springs between nodes of a deck as sums of motions, SI units."""
 
     equations: list[list[Term]]  # sums that are zero, the dependent motion first
     springs: list[tuple[list[Term], float]]  # N/m
@@ -114,7 +114,7 @@ class Joints(TypedDict):
 
 
 class Model(TypedDict):
-    """Materials, sections, supports, masses and joints of a deck in SI units, as JSON holds them.
+    """Materials, sections, supports, masses and joints of a deck as JSON values, SI units.
 
     JSON has lists for the tuples.
     """
@@ -138,7 +138,7 @@ class Model(TypedDict):
 
 @dataclass(frozen=True)
 class CellKind:
-    """A cell shape with its geometric order; `vertices` of its `nodes` come first."""
+    """A cell shape with its geometric order; the first `vertices` of its `nodes` are vertices."""
 
     shape: str
     dim: int
@@ -198,11 +198,11 @@ class CadSurface:
     tensors: NDArray[np.float64]
 
     def at(self, which: IntArray) -> CadSurface:
-        """Some of the nodes."""
+        """The entries `which`."""
         return CadSurface(*(value[which] for value in vars(self).values()))
 
     def scaled(self, factor: float) -> CadSurface:
-        """The same with lengths times a factor."""
+        """The surfaces with all lengths multiplied by a factor."""
         return replace(self, points=self.points * factor, tensors=self.tensors / factor)
 
 
@@ -262,7 +262,7 @@ class RawMesh:
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
-    """Groups of cells from parts of them: (name, kind, rows)."""
+    """Groups of cells merged from partial ones: (name, kind, rows)."""
     found: dict[str, dict[str, list[IntArray]]] = {}
     for name, kind, rows in parts:
         found.setdefault(name, {}).setdefault(kind, []).append(rows)
@@ -273,17 +273,17 @@ def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, In
 
 
 def of_kind(name: str, label: str) -> str:
-    """Name of what a support fixes in the cells of one kind, where there are several."""
+    """Name of a support's cells of one kind, where there are several kinds."""
     return f"{name}@{label}"
 
 
 def kind_of(label: str) -> CellKind:
-    """The kind named `label`; KeyError if no element here has such cells."""
+    """The kind named `label`; KeyError if no element family has such cells."""
     return KINDS[label] if label in KINDS else SERENDIPITY[label]
 
 
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
-    """`mesh` as (values for JSON, arrays); groups, maybe thousands, are concatenated."""
+    """The mesh as (JSON values, arrays); groups, maybe thousands, are concatenated."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
     nodes = list(mesh.node_sets.values())
     spans = [(name, dim, e) for name, parts in mesh.fixed.items() for dim, e in parts.items()]
@@ -358,7 +358,7 @@ SYSTEMS = {
 
 @dataclass(frozen=True)
 class UnitSystem:
-    """SI values of the units; the unit of mass follows from force = mass × length / s²."""
+    """Factors to SI; the unit of mass follows from force = mass × length / s²."""
 
     #: m
     length: float = 1.0
@@ -367,7 +367,7 @@ class UnitSystem:
 
     @classmethod
     def of(cls, unit: str | float) -> UnitSystem:
-        """By name, or by the metres per unit of length, with forces in N."""
+        """The system of this name or number of metres per unit, with forces in N."""
         if isinstance(unit, str):
             if unit not in SYSTEMS:
                 raise InputError(
@@ -379,15 +379,15 @@ class UnitSystem:
 
     @property
     def mass(self) -> float:
-        """kg."""
+        """Unit of mass, kg."""
         return self.force / self.length
 
     @property
     def stress(self) -> float:
-        """Pa."""
+        """Unit of stress, Pa."""
         return self.force / self.length**2
 
     @property
     def density(self) -> float:
-        """kg/m³."""
+        """Unit of density, kg/m³."""
         return self.mass / self.length**3

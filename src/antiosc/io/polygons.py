@@ -38,7 +38,7 @@ SIZE, CORNERS = "number of corners", "corners"
 
 
 def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
-    """(points (n, 3), triangles (t, 3)) of the content of a file; None for other formats.
+    """(points (n, 3), triangles (t, 3)) of an OBJ, OFF or PLY file; None for other formats.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
 
 
 def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
-    """Polygons are cut into triangles from their first corner."""
+    """Triangles of an OBJ file; polygons are divided from their first corner."""
     points: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
     for number, line in enumerate(lines, 1):
@@ -76,7 +76,7 @@ def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
 def _checked(
     points: list[list[float]] | Array, faces: list[tuple[int, int, int]] | IntArray, name: str
 ) -> tuple[Array, IntArray]:
-    """As arrays; MeshError for corners that are not there."""
+    """Points and triangles as arrays; MeshError for unknown corners."""
     table = np.array(faces, dtype=np.int64).reshape(-1, 3)
     if len(table) and not 0 <= table.min() <= table.max() < len(points):
         raise MeshError(f"{name} has faces on points that it does not hold.")
@@ -84,7 +84,7 @@ def _checked(
 
 
 def _of_off(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
-    """A header, the numbers of points and faces, the points, and the faces with their sizes."""
+    """Triangles of an OFF file: header, numbers of points and faces, points, faces with sizes."""
     rows: list[tuple[list[str], Place]] = []
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].split()
@@ -167,7 +167,7 @@ def _of_ply_text(
 
 
 def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dtype[np.void]]]:
-    """Element -> (how many, its record) of a binary file; a list has three entries.
+    """Element -> (count, record layout) of a binary file; a list must have three entries.
 
     Raises IndexError, KeyError or ValueError for other headers.
     """

@@ -52,7 +52,7 @@ _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 
 
 def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
-    """The mesh of the `wanted` cells of the file `name`, by default those of highest dimension."""
+    """The `wanted` cells of a file as a mesh, by default those of the highest dimension."""
     dims = {label: kind_of(label).dim for label, block in mesh.cells.items() if len(block)}
     if max(dims.values(), default=0) == 0:
         found = ", ".join(sorted(dims)) or "none"
@@ -90,7 +90,7 @@ def _every_row(mesh: FileMesh) -> Rows:
 
 
 def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
-    """The rows that the caller selects with cells=."""
+    """The rows selected by cells=."""
     if isinstance(wanted, int):
         rows = {k: r for k, r in _every_row(mesh).items() if kind_of(k).dim == wanted}
         if not rows:
@@ -107,7 +107,7 @@ def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
 
 
 def _grouped(mesh: FileMesh, labels: Sequence[str]) -> Rows:
-    """The rows of these kinds that any group holds."""
+    """The rows of these kinds that belong to any group."""
     parts = [{k: r for k, r in g.items() if k in labels} for g in mesh.groups.values()]
     return _joined(parts)
 
@@ -129,10 +129,10 @@ def _one_kind(rows: Rows, name: str) -> tuple[str, IntArray]:
 
 
 def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
-    """MeshError if cells of lower dimension are not faces or edges of the selected ones.
+    """MeshError for cells of lower dimension that are not faces or edges of the selected ones.
 
-    Curves and loose faces of a CAD file are no beams and shells: sketches, axes and construction
-    planes stand there too. They are told.
+    Curves and loose faces of a CAD file are only reported: they may be sketches, axes or
+    construction planes, not beams and shells.
     """
     drawing = name.lower().endswith(CAD)
     lost, place, left = [], 0, []
@@ -167,14 +167,14 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
 
 
 def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
-    """Which of `rows` have the same entries as one of `others`, in any order."""
+    """Mask of `rows` whose entries, in any order, are those of one of `others`."""
     if rows.shape[1] != others.shape[1]:
         return np.zeros(len(rows), dtype=bool)
     return np.isin(keys(rows), keys(others))
 
 
 def keys(rows: IntArray) -> NDArray[np.uint64]:
-    """A number for each row that does not depend on the order of its entries.
+    """A hash of each row that does not depend on the order of its entries.
 
     Two different rows have the same number with a probability of 1e-19.
     """
@@ -199,7 +199,7 @@ def _add(raw: RawMesh, group: str, dim: int, entities: IntArray) -> None:
 
 
 def _outer_facets(raw: RawMesh) -> IntArray:
-    """Facets (n, vertices) of one cell only."""
+    """Facets (n, vertices) of only one cell."""
     if raw.kind.dim < 2:
         return np.zeros((0, 1), dtype=np.int64)
     facets = np.vstack([raw.cells[:, list(f)] for f in FACETS[raw.kind.shape]])
@@ -208,7 +208,7 @@ def _outer_facets(raw: RawMesh) -> IntArray:
 
 
 def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> None:
-    """A node set as boundary facets with all vertices in it, and the remaining vertices.
+    """Add a node set as boundary facets with all vertices in it, and remaining vertices.
 
     A support on a node set must also hold the mid-side motions between its nodes.
     """
@@ -225,7 +225,7 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
 
 
 def _ends_first(raw: RawMesh, name: str) -> IntArray:
-    """Second-order lines with the middle node last; in Abaqus' files it is second."""
+    """Second-order lines with the middle node last; in Abaqus files it is second."""
     x = raw.points[raw.cells]
     off = np.stack(
         [np.linalg.norm(x[:, k] - (x[:, k - 2] + x[:, k - 1]) / 2, axis=1) for k in range(3)]
@@ -241,14 +241,14 @@ def _ends_first(raw: RawMesh, name: str) -> IntArray:
 
 
 def _straightened(raw: RawMesh) -> RawMesh:
-    """The same mesh without its mid-side nodes."""
+    """The mesh without its mid-side nodes."""
     linear = next(k for k in KINDS.values() if k.shape == raw.kind.shape and k.order == 1)
     cells = raw.cells if raw.kind.dim > 1 else _ends_first(raw, "the file")
     return replace(raw, cells=cells[:, : linear.nodes], kind=linear)
 
 
 def compact(raw: RawMesh) -> RawMesh:
-    """The mesh without unused nodes, and without groups that become empty."""
+    """The mesh without unused nodes and empty groups."""
     if raw.kind in SERENDIPITY.values():
         raise MeshError(
             f"second-order {raw.kind.shape} cells of {raw.kind.nodes} nodes (serendipity) have no "
@@ -317,7 +317,7 @@ def read(
 
 
 def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> RawMesh:
-    """The mesh of the first attempt that succeeds; the error of the first if none does.
+    """The mesh of the first successful attempt; the first error if none succeeds.
 
     `drawn`: the geometry has curvatures; that of triangles has none.
     """
@@ -344,7 +344,7 @@ def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> Ra
 
 
 def piece_of_cells(raw: RawMesh) -> IntArray:
-    """Which piece each cell belongs to (cells,); pieces share no node.
+    """Number of the connected piece of each cell (cells,), 0 for the largest.
 
     0 has the most cells, and of pieces with as many the widest box.
     """
@@ -367,7 +367,7 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
 
 
 def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
-    """The cells of one piece, 1 being the largest."""
+    """The cells of one connected piece, 1 being the largest."""
     label = piece_of_cells(raw)
     count = int(label.max()) + 1
     if piece > count:
@@ -386,7 +386,7 @@ NumberedElements = Mapping[str, Sequence[int]]
 
 
 class Piece(NamedTuple):
-    """A piece of a mesh: a group of cells that is one, or "", and the corners of its box [m]."""
+    """A connected piece of a mesh: its group or "", and the corners of its box [m]."""
 
     name: str
     low: Array
@@ -413,7 +413,7 @@ def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
 
 
 def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
-    """The error of a mesh in pieces, which it describes and knows."""
+    """The error for a mesh of several connected pieces, with their description."""
     found = pieces_of(raw)
     error = PiecesError(f"{what} ({described_pieces(found)}): {remedy}")
     error.pieces = found
@@ -421,7 +421,7 @@ def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
 
 
 def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
-    """Names of groups that hold the first cell of one piece, by the piece."""
+    """Names of groups that contain the first cell of each piece, by piece."""
     first = np.unique(label, return_index=True)[1]
     own = keys(raw.cells[first][:, : raw.kind.vertices])
     names: dict[int, str] = {}
@@ -437,7 +437,8 @@ def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
 
 
 def outline(path: Path, unit: UnitSystem | None = None, **options: Any) -> FileMesh:
-    """A geometry, not meshed: a line between the corners of its box [m], and its groups.
+    """The box and the groups of a geometry without meshing it: a line between the box's corners
+    [m].
 
     `options`: "solid", "fragments" and "piece" of a `Request`.
     """
@@ -453,7 +454,7 @@ def read_parts(
     model: ModelOptions,
     elements: NumberedElements,
 ) -> dict[str, RawMesh]:
-    """Cells of a deck by their shape, with its model: one entry unless they are joined at nodes."""
+    """Cells of a deck by shape, with its model; one entry unless the model joins several shapes."""
     content = _content(path, timeout, unit, merge, model=model, elements=elements)
     contents = [content]
     if content.model is not None and content.model["joined"]:
@@ -464,7 +465,7 @@ def read_parts(
 
 
 def _alone(content: FileMesh, label: str) -> FileMesh:
-    """The cells of one kind, with their groups and what supports fix of them."""
+    """The cells of one kind, with their groups and the supports on them."""
     mark = of_kind("", label)
     groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}
@@ -478,7 +479,7 @@ def _content(
     merge: float | None,
     **options: Any,
 ) -> FileMesh:
-    """All that the file holds; `options` are fields of a `Request`."""
+    """The content of a file; `options` are fields of a `Request`."""
     suffix = path.suffix.lower()
     solid, size = options.get("solid", False), options.get("size")
     geometry = suffix in GEOMETRY or solid
@@ -535,7 +536,7 @@ def _content(
 
 
 def merged(mesh: FileMesh, distance: float) -> FileMesh:
-    """`mesh` with its nodes merged that are at most `distance` (m) apart.
+    """The mesh with nodes merged that are at most `distance` [m] apart.
 
     Decks of several parts and STL files need it.
     """
@@ -562,7 +563,7 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
 
 
 def _renumbered(model: Model, row: IntArray) -> Model:
-    """The model with other numbers of its nodes; negative ones are points of no element."""
+    """The model with new node numbers; negative ones are points that belong to no element."""
     joints = model["joints"]
 
     def new(terms: list[Term]) -> list[Term]:

@@ -80,7 +80,7 @@ class Request:
     started: float = field(default_factory=time.monotonic)
 
     def limit_memory(self) -> None:
-        """Limit the address space to `memory`, and write no core file."""
+        """Limit the address space to `memory` bytes, and disable core files."""
         for what, most in ((resource.RLIMIT_AS, self.memory), (resource.RLIMIT_CORE, 0)):
             hard = resource.getrlimit(what)[1]
             most = most if hard == resource.RLIM_INFINITY else min(most, hard)
@@ -101,7 +101,7 @@ class Request:
             signal.setitimer(signal.ITIMER_REAL, left)
 
     def seal(self) -> None:
-        """Limit the files written from now on to a megabyte, unless the file is trusted."""
+        """Limit files written from now on to a megabyte, unless the input is trusted."""
         if not self.trust:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             with contextlib.suppress(ValueError):  # a lower limit is in force
@@ -126,7 +126,7 @@ OWN = "antiosc_decks."
 
 
 def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
-    """The entry points of a group, not loaded; those of other packages first.
+    """The unloaded entry points of a group, those of other packages first.
 
     "" in `sys.path` stands for the working folder, where nobody installs packages.
     """
@@ -143,7 +143,7 @@ def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]
 
 
 def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
-    """The entry points of pyproject.toml, where antiosc runs from its source tree."""
+    """The entry points in pyproject.toml, if antiosc runs from its source tree."""
     try:
         text = Path(__file__).resolve().parents[3].joinpath("pyproject.toml").read_text("utf-8")
         project = tomllib.loads(text).get("project", {})
@@ -156,7 +156,7 @@ def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
 
 
 def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
-    """The object that an entry point names; MissingDependencyError if it is not of this kind."""
+    """The object of an entry point; MissingDependencyError unless it is of this kind."""
     try:
         found = entry.load()
     except AntioscError:

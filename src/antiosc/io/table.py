@@ -31,7 +31,7 @@ FIRST_BYTES = 2**20
 
 
 def reader_of(path: str | Path, solid: bool = False) -> FileReader:
-    """The reader of a file, by its ending and content; `solid`: a surface to be filled."""
+    """The reader for a file, by its ending and content; `solid`: a surface to be filled."""
     if solid:
         return GENERATOR
     ending = Path(path).suffix.lower()

@@ -31,7 +31,7 @@ NOT_KNOWN = "not known"
 
 
 class Band(TypedDict, total=False):
-    """The band of an extraction: its ends [Hz], and the bound on the error of Z over it."""
+    """The frequency band of an extraction [Hz], and the bound on the error of Z in it."""
 
     bottom: float
     top: float
@@ -39,7 +39,7 @@ class Band(TypedDict, total=False):
 
 
 class Patch(TypedDict, total=False):
-    """The patch of a site.
+    """Data of a site's patch for the error budget.
 
     faces : size of the faces under it [m]; radius : that of a second patch [m]; compliance : change
     of the part's compliance with it, beyond that of the half-space [m/N].
@@ -51,7 +51,7 @@ class Patch(TypedDict, total=False):
 
 
 class FacetGaps(TypedDict):
-    """The layers between flat faces and the curved surface that they stand for.
+    """The layers between flat faces and the curved surface that they approximate.
 
     note : a sentence; stiffness : their strain energies in the shapes [N/m]; mass : over that of
     the structure.
@@ -63,7 +63,7 @@ class FacetGaps(TypedDict):
 
 
 class BeamSection(TypedDict):
-    """What the error of beam theory follows from.
+    """Data for the error of beam theory.
 
     compliance : 1/(E √A) [m/N]; omega : frequency of the section's deformation [rad/s]; clamps :
     number of held ends times the larger side over the length.
@@ -75,7 +75,7 @@ class BeamSection(TypedDict):
 
 
 class MeasuredBand(TypedDict):
-    """Bodies that a measurement does not tell from the model, in free modes (A bodies, J modes).
+    """Bodies consistent with a measurement, in free modes (A bodies, J modes).
 
     top : of the band [rad/s]; draws : the first bodies differ by the noise, the others by what lies
     above the band; omega, decay, b : (A, J) as of a `ModalBody`; r : (A,).
@@ -91,9 +91,9 @@ class MeasuredBand(TypedDict):
 
 @dataclass(frozen=True, repr=False)
 class ModelInfo(ReprMixin):
-    """What is known of an extracted model besides its numbers; nothing changes it afterwards.
+    """Data of an extracted model besides its parameters, immutable.
 
-    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError where nothing is known.
+    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError if the value is unknown.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class ModelInfo(ReprMixin):
 
     @classmethod
     def of(cls, given: ModelInfo | Mapping[str, Any]) -> ModelInfo:
-        """A record of itself or of a mapping, whose unknown names are `notes`; else InputError."""
+        """A record, or a mapping as a record: unknown names become `notes`; else InputError."""
         if isinstance(given, ModelInfo):
             return given
         checks.instance("info", given, Mapping, "a ModelInfo, or a dict of facts")
@@ -201,16 +201,16 @@ class ModelInfo(ReprMixin):
 
     @cached_property
     def known_surfaces(self) -> dict[str, Surface]:
-        """The surfaces of the sites whose material and curvature are known."""
+        """The surfaces of sites with known material and curvature."""
         given = (self.surfaces or {}).items()
         return {name: Surface.of(one) for name, one in given if NOT_KNOWN not in one}
 
     def unknown_surface(self, site: str) -> str:
-        """Why nothing is known of the surface of a site; "": it is known, or nobody looked."""
+        """Why the surface of a site is unknown; "" if it is known, or was not asked for."""
         return str((self.surfaces or {}).get(site, {}).get(NOT_KNOWN, ""))
 
     def as_dict(self) -> dict[str, object]:
-        """What is known, as JSON values."""
+        """The known data as JSON values."""
         known = {name: getattr(self, name) for name in _NAMES}
         return {n: value for n, value in known.items() if value is not None} | dict(self.notes)
 
@@ -218,7 +218,7 @@ class ModelInfo(ReprMixin):
         return self.as_dict()[name]
 
     def get(self, name: str, default: object = None) -> object:
-        """`info[name]`, or `default` where nothing is known."""
+        """`info[name]`, or `default` if it is unknown."""
         return self.as_dict().get(name, default)
 
     def __contains__(self, name: object) -> bool:
@@ -246,13 +246,13 @@ UNKNOWN = ModelInfo()
 
 
 def info_of(body: object) -> ModelInfo:
-    """The record of a body; an empty one of a body without."""
+    """The record of a body; an empty record if the body has none."""
     info = getattr(body, "info", None)
     return info if isinstance(info, ModelInfo) else UNKNOWN
 
 
 def is_thin(body: object) -> bool:
-    """Whether a body is of sheets that are held: its theory holds for small deflections."""
+    """Whether a body consists of supported sheets, so that theory holds for small deflections."""
     return info_of(body).thickness is not None
 
 
@@ -340,7 +340,7 @@ class Body:
         return None
 
     def surface(self, site: str = "") -> Surface | None:
-        """The surface of a site, from which the law of a contact follows; None: not known."""
+        """The surface at a site, which determines the law of a contact; None if unknown."""
         return info_of(self).known_surfaces.get(site) if isinstance(site, str) else None
 
     def modal(self) -> ModalBody:
@@ -350,7 +350,7 @@ class Body:
 
 @dataclass(frozen=True, eq=False)
 class ModalModel(Body):
-    """A body given by its free modes; `stretch`: its second-order forces in them."""
+    """A body given by its free modes; `stretch`: second-order forces in these modes."""
 
     modes: ModalBody
     local_compliance: float = 0.0
@@ -366,7 +366,7 @@ class ModalModel(Body):
 
 
 class _ForeignBody(Body):
-    """A user's body: its checked attributes, and the defaults for others."""
+    """A user's body: its checked attributes, with defaults for missing ones."""
 
     def __init__(self, name: str, body: LinearBody) -> None:
         self._body = body
@@ -409,7 +409,7 @@ def checked_body(name: str, body: object) -> Body:
 
 
 def site_points(body: object) -> dict[str, tuple[float, ...]]:
-    """Points of the sites of an extracted body [m], by name; "" is the name of a single site."""
+    """Coordinates [m] of the sites of an extracted body, by name; "" for a single site."""
     info = info_of(body)
     named = {"": info.point} if info.points is None else info.points
     return {
@@ -420,7 +420,7 @@ def site_points(body: object) -> dict[str, tuple[float, ...]]:
 
 
 def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
-    """Message for a body of several sites where one is needed."""
+    """Message that a body has several sites where one is required."""
     return (
         f"{name} has the sites {', '.join(sites)}: pose its impact as a Scene, with ends such as "
         f'"part:{sites[0]}", or extract a model of one site.'

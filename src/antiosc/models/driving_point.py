@@ -83,7 +83,7 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
 
 
 def with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
-    """Z (..., p, p) at x = omega^2 with the rigid-body motions a = `slide` (p, h) beside.
+    """Z (..., p, p) at x = omega^2 of sites that also move rigidly by a = `slide` (p, h).
 
     That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).
     """

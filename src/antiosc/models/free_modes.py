@@ -140,7 +140,7 @@ def site_models(
     shift: float = 0.0,
     method: Method = "modes",
 ) -> SiteModels:
-    """The same for S sites at once: b (S, J), compliance and inertia (S,)."""
+    """As `from_free_modes` for S sites at once: b (S, J), compliance and inertia (S,)."""
     checks.choice("method", method, get_args(Method))
     omega = checks.array("omega", omega, (None,))
     if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
@@ -179,7 +179,7 @@ def site_models(
 
 
 def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
-    """Join the elastic parameters of sites with a rigid-body mode that hardly moves them."""
+    """Join the elastic parameters of sites with a rigid-body mode that moves them slightly."""
     k0, m0, _, omega, m = found
     wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
     left = np.zeros_like(m0)
@@ -193,7 +193,7 @@ def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ..
 def residual(
     omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
 ) -> tuple[Array, Array]:
-    """Compliances r and inertias s (S,) of the modes left out.
+    """Compliances r and inertias s (S,) of the truncated modes.
 
     s = 0 where they have no mass, r = 0 where no mode is left out.
     """
@@ -224,7 +224,7 @@ def error_bound(
     band: float,
     shift: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Bounds on |dZ|/|Z| (S,), (S,) of the models over the band up to `band` [rad/s].
+    """Bounds on |dZ|/|Z|, (S,) and (S,), of the models up to `band` [rad/s].
 
     First by the modes left out (see above), then by keeping only n anti-oscillators; the whole
     error is at most their sum. Z is taken with one per cent of damping; `band` must lie below
@@ -265,7 +265,7 @@ def error_bound(
 def bodies(
     omega: Array, b: Array, compliance: Array, inertia: Array, shift: float
 ) -> Iterator[ModalBody]:
-    """The body of each site: its free modes, and one for those that are left out."""
+    """The body of each site: its free modes, and one that represents the truncated ones."""
     found = residual(omega, b, compliance, inertia, shift)
     for own, r, s in zip(b, *found, strict=True):
         if not s:
@@ -328,7 +328,7 @@ def parameters(
 def _eigenpairs(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
 ) -> tuple[Array, Array, Array]:
-    """All eigenvalues of T, the parts of phi in them (S, J + 1) each, and the mass left (S,)."""
+    """All eigenvalues of T, coefficients of phi in its vectors (S, J + 1), residual mass (S,)."""
     y = b / A
     T = -y[:, :, None] * y[:, None, :] / bAb[:, None, None]
     diagonal = np.arange(A.shape[1])

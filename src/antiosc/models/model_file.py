@@ -73,7 +73,7 @@ def read(
     expected: str = FORMAT,
     largest: int = _LARGEST,
 ) -> tuple[Named, Arrays]:
-    """Read a file of format `expected` that has the arrays `needed`; returns header and arrays.
+    """(header, arrays) of a file of format `expected` with the arrays `needed`.
 
     InputError for another file, or one with more than `largest` bytes of arrays.
     """
@@ -187,7 +187,7 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
 
 
 def _info(header: Named) -> ModelInfo:
-    """The facts of a file; its band is in rad/s unless the header says Hz."""
+    """The data of a file's model; its band is in rad/s unless the header says Hz."""
     given = header.get("info", {})
     band = given.get("band") if isinstance(given, Mapping) else None
     if isinstance(band, Mapping) and header.get("band_unit") != _HERTZ:
@@ -197,7 +197,7 @@ def _info(header: Named) -> ModelInfo:
 
 
 def arguments(path: str | os.PathLike[str]) -> Named:
-    """The arguments of the `AntiOscillators` in a model file; InputError when it is not one."""
+    """The arguments of `AntiOscillators` in a model file; InputError for other files."""
     header, arrays = read(path, {"m0", "k0", "omega"})
     try:
         damping = header.get("damping")
@@ -225,7 +225,7 @@ def _stretch(arrays: Arrays, count: Count | None) -> Stretch | None:
 
 
 def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
-    """The error for a file whose numbers are no model."""
+    """The error for a file whose values are inconsistent."""
     return InputError(
         f"{path} contains no valid model; its numbers are damaged or edited: "
         f"{str(error).rstrip('.')}."
@@ -249,12 +249,12 @@ def _damping(given: Named | None) -> Damping | DampingMatrix | None:
 
 
 def _plain(value: object) -> object:
-    """A number, or those of several sites, as JSON values."""
+    """A value, or one for each of several sites, as JSON."""
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _inertia(arrays: Arrays) -> Inertia | None:
-    """The inertia in a model file, if it holds one."""
+    """The inertia in a model file; None if it has none."""
     return Inertia(*map(arrays.__getitem__, _INERTIA)) if arrays.keys() >= _INERTIA.keys() else None
 
 
@@ -390,5 +390,5 @@ def _labels(
 
 
 def _as_list(value: object) -> list[object]:
-    """Items of a list, tuple or range; another value is the only item."""
+    """A list, tuple or range as a list; any other value as its only element."""
     return list(value) if isinstance(value, list | tuple | range) else [value]

@@ -82,11 +82,11 @@ class Inertia(ReprMixin):
         return np.asarray(self.point + moments / self.mass)
 
     def along(self, momentum: Array) -> Inertia:
-        """The same body with other coordinates, whose momenta are `momentum` (C, 6)."""
+        """The inertia for other coordinates, with momenta `momentum` (C, 6)."""
         return Inertia(self.point, self.matrix, momentum)
 
     def rotation(self, amplitudes: Array) -> Array:
-        """Rotation vectors (n, 3) [rad] of the rigid motion with amplitudes (n, C), or their rates.
+        """Rotation vectors (n, 3) [rad] for amplitudes (n, C), or their rates for rates.
 
         It is that of the whole body with the same angular momentum about its centre; zero about
         axes without inertia.
@@ -99,7 +99,7 @@ class Inertia(ReprMixin):
         return np.asarray(amplitudes @ turning @ np.linalg.pinv(tensor, rcond=INERTIALESS))
 
     def moved(self, momenta: Array, about: Array) -> Array:
-        """(P, L) about another point `about` (3,) from `momenta` (..., 6) about the reference."""
+        """(P, L) about the point `about` (3,) from `momenta` (..., 6) about the reference point."""
         momenta, about = checks.array("momenta", momenta, None), checks.array("about", about, (3,))
         if momenta.ndim == 0 or momenta.shape[-1] != 6:
             raise InputError(f"momenta must have shape (..., 6); got {momenta.shape}.")
@@ -132,7 +132,7 @@ class Motion(FieldsRepr):
                 checks.store(self, **{name: tuple(checks.array(name, value, (3,)).tolist())})
 
     def at(self, inertia: Inertia) -> Array:
-        """t = (V, W) of this motion at the reference point of `inertia`, shape (6,)."""
+        """Velocity and spin (6,) of this motion at the reference point of `inertia`."""
         checks.instance("inertia", inertia, Inertia, "an Inertia")
         centre = inertia.centre if self.about is None else np.asarray(self.about)
         spin = np.asarray(self.spin)

@@ -50,7 +50,7 @@ RIGID_SHARE = 1e-11
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parameters(Body):
-    """Fields of `AntiOscillators`, and the values that follow from them by one formula."""
+    """The fields of `AntiOscillators`, and properties that follow by one formula."""
 
     m0: Value
     k0: Value
@@ -82,7 +82,7 @@ class Parameters(Body):
 
     @property
     def n_sites(self) -> int:
-        """Number of shapes in front of those of the anti-oscillators: of unit displacements."""
+        """Number of leading shapes, those of unit displacements of sites."""
         return len(self.k0) if self.sites else 1
 
     @property
@@ -94,7 +94,7 @@ class Parameters(Body):
 
     @property
     def k(self) -> Array:
-        """Stiffnesses k_i = omega_i^2 m_i [N/m], of the shape of m. Article eq. (23)."""
+        """Stiffnesses k_i = omega_i^2 m_i [N/m], in the array shape of m. Article eq. (23)."""
         return np.asarray((self.omega**2 * self.m.T).T)
 
     @property
@@ -263,7 +263,7 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
 
 
 def _patch_parameters(model: Parameters, count: int) -> Stored:
-    """What each site has of its own: the compliance and the radius of its patch."""
+    """(compliance, radius) of the patch of each of `count` sites."""
     local = checks.array("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
         raise InputError(f"local_compliance must be {count} numbers >= 0, one for each site.")
@@ -278,7 +278,7 @@ def _patch_parameters(model: Parameters, count: int) -> Stored:
 def _direction_parameters(
     model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
 ) -> Stored:
-    """The directions (*columns, 3), and the weights (., *axes) of the shapes, sorted by `rows`."""
+    """Directions (*columns, 3) and sorted weights (rows, *axes) of the shapes."""
     found: Stored = {}
     if model.direction is not None:
         directions = checks.array("direction", model.direction, (*columns, 3))
@@ -341,7 +341,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
 
 
 def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:
-    """The damping of a model sorted as its frequencies, which were given in another order."""
+    """The damping of a model in the order of its sorted frequencies."""
     n_sites, hidden = model.n_sites, model.hidden_count
     size = n_sites + model.n + hidden
     if damping.n != size:
@@ -417,7 +417,8 @@ def corrected(model: ModelType) -> ModelType:
 
 
 def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array, Array, Array]:
-    """(k0, 1 + amplitudes of psi_i in the static mode (N,), omega (N,), modes (N, N)).
+    """(k0, 1 + amplitudes of psi_i in the static mode (N,), omega (N,), modes (N, N)) after
+    softening.
 
     The modes are columns of unit length, of amplitudes times sqrt(m_i).
     """
@@ -439,7 +440,7 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
 
 
 def energy_error(model: Parameters, E: Array, weights: Array) -> float:
-    """Share of the errors E (N + 1, N + 1) of strains in the strain energy.
+    """Share of the strain energy that is due to the strain errors E (N + 1, N + 1).
 
     weights : (N + 1, N + 1), sum of a aᵀ of the amplitudes a of psi_0 ... psi_N.
     """

@@ -37,7 +37,7 @@ MASSLESS_SITE = 1e-15
 
 
 def modal(model: Parameters) -> ModalBody:
-    """The free modes of a model of one site, its hidden rigid motions in front."""
+    """The free modes of a model of one site, hidden rigid motions first."""
     if isinstance(model.damping, DampingMatrix):
         return _coupled_modes(model)
     poles, mass, group = model.omega**2, model.m, None
@@ -60,7 +60,7 @@ def modal(model: Parameters) -> ModalBody:
 
 
 def _coupled_modes(model: Parameters) -> ModalBody:
-    """The free modes of a model whose damping couples them: none is merged with another."""
+    """The free modes of a model with coupled damping; none of them are merged."""
     k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
     rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
     found = damped_modes(model, k0, m0, root[None], rigid)
@@ -77,7 +77,7 @@ def _coupled_modes(model: Parameters) -> ModalBody:
 
 
 def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Array) -> ModalBody:
-    """The free modes (N + 1, J) with the hidden motions in front, so that frequencies ascend.
+    """The free modes (N + 1, J) with the hidden motions first, so that frequencies ascend.
 
     Their coordinates follow lambda.
     """
@@ -112,7 +112,7 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
 
 
 def _basis(model: Parameters) -> tuple[Array, ...] | None:
-    """The shapes, then the hidden motions; None where one of them is not known."""
+    """The shapes, then the hidden motions; None if any is unknown."""
     blocks = (model.shapes, model.hidden) if model.hidden_count else (model.shapes,)
     known = tuple(block for block in blocks if block is not None)
     return known if len(known) == len(blocks) else None
@@ -127,7 +127,7 @@ def _relative(n: int) -> Array:
 
 
 def site_modes(model: Parameters) -> SiteModes:
-    """The free modes of a model of several sites, its hidden rigid motions in front."""
+    """The free modes of a model of several sites, hidden rigid motions first."""
     assert model.dependence is not None
     assert model.rigid is not None
     assert model.slide is not None
@@ -165,7 +165,7 @@ def site_modes(model: Parameters) -> SiteModes:
 
 
 def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array) -> ReducedModes:
-    """The free modes of `reduced_modes`; a damped site without mass gets a little of it."""
+    """As `reduced_modes`; a damped massless site gets a little mass."""
     if isinstance(model.damping, DampingMatrix):
         p = len(k0)
         least = LEAST_MASS * (m0 + P @ P.T).diagonal()
@@ -180,7 +180,7 @@ def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array
 def damping_of(
     model: Parameters, omega: Array, shape: Array | None
 ) -> tuple[Array | None, DampingMatrix | None]:
-    """The decay, or the damping, of the modes (size, J) in u, eta and the hidden motions."""
+    """The decays, or the damping matrix, of the modes (size, J) in u, eta and hidden motions."""
     damping = model.damping
     if isinstance(damping, DampingMatrix):
         return None, None if shape is None else in_coordinates(damping, shape)
@@ -239,7 +239,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
 
 
 def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
-    """A shift of the size of the lowest elastic omega^2 of (K, M) with rigid modes."""
+    """Estimate of the lowest elastic omega^2 of (K, M) with rigid modes, as a shift."""
     weight = M @ rigid_shapes
     shift = float(np.trace(K) / np.trace(M)) or 1.0
     for _ in range(3):  # each knows the lowest to rounding over its own share in the shift

@@ -34,7 +34,7 @@ ASYMMETRY = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stretch(ReprMixin):
-    """Second-order forces of a part in m motions, "modes", that its sites cause.
+    """Second-order forces of a part in m motions ("modes") excited at its sites.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Stretch(ReprMixin):
         return stretch_energy(self.quadratic, self.cubic, a)
 
     def pairs(self, a: Array, b: Array | None = None) -> Array:
-        """Amplitudes (n, m (m + 1)/2) of `shapes` at amplitudes (n, m) of the modes.
+        """Amplitudes (n, m (m + 1)/2) of pairs of modes at amplitudes (n, m) of the modes.
 
         With `b` those of the product of two motions, symmetric in both.
         """
@@ -99,7 +99,9 @@ class Stretch(ReprMixin):
         return np.asarray(np.where(i == j, 1, 2) * both)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
-        """Those of motions a with rates v and w (n, m): values, their first or second rates."""
+        """Amplitudes of pairs in motions a with rates v and w (n, m): values, first or second
+        rates.
+        """
         if derivative == 0:
             return self.pairs(a)
         if derivative == 1:
@@ -107,7 +109,7 @@ class Stretch(ReprMixin):
         return 2 * (self.pairs(a, w) + self.pairs(v))
 
     def turned(self, turn: Array) -> Stretch:
-        """The forces in the modes that the columns of `turn` (m, k), orthonormal, combine.
+        """The forces in combinations of the modes, the orthonormal columns of `turn` (m, k).
 
         Without `shapes`; `shapes_in` has them.
         """
@@ -117,7 +119,7 @@ class Stretch(ReprMixin):
         return Stretch(self.modes @ turn, quadratic, cubic, k)
 
     def shapes_in(self, modes: Array) -> Array | None:
-        """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of modes (J, k) of theirs."""
+        """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of combined modes (J, k)."""
         if self.shapes is None:
             return None
         turn = self.modes.T @ modes
@@ -129,14 +131,14 @@ class Stretch(ReprMixin):
 
 
 def _turned(tensor: Array, turn: Array) -> Array:
-    """A tensor with each axis turned: the first one each time, which becomes the last."""
+    """A tensor transformed along each axis; the first axis becomes the last at each step."""
     for _ in range(tensor.ndim):
         tensor = tensor.reshape(len(turn), -1).T @ turn
     return tensor
 
 
 def checked_count(stretch: object) -> Count | Literal[False]:
-    """The argument `stretch` of `extract`."""
+    """The checked argument `stretch` of `extract`."""
     if stretch is False or stretch is None:
         return False
     if isinstance(stretch, str) and stretch == "auto":
@@ -152,13 +154,13 @@ def checked_count(stretch: object) -> Count | Literal[False]:
 
 
 def stretch_of(body: object) -> Stretch | None:
-    """The second-order forces of a body, or of the one inside an `Impactor`; None without."""
+    """The second-order forces of a body or of that inside an `Impactor`; None if it has none."""
     found = getattr(body, "stretch", None) or getattr(getattr(body, "body", None), "stretch", None)
     return found if isinstance(found, Stretch) else None
 
 
 def refuse_stretch(bodies: Mapping[str, object]) -> None:
-    """InputError for a body that stretches, where only linear ones are taken."""
+    """InputError for a body with second-order forces, where only linear ones are supported."""
     for name, body in bodies.items():
         if stretch_of(body) is not None:
             raise InputError(

@@ -111,7 +111,7 @@ def _let_notebook_draw() -> None:
 
 
 def _matplotlib(module: str = "") -> ModuleType:
-    """matplotlib, or a module of it."""
+    """matplotlib, or one of its modules."""
     try:
         if "matplotlib" not in sys.modules:
             with loading():
@@ -124,13 +124,13 @@ def _matplotlib(module: str = "") -> ModuleType:
 
 
 def legend_beside(ax: Axes) -> Axes:
-    """A legend to the right of the axes, where many names hide no data."""
+    """Place the legend right of the axes, since many names would hide data."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8)
     return ax
 
 
 def legend_above(ax: Axes) -> Axes:
-    """A legend above the axes, where it hides neither a curve nor the text at its peak."""
+    """Place the legend above the axes, where it hides neither a curve nor the label of a peak."""
     if ax.get_legend_handles_labels()[1]:
         place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
         ax.legend(**place, ncols=2, frameon=False, fontsize=8)
@@ -170,7 +170,7 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 
 def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D]:
-    """Name -> object; a single one has no name."""
+    """Name -> object; a single object gets the name ""."""
     named = items if isinstance(items, Mapping) else {"": items}
     if not named:
         raise InputError(f"nothing to draw: give at least one {noun}.")
@@ -181,7 +181,7 @@ def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D
 
 
 def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
-    """InputError unless `one` has every attribute of the protocol `kind`."""
+    """InputError unless `one` has all attributes of the protocol `kind`."""
     try:
         for attribute in vars(kind):
             if not attribute.startswith("_"):
@@ -197,19 +197,19 @@ def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
 
 
 def widths(named: Mapping[str, object]) -> Array:
-    """Line widths in points: the first of several curves is the widest, so that none is hidden."""
+    """Line widths in points, decreasing, so that no curve hides another."""
     return np.linspace(2.6, 1.0, len(named)) if len(named) > 1 else np.array([1.5])
 
 
 def padded_range(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
-    """The range of `values` with these shares of it below and above."""
+    """The range of `values`, extended by these shares of it below and above."""
     low, high = float(np.min(values)), float(np.max(values))
     size = (high - low) or max(abs(high), 1.0)
     return low - below * size, high + above * size
 
 
 def legend(ax: Axes) -> Axes:
-    """A legend at the best place, if a curve has a name."""
+    """Place a legend at the best location if a curve has a name."""
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="best")
     return ax
@@ -230,7 +230,7 @@ VISIBLE = 0.005
 
 
 class HistoryLike(Protocol):
-    """What the charts of a history read; a `History` has it."""
+    """The attributes of a `History` that charts use."""
 
     @property
     def time(self) -> Array:
@@ -386,14 +386,16 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
 
 
 def _names(hit: HistoryLike) -> tuple[str, str]:
-    """The names of the bodies at both ends of the contact."""
+    """The names of the bodies at the two ends of the contact."""
     contacts = getattr(hit, "contact_histories", ())
     own, other = contacts[0].ends if contacts else ("structure", "impactor")
     return f"{own}, at the site", str(other)
 
 
 def _contact_span(hit: HistoryLike) -> tuple[float, float]:
-    """First touch and the release after which less than LATE_IMPULSE of the impulse remains [s]."""
+    """Time of the first touch, and of the release after which < LATE_IMPULSE of the impulse
+    remains.
+    """
     contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
     if not contacts.size or given[-1] <= 0:
         return float(hit.time[0]), float(hit.time[-1])
@@ -420,7 +422,7 @@ LOWEST = 0.2
 
 
 class ModelLike(Protocol):
-    """What the charts of a model read; an `AntiOscillators` has it."""
+    """The attributes of an `AntiOscillators` that charts use."""
 
     @property
     def n(self) -> int: ...

@@ -28,7 +28,7 @@ LARGEST_EXTENT = 0.97
 
 
 def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
-    """A figure with axes in space, and the scale and name of the unit of its coordinates."""
+    """A figure with 3-D axes, the scale of its coordinates, and the name of their unit."""
     figure = new_figure((6.5, 5.0), shown)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     axes.view_init(elev=24, azim=-52)
@@ -95,7 +95,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
 
 
 def _extent_seen(axes: Axes3D, x: Array) -> float:
-    """Largest distance of the drawn points (P, 3) from the middle of the axes; 1 is the edge."""
+    """Largest distance of the drawn points (P, 3) from the centre of the axes, 1 at the edge."""
     from mpl_toolkits.mplot3d import proj3d
 
     axes.apply_aspect()
@@ -112,7 +112,7 @@ ENLARGED = 0.08
 
 @dataclass(frozen=True, eq=False)
 class Deformed:
-    """A surface at one time.
+    """A deformed surface at one time.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class Deformed:
 
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
-        """The part with displacements (P, 3) [m], magnified according to the largest one [m]."""
+        """The surface with displacements (P, 3) [m], magnified according to the largest one [m]."""
         shown, factor = largest or 1.0, magnification(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)
@@ -146,7 +146,7 @@ class Deformed:
 
 
 def magnification(points: Array, largest: float) -> float:
-    """The factor by which displacements are drawn larger, of which the largest one is this [m]."""
+    """Magnification of the displacements in a picture, for a largest one [m]."""
     return float(f"{ENLARGED * np.ptp(points, axis=0).max() / (largest or 1.0):.1g}")
 
 

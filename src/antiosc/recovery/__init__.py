@@ -10,7 +10,7 @@ from antiosc.recovery import node_fields
 
 
 def source(structure: Structure) -> ModuleType:
-    """What gives the fields of the structure: its mesh, or the nodes of given matrices."""
+    """Module that evaluates fields of the structure: of its mesh, or nodes of given matrices."""
     if structure.matrices.located:
         return node_fields
     with_parts(structure)

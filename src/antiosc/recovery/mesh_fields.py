@@ -58,7 +58,7 @@ def tensors_of_part(
     materials: Sequence[int],
     shares: Array | None = None,
 ) -> tuple[IntArray, IntArray, Array]:
-    """Nodes (S,) of this rank, number of the material (S,), six components (S, 6, columns) there.
+    """(nodes (S,) of this rank, material numbers (S,), components (S, 6, columns)).
 
     `quantity` "strain" or "stress"; `shapes` (rows of this rank, columns); `materials`: numbers of
     those whose cells are meant; `shares` of their branches. To be called on all ranks.
@@ -105,7 +105,7 @@ def tensors_of_part(
 def jumps(
     part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None = None
 ) -> Array:
-    """Largest von Mises stress (nodes,) of the differences between cells' stresses and their mean.
+    """Largest von Mises stress (nodes,) of the differences between cell stresses and their mean.
 
     Zienkiewicz and Zhu's estimate of the error of a stress, at each node of this rank: the mean of
     the cells of one material is taken for the smooth stress. Of a node of one cell, the largest
@@ -147,7 +147,7 @@ def jumps(
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Join what other ranks have in the slots of common nodes to the totals."""
+    """Add the contributions of other ranks in slots of common nodes to the totals."""
     comm, parts = part.mesh.comm, len(part.parts)
     if comm.size == 1:
         return
@@ -170,7 +170,7 @@ def _join_ranks(
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (gdim, columns) of the point next to x (3,) for shapes (rows, columns).
+    """Displacements (gdim, columns) of shapes (rows, columns) at the point nearest to x (3,).
 
     InputError for a point farther off than `reach`.
     """
@@ -179,7 +179,7 @@ def at_point(
 
 
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
-    """Displacements (gdim, columns) of the point next to x (3,) of all parts."""
+    """Displacements (gdim, columns) at the point of all parts that is nearest to x (3,)."""
     number, found = _nearest(parts, x[None], reach)
     member, own = parts[number]
     values = _at_point(member, found[0], own)
@@ -197,7 +197,7 @@ def recovered(
     reach: Reach,
     whole: bool = False,
 ) -> Array:
-    """A quantity (P, …, columns) of every shape at the points next to `points` (P, 3).
+    """A quantity (P, …, columns) of every shape at the points nearest to `points` (P, 3).
 
     whole : with the strain of second order of each shape.
 
@@ -217,7 +217,7 @@ def recovered(
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
-    """The beams of the group `name` on the sheets of some parts, with the shapes on their rows."""
+    """The beams of stiffener `name` on the sheets of some parts, with shapes on their rows."""
     found = [
         (replace(member, part=alone(lines, group)), lines.rows_of(own))
         for member, own in parts
@@ -241,7 +241,7 @@ def _recovered(
     reach: Reach,
     shares: Sequence[Array | None],
 ) -> Array:
-    """`recovered` of the nearest of some parts; `shares` of each in the branches."""
+    """As `recovered`, on the nearest of some parts; `shares`: of each part in the branches."""
     number, found = _nearest(candidates, points, reach)
     member, own = candidates[number]
     mesh, material = member.part.mesh, member.part.part_of_cells()
@@ -265,7 +265,7 @@ def _recovered(
 def _nearest(
     candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
 ) -> tuple[int, ClosestPoints]:
-    """The number of the part next to points (P, 3), and its points next to them."""
+    """(number of the part nearest to each of the points (P, 3), nearest points of this part)."""
     nearest = [closest_many(m.part.mesh, m.at.own(points)) for m, _ in candidates]
     number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
     member, found = candidates[number][0], nearest[number]
@@ -288,7 +288,7 @@ def _turned(R: Array, values: Array, quantity: str) -> Array:
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """Points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns), on rank 0."""
+    """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)) on rank 0."""
     parts = with_parts(structure).fields(shapes, part)
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
     kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
@@ -296,7 +296,7 @@ def at_nodes(
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """(part, its static displacements (rows, 1)) under the prestress, whose strains are whole."""
+    """(part, static displacements (rows, 1)) under the prestress, with second-order strains."""
     preload = structure.matrices.preload
     assert preload is not None
     found = []
@@ -311,7 +311,7 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
 
 
 def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts, whose strains are whole and free of stress without displacement."""
+    """The parts with second-order strains and initial strains."""
     return [
         (replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))), own)
         for m, own in parts
@@ -327,7 +327,7 @@ def tensors_at_nodes(
     ply: Place | None = None,
     whole: bool = False,
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
-    """Points and cells as `at_nodes`, and the tensors at them; on rank 0.
+    """(points, cells as of `at_nodes`, tensors at the points), on rank 0.
 
     A point may have several tensors: of materials, of cells of a sheet, of the places given. With
     `ply`, a place with a layer, they are those of the laminates that have this layer. `shapes`
@@ -372,7 +372,7 @@ def tensors_at_nodes(
 def materials_of(
     structure: Structure, part: str | None, stiffener: str | None = None
 ) -> list[Material]:
-    """The materials of all parts of a structure, or of one, or the beams of a stiffener."""
+    """The materials of all parts of a structure, of one part, or of the beams of a stiffener."""
     parts = with_parts(structure).fields(np.zeros((structure.rows, 0)), part)
     if stiffener is not None:
         parts = _stiffeners(parts, stiffener)
@@ -382,7 +382,7 @@ def materials_of(
 def _requests(
     part: MeshedStructure, places: list[Place], ply: Place | None
 ) -> list[tuple[Place, list[int]]]:
-    """Places at which tensors are taken, each with the numbers of the materials there."""
+    """Places at which tensors are evaluated, each with the material numbers there."""
     every = list(range(len(part.parts)))
     if ply is not None:
         stacks = [len(layers_of(material)) for material, _ in part.parts]
@@ -397,7 +397,7 @@ def _requests(
 
 
 def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """Points (P, 3), corners of the outer faces, shapes (P, 3, columns), on rank 0."""
+    """(points (P, 3), corners of the outer faces, shapes (P, 3, columns)) on rank 0."""
     parts = [
         pair for pair in with_parts(structure).fields(shapes, None) if pair[0].part.mesh.tdim > 1
     ]
@@ -413,7 +413,7 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
 
 
 def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
-    """Displacements (3, columns) of a point of a part for shapes (rows of this rank, columns)."""
+    """Displacements (3, columns) of shapes (rows of this rank, columns) at a point of a part."""
     mesh, form = member.part.mesh, member.part.form
     shapes = compat.with_ghosts(form.space, shapes)
     values = None
@@ -434,7 +434,7 @@ def _kind(mesh: Mesh, cells: IntArray) -> str:
 
 
 def _outer(cell: str, cells: IntArray) -> IntArray:
-    """Corners of the outer faces of solid cells, or of plane cells, in order around each."""
+    """Corners of the outer faces of solids, or of plane cells, in order around each face."""
     faces = [cells[:, list(f)] for f in FACETS[cell]]
     if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
         return cells[:, [edge[0] for edge in FACETS[cell]]]
@@ -446,7 +446,7 @@ def _outer(cell: str, cells: IntArray) -> IntArray:
 
 
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
-    """Displacement shapes at the geometry nodes of this rank: (nodes, 3, N + 1).
+    """Displacements (nodes, 3, N + 1) of the shapes at the geometry nodes of this rank.
 
     Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
     the same local number, but for mid-side nodes beside displacements of degree three.
@@ -467,12 +467,12 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
 
 
 def displacements_of_rank(part: MeshedStructure, shapes: Array) -> Array:
-    """Shapes (nodes, 3, columns) at the geometry nodes of this rank, ghosts included."""
+    """Displacements (nodes, 3, columns) at the geometry nodes of this rank, ghosts included."""
     return _at_nodes(part.mesh, part.form, compat.with_ghosts(part.form.space, shapes))
 
 
 def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """Points, cells (VTK's node order) and shapes of all ranks on rank 0."""
+    """(points, cells in VTK's node order, shapes) of all ranks on rank 0."""
     mesh = member.part.mesh
     shapes = displacements_of_rank(member.part, shapes)
     R = member.at.rotation
@@ -496,7 +496,7 @@ def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
 def _side_by_side(
     gathered: Sequence[tuple[Array, IntArray, Array]],
 ) -> tuple[Array, list[IntArray], Array]:
-    """Points and shapes of all parts, and the cells of each part."""
+    """(points of all parts, shapes of all parts, cells of each part)."""
     starts = np.cumsum([0] + [len(points) for points, _, _ in gathered[:-1]])
     return (
         np.vstack([points for points, _, _ in gathered]),
@@ -517,7 +517,7 @@ WITHIN = 1e-3
 
 
 def interior_angle(part: MeshedStructure, x: Array) -> float:
-    """Largest angle [degree] between outer faces that meet at the corner of a cell next to x (3,).
+    """Largest angle [degree] between outer faces that meet at the cell corner nearest to x (3,).
 
     0 for a point within the solid. To be called on all ranks.
     """
@@ -561,7 +561,7 @@ def _between(a: Array, b: Array) -> float:
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
-    """Estimated errors [Pa] of the von Mises stress at the points of `at_nodes`, on rank 0.
+    """Estimated errors [Pa] of von Mises stress at the points of `at_nodes`, on rank 0.
 
     `factors` (P, columns) of the shapes at each point. 0 in sheets and beams; None without solids.
     """
@@ -583,7 +583,7 @@ def stress_jumps(
 
 
 def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
-    """Kinds of the parts that are looked at: "solid", "sheet", "beam", "truss"."""
+    """Kinds of the selected parts: "solid", "sheet", "beam", "truss"."""
     fields = with_parts(structure).fields(shapes, part)
     return {member.part.kind.name for member, _ in fields}
 
@@ -591,7 +591,7 @@ def families(structure: Structure, shapes: Array, part: str | None = None) -> se
 def corner_at(
     structure: Structure, shapes: Array, x: Array, part: str | None = None
 ) -> tuple[float, bool]:
-    """(interior angle [degree] of the solid at its node x (3,), whether this node is held)."""
+    """(interior angle [degree] of the solid at its node x (3,), whether this node is supported)."""
     parts = with_parts(structure).fields(shapes, part)
     best = (np.inf, 0.0, False)
     for member, own in parts:

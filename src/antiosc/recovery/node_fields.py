@@ -17,7 +17,7 @@ from antiosc.recovery.place import NodeTensors, Place
 def at_point(
     structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
 ) -> Array:
-    """Displacements (3, columns) of the node next to x (3,) for shapes (rows, columns).
+    """Displacements (3, columns) of shapes (rows, columns) at the node nearest to x (3,).
 
     InputError for a node farther off than `reach`.
     """
@@ -72,7 +72,7 @@ def materials_of(
 def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
-    """Points (P, 3), a vertex at each, shapes (P, 3, columns)."""
+    """(points (P, 3), a vertex cell at each, shapes (P, 3, columns))."""
     _one_part(part)
     points, rows = cast(NodalMatrices, structure.matrices).nodes()
     vertices = np.arange(len(points))[:, None]
@@ -85,11 +85,11 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
 
 
 def _one_part(part: str | None) -> None:
-    """InputError for the name of a part."""
+    """InputError if a part is named: matrices have no parts."""
     if part is not None:
         raise InputError(f"part={part!r} names a part of an assembly; given matrices are one.")
 
 
 def _displacements(rows: IntArray, shapes: Array) -> Array:
-    """Shapes at nodes (P, 3, columns); `rows` (P, 3) is -1 where a displacement is not a dof."""
+    """Displacements (P, 3, columns) of shapes at nodes; rows (P, 3) are -1 for absent ones."""
     return np.where(rows[:, :, None] < 0, 0.0, shapes[rows])

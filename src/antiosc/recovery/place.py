@@ -25,7 +25,7 @@ SURFACES = ("top", "bottom", "middle")
 
 @dataclass(frozen=True)
 class Place:
-    """A point within the thickness or the section; the arguments of `probe`.
+    """A position within the thickness or the section, from the arguments of `probe`.
 
     Attributes
     ----------
@@ -46,20 +46,20 @@ class Place:
     stiffener: str | None = None
 
     def within(self, R: Array) -> Place:
-        """The same place in the axes of a part that an assembly turns by R (3, 3)."""
+        """The position in the axes of a part that its placement rotates by R (3, 3)."""
         if isinstance(self.surface, str):
             return self
         return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
 
 
 def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
-    """The place at each point of the outlines of the sections; none where one has no outline."""
+    """The position at each outline point of the sections; none if a section has no outline."""
     sizes = [len(section.outline) for section in sections]
     return [replace(place, fibre=k) for k in range(max(sizes))] if min(sizes) else []
 
 
 class Origin(NamedTuple):
-    """The strength of the material of some tensors, and their place in a sheet."""
+    """Origin of some tensors: strength of the material, and position in a sheet."""
 
     strength: float | Strengths | None
     place: Place
@@ -78,13 +78,13 @@ class NodeTensors(NamedTuple):
 
 
 def layers_of(material: object) -> Sequence[Layer]:
-    """The layers of a laminate; none of other materials."""
+    """The layers of a laminate; () for other materials."""
     layers: Sequence[Layer] = getattr(material, "layers", ())
     return layers
 
 
 def strength_of(material: object, place: Place) -> float | Strengths | None:
-    """Yield strength of a material, or the strengths of the layer of a laminate; None: unknown."""
+    """Yield strength of a material, or strengths of a laminate's layer; None if unknown."""
     layers = layers_of(material)
     if not layers:
         return getattr(material, "yield_strength", None)
@@ -95,7 +95,7 @@ def strength_of(material: object, place: Place) -> float | Strengths | None:
 def place(
     surface: object, layer: object, fibre: object, axes: object, stiffener: str | None = None
 ) -> Place:
-    """The arguments of `probe` after a check; InputError for others."""
+    """The position from checked arguments of `probe`; InputError for invalid ones."""
     if isinstance(surface, str):
         checks.choice("surface", surface, SURFACES)
     elif isinstance(surface, Sequence) or hasattr(surface, "shape"):

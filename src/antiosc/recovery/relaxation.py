@@ -30,7 +30,7 @@ OF_STIFFNESS = ("stress", "section_forces")
 
 
 def branches_of_materials(structure: Structure, count: int) -> list[int]:
-    """Numbers, among the `count` branches of a model, of those of materials of the structure.
+    """Indices, among the `count` branches of a model, of those of the structure's materials.
 
     InputError for a model that does not have the branches of the structure.
     """
@@ -42,7 +42,7 @@ def branches_of_materials(structure: Structure, count: int) -> list[int]:
 
 
 def other_damping(what: str) -> str:
-    """Message for a model whose damping is not that of the structure."""
+    """Message that the damping of a model is not that of the structure."""
     return (
         f"the damping of the model is not that of the structure, so that {what} is unknown: take"
         " the model as `extract` returns it, with the dampers and branches of the structure."
@@ -50,9 +50,9 @@ def other_damping(what: str) -> str:
 
 
 def shares_of(structure: Structure, quantity: str, member: Member) -> Array | None:
-    """1, then the share of each branch, of every material of a part (materials, 1 + branches).
+    """Factors (materials, 1 + branches) of the stress columns: 1, then the share of each branch.
 
-    None where no material relaxes, or the quantity does not follow from the stiffness.
+    None where no material relaxes, or the quantity does not depend on the stiffness.
     """
     terms = [term for term in _branches(structure) if term.owner is not None]
     if quantity not in OF_STIFFNESS or not terms:
@@ -66,7 +66,7 @@ def shares_of(structure: Structure, quantity: str, member: Member) -> Array | No
 
 
 def with_branches(columns: Array, shares: Array | None, material: IntArray) -> Array:
-    """Columns (P, …, B) at points of these materials (P,), then those of the branches."""
+    """Columns (P, …, B) at points of these materials (P,), followed by those of the branches."""
     if shares is None:
         return columns
     own = shares[material].reshape(len(columns), *[1] * (columns.ndim - 2), -1, 1)

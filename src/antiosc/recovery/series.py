@@ -40,7 +40,7 @@ NUMBERS = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 
 
 class Frames:
-    """Points (n, 3) in m and cells, in VTK's node order, with fields.
+    """Points (n, 3) [m] and cells, in VTK's node order, of a series of files with fields.
 
     `cells`: (kind, (m, nodes)) of each kind.
     """
@@ -65,7 +65,7 @@ class Frames:
         self._before = "".join(parts).encode()
 
     def content(self, fields: Mapping[str, Array]) -> bytes:
-        """A file of the mesh with fields, numbers (n,) or vectors (n, 3), at its points."""
+        """Content of a `.vtu` file with fields, numbers (n,) or vectors (n, 3), at the points."""
         own = "".join(
             _element(escape(name, {'"': "&quot;"}), np.asarray(field, dtype=float), level=0)
             for name, field in fields.items()
@@ -75,7 +75,7 @@ class Frames:
 
 
 def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
-    """An array of numbers or of vectors as a `DataArray`, at a level of zlib's."""
+    """A `DataArray` element of numbers or vectors, compressed at a zlib level."""
     content = values.tobytes()
     blocks = [
         zlib.compress(content[start : start + BYTES_AT_ONCE], level)
@@ -92,7 +92,8 @@ def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
 
 
 def listing(path: str | os.PathLike[str]) -> Path:
-    """The `.pvd` file of a series: `path` with the suffix `.pvd`.
+    """Path of the `.pvd` file of a series: `path`, with the suffix `.pvd` added where it is
+    missing.
 
     The part after a point belongs to the name: `run_v=1.5` and `run_v=1.7` are two series.
     """
@@ -112,7 +113,7 @@ def write_frames(
     times: Array,
     fields: Iterable[Array],
 ) -> None:
-    """Write one frame for each time, and at last their list to `target` (from `listing`).
+    """Write a frame for each time, and finally the list of frames `target` (see `listing`).
 
     `fields`: displacements (points, 3) in m for each time.
 
@@ -166,7 +167,7 @@ def _replaced(
 
 
 def _second_name(frame: Path, name: Path) -> None:
-    """A further name for a file; a copy where the file system knows one name only."""
+    """Give a file a second name, or copy it where the file system has no links."""
     name.unlink(missing_ok=True)
     try:
         os.link(frame, name)
@@ -186,7 +187,7 @@ def _collection(times: Array, names: list[str]) -> str:
 
 
 def _listed(target: Path) -> list[str]:
-    """The frames beside `target` that it lists: those of its own name, whatever else it says."""
+    """The frames beside `target` that it lists and that bear its name."""
     try:
         text = target.read_text(encoding="utf-8") if target.is_file() else ""
     except UnicodeDecodeError:
@@ -240,7 +241,7 @@ def write_vtx(
 
 
 def _staged(target: Path) -> Path:
-    """Where the folder is written first, beside its place."""
+    """Path of the temporary folder into which the series is written first."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         if os.path.lexists(target) and not (target / INDEX).is_file():

@@ -29,7 +29,7 @@ from antiosc.recovery.place import Place
 
 
 def in_frame(local: Array, frame: Sequence[Array]) -> Array:
-    """Tensors (P, 3, 3, columns) whose axes are the three `frame` vectors (P, 3), in the mesh's."""
+    """Tensors (P, 3, 3, columns) from the axes `frame` (P, 3) in those of the mesh."""
     axes = np.stack(list(frame), axis=1)
     return np.einsum("pai,pabk,pbj->pijk", axes, local, axes, optimize=True)
 
@@ -52,12 +52,12 @@ class PointsInCells:
         _, self.J = part.mesh.geometry.at(self.cells, self.X)
 
     def moved(self, X: Array) -> PointsInCells:
-        """Other points X (P, tdim) or (tdim,) of the same cells."""
+        """The same cells at other reference points X (P, tdim) or (tdim,)."""
         where = np.broadcast_to(X, self.X.shape)
         return PointsInCells(self.part, self._shapes, self.cells, where)
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
-        """Components (P, functions, len(names), columns) of the dofs of the cells; 0 for absent."""
+        """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
         components = self.part.form.components
         count = self._shapes.shape[1]
         found = []
@@ -75,7 +75,7 @@ class PointsInCells:
         return int(compat.cell_dofs(self._space, self._first, self.cells[:0]).shape[1])
 
     def each(self, value: Callable[[Material], list[float]]) -> Array:
-        """Numbers (P, m) of the material at each point."""
+        """Values (P, m) of the material at each point."""
         table = np.array([value(material) for material, _ in self.part.parts])
         return np.asarray(table[self.part.part_of_cells()[self.cells]])
 
@@ -95,7 +95,7 @@ class PointsInCells:
 
 
 def lagrange_1d(nodes: Array, x: Array) -> Array:
-    """Lagrange's polynomials (points, nodes) through `nodes` (n,) at x (points,)."""
+    """Values (points, nodes) of Lagrange's polynomials through `nodes` (n,) at x (points,)."""
     table = np.ones((len(x), len(nodes)))
     for i, own in enumerate(nodes):
         for j, other in enumerate(nodes):
@@ -105,12 +105,12 @@ def lagrange_1d(nodes: Array, x: Array) -> Array:
 
 
 def gauss_points(count: int) -> Array:
-    """Gauss's points (count,) of the interval from 0 to 1."""
+    """The Gauss points (count,) of the interval from 0 to 1."""
     return np.asarray((np.polynomial.legendre.leggauss(count)[0] + 1) / 2)
 
 
 def solid_strain(at: PointsInCells, place: Place) -> Array:
-    """Tensors (P, 3, 3, columns)."""
+    """Strain tensors (P, 3, 3, columns)."""
     gradient = _gradient(at)
     result = (gradient + np.swapaxes(gradient, 1, 2)) / 2
     if at.part.initial is not None:
@@ -125,7 +125,7 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
 
 
 def solid_stress(at: PointsInCells, place: Place) -> Array:
-    """Tensors (P, 3, 3, columns), Pa."""
+    """Stress tensors (P, 3, 3, columns), Pa."""
     strains = solid_strain(at, Place())
     engineering = np.stack([(1 if i == j else 2) * strains[:, i, j] for i, j in PAIRS], axis=1)
     number = at.part.part_of_cells()[at.cells]
@@ -146,7 +146,7 @@ def solid_rotation(at: PointsInCells, place: Place) -> Array:
 
 
 def solid_section_forces(at: PointsInCells, place: Place) -> Array:
-    """InputError: a solid has stresses."""
+    """InputError: a solid has stresses, but no section forces."""
     raise InputError("a solid has no section forces: probe its 'stress'.")
 
 
@@ -161,7 +161,7 @@ def _gradient(at: PointsInCells) -> Array:
 
 
 def _turned(at: PointsInCells, tensors: Array, place: Place) -> Array:
-    """The tensors in the axes of an anisotropic material, where the local ones are meant."""
+    """The tensors, in the axes of an anisotropic material if local ones are requested."""
     if not place.local:
         return tensors
     number = at.part.part_of_cells()[at.cells]
@@ -175,12 +175,12 @@ def _turned(at: PointsInCells, tensors: Array, place: Place) -> Array:
 
 
 def truss_strain(at: PointsInCells, place: Place) -> Array:
-    """Tensors (P, 3, 3, columns): along the bar, and its contraction across."""
+    """Strain tensors (P, 3, 3, columns): along the bar, and transverse contraction."""
     return _bar_tensors(at, place, at.each(lambda bar: [1.0, -bar.nu]))
 
 
 def truss_stress(at: PointsInCells, place: Place) -> Array:
-    """Tensors (P, 3, 3, columns), Pa."""
+    """Stress tensors (P, 3, 3, columns), Pa."""
     return _bar_tensors(at, place, at.each(lambda bar: [bar.E, 0.0]))
 
 
@@ -203,14 +203,14 @@ def _axial(at: PointsInCells) -> Array:
 
 
 def _lengthening(at: PointsInCells, slope: Array) -> Array:
-    """Axial strain (P, columns) of second order, without what is free of stress; else 0."""
+    """Axial strain (P, columns) of second order, minus the initial strain; else 0."""
     if at.part.initial is None:
         return np.zeros(slope[:, 0].shape)
     return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
 
 
 def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
-    """Tensors with these sizes (P, 2) along and across the bar, times the axial strain."""
+    """Tensors with these values (P, 2) along and across the bar, times the axial strain."""
     if place.local:
         along = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
@@ -221,7 +221,7 @@ def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
 
 
 class BeamFrame(NamedTuple):
-    """Axes (P, 3) of the beam at points: its tangent, its height y and z = t × y."""
+    """Axes (P, 3) of the beam at points: tangent, height y, and z = t × y."""
 
     t: Array
     y: Array
@@ -253,7 +253,7 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
 
 
 def beam_strain(at: PointsInCells, place: Place) -> Array:
-    """Tensors (P, 3, 3, columns) of a fibre: along it, and its contraction across."""
+    """Strain tensors (P, 3, 3, columns) of a fibre: along it, and transverse contraction."""
     strains, frame = section_strains(at)
     y, z = at.each(lambda beam: _fibre(beam, place)).T[:, :, None]
     along = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
@@ -265,7 +265,7 @@ def beam_strain(at: PointsInCells, place: Place) -> Array:
 
 
 def beam_stress(at: PointsInCells, place: Place) -> Array:
-    """Tensors (P, 3, 3, columns) of a fibre, Pa: the normal stress of N, My and Mz alone."""
+    """Stress tensors (P, 3, 3, columns) of a fibre, Pa: only the normal stress of N, My and Mz."""
     strains = beam_strain(at, Place(fibre=place.fibre, local=True))
     local = np.zeros_like(strains)
     local[:, 0, 0] = at.each(lambda beam: [beam.E]) * strains[:, 0, 0]
@@ -349,7 +349,7 @@ class Strains(NamedTuple):
 
 
 class SheetAxes:
-    """Directions of 0° and sides of all cells of this rank; to be made on all ranks.
+    """Directions of 0° and sides of all cells of this rank; collective.
 
     0° of a sheet without an axis is x along its surface, or y where x is near its normal.
     """
@@ -372,7 +372,7 @@ class SheetAxes:
 
 
 def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
-    """Strains of the middle surface at points, as the energy of the element takes them."""
+    """Strains of the middle surface at points, interpolated as in the element's energy."""
     own = _raw(at, axes)
     if at.part.mesh.cell == "triangle":
         return own
@@ -404,12 +404,12 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
 
 
 def sheet_strain(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
-    """Tensors (P, 3, 3, columns)."""
+    """Strain tensors (P, 3, 3, columns)."""
     return _sheet_tensors(at, place, axes, of_stress=False)
 
 
 def sheet_stress(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
-    """Tensors (P, 3, 3, columns), Pa; the stress normal to the sheet is zero."""
+    """Stress tensors (P, 3, 3, columns), Pa; the stress normal to the sheet is zero."""
     return _sheet_tensors(at, place, axes, of_stress=True)
 
 
@@ -460,7 +460,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
 
 
 def _toward(place: Place, frame: SheetFrame) -> Array:
-    """±1 (P,): whether the surface of a given side is the top of the sheet."""
+    """±1 (P,): whether the requested side is the top of the sheet."""
     if isinstance(place.surface, str):
         return np.ones(len(frame.n))
     along = frame.n @ np.asarray(place.surface)
@@ -485,7 +485,7 @@ def _layers(sheet: Sheet) -> list[Layer]:
 
 
 def _height(sheet: Sheet, place: Place, up: float) -> tuple[int, float]:
-    """(number of the layer, distance from the middle surface) that is meant, m."""
+    """(number of the layer, height over the middle surface [m]) of a position."""
     layers = _layers(sheet)
     steps = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z = steps - steps[-1] / 2
@@ -531,7 +531,7 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 
 def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
-    """(θ×n) along e1 and e2 (P, 2, columns), of triangles interpolated as in the energy."""
+    """(θ×n) along e1 and e2 (P, 2, columns); in triangles interpolated as in the energy."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":
@@ -586,7 +586,7 @@ QUANTITIES: dict[str, dict[str, Callable[..., Array]]] = {
 def evaluator(
     part: MeshedStructure, quantity: str, place: Place
 ) -> Callable[[PointsInCells], Array]:
-    """What gives "strain", "stress", "rotation" or "section_forces" (P, …, columns) at points.
+    """Function that evaluates "strain", "stress", "rotation" or "section_forces" at points.
 
     To be made on all ranks.
     """

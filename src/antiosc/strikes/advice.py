@@ -156,7 +156,7 @@ def advise(
 def _measures(
     part: Sequence[float] | Structure, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
-    """Length ≥ width, thickness, and (E, nu, rho)."""
+    """Sorted dimensions (length ≥ width, thickness) and (E, nu, rho) of a part."""
     if isinstance(part, Structure):
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
@@ -183,7 +183,7 @@ def _element(
     nu: float,
     rho: float,
 ) -> tuple[float, str]:
-    """(largest element, what bounds it)."""
+    """(largest element size, the criterion that limits it)."""
     omega = 2 * pi * frequency
     shear = sqrt(E / (2 * (1 + nu)) / rho)
     bending = 2 * pi / sqrt(omega) * (E * thickness**2 / (12 * rho * (1 - nu**2))) ** 0.25

@@ -98,7 +98,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class FreeSites:
-    """P sites, and J free modes of the structure, rigid-body modes first.
+    """P sites with J free modes of the structure, rigid-body modes first.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def free_sites(
     most: float = math.inf,
     least: int = FREE_MODES,
 ) -> FreeSites:
-    """The sites of a map and at most `most` free modes there; the others as of `impact_map`."""
+    """The sites of a map with at most `most` free modes; the other arguments as of `impact_map`."""
     started = time.perf_counter()
     found = sites_of(matrices, where, direction, radius)
     structure.factorize()
@@ -152,7 +152,7 @@ def free_sites(
 def _free_modes(
     structure: Structure, count: int | None, band: float | None, most: float, least: int
 ) -> Modes:
-    """The lowest elastic modes: `count`, or as many as reach above the band, `least` to `most`."""
+    """The lowest elastic modes: `count`, or as many as exceed the band, `least` to `most`."""
     wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     found = ModeSolver(structure).lowest(wanted, reach, most)
@@ -173,7 +173,7 @@ BLOCK = 512
 
 
 class Stresses(NamedTuple):
-    """Fields of an `ImpactMap`."""
+    """The stress fields of an `ImpactMap`."""
 
     peak_stress: Array
     exposure: Array | None
@@ -181,7 +181,7 @@ class Stresses(NamedTuple):
 
 
 class _Sought(NamedTuple):
-    """Tensors of the modes (S, 6, J), their places (S, 3), their yield strengths (S,) or NaN."""
+    """Stress tensors of the modes (S, 6, J), points (S, 3), yield strengths (S,) or NaN."""
 
     modes: Array
     points: Array
@@ -191,7 +191,7 @@ class _Sought(NamedTuple):
 def largest_stresses(
     structure: Structure, seen: FreeSites, forces: list[Force], duration: float
 ) -> Stresses:
-    """The stresses of impacts with these forces, on every rank.
+    """The largest stresses in impacts with these forces, on every rank.
 
     InputError for parts whose stress is not known: beams whose section has no outline.
     """
@@ -216,14 +216,14 @@ def largest_stresses(
 
 
 def sides(structure: Structure) -> list[Place]:
-    """Both sides of sheets; of other parts the one place that there is."""
+    """Both sides of sheets; for other parts a single position."""
     members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
     sheets = any(member.part.kind.sheet for member, _ in members)
     return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
 
 
 def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
-    """Stresses of shapes (rows of this rank, columns) on the first rank."""
+    """Stresses of shapes (rows of this rank, columns) on rank 0."""
     found: NodeTensors
     points, _, found = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
     yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
@@ -240,7 +240,7 @@ def _of_sites(
     own: slice,
     duration: float,
 ) -> list[tuple[float, Array, float]]:
-    """Largest stress, its place and the exposure of some sites."""
+    """Largest stress, its point, and the exposure, for the impacts at some sites."""
     steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
     some, b = forces[own], seen.b[own]
     omega = np.broadcast_to(seen.omega, b.shape)
@@ -451,14 +451,14 @@ def impact_map(
 
 
 def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
-    """The law that is given, or that of the impactor on a flat face of the structure."""
+    """The law itself, or for "auto" that of the impactor on a flat face of the structure."""
     return law_of(contact, PlaneOf(structure), impactor)
 
 
 def _laws(
     structure: Structure, found: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], BoolArray]:
-    """The law at each site (P,), and whether it is on an edge, or fits the impactor."""
+    """Laws of the sites (P,), masks of sites at edges, and of sites where the impactor fits."""
     laws, sharp = [], np.zeros(len(found), dtype=bool)
     radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
     sites = zip(found.points, found.directions, radii.tolist(), strict=True)
@@ -504,7 +504,7 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
 
 
 def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
-    """The band [rad/s] of a blow by an impactor that moves."""
+    """The band [rad/s] that the impact of a moving impactor excites."""
     if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
         return None
     return 2 * math.pi * impact_band(impactor, contact)
@@ -517,7 +517,9 @@ def _hertz(omega: float) -> str:
 def _reduced(
     seen: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, tuple[Array, Array]]:
-    """The sites with the fewest anti-oscillators of `counts` that suffice, and their errors."""
+    """Models of the sites with the fewest sufficient anti-oscillators of `counts`, and their
+    errors.
+    """
     of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift, "krylov")
@@ -538,7 +540,7 @@ def _refined(
     band: float,
     accuracy: float,
 ) -> tuple[SiteModels, Array, Array]:
-    """The sites with too few free modes, extracted separately; errors of all sites."""
+    """Separate extractions for sites with too few free modes; models and errors of all sites."""
     left_out, error = errors[0], errors[0] + errors[1]
     direct = np.zeros(len(error), dtype=bool)
     worst = np.flatnonzero(left_out > accuracy)
@@ -585,7 +587,7 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 
 
 def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
-    """Warn of blows that excite what the models of the map do not hold."""
+    """Warn of impacts that excite frequencies beyond the models of the map."""
     excited = _excited(impactor, contact)
     if excited is not None and 2 * math.pi * result.band < excited:
         warn(
@@ -600,7 +602,7 @@ def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> 
 def _tell_deflection(
     result: ImpactMap, thickness: float | None, stretch: Count | Literal[False]
 ) -> None:
-    """Warn of the site that deflects most where a sheet that is held stretches."""
+    """Warn of the site with the largest deflection, if a supported sheet stretches there."""
     if thickness is None or not np.all(result.models.k0 > 0):
         return
     i = hardest(result, of=result.peak_deflection)
@@ -619,7 +621,7 @@ def _struck(
     laws: list[ContactLaw] | None,
     duration: float,
 ) -> ImpactMap:
-    """The map with one impact at each site, shared among the ranks; with stresses in the modes."""
+    """The map with one impact at each site, shared among the ranks, and stresses if requested."""
     started = time.perf_counter()
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
@@ -670,7 +672,7 @@ def _struck(
 
 
 def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: Count) -> ImpactMap:
-    """The map with second-order forces in the impacts that deflect far enough."""
+    """The map with second-order forces in those impacts whose deflection is large enough."""
     started = time.perf_counter()
     part = part_of(structure)
     flat = part.thickness is None or is_flat(part)
@@ -713,14 +715,14 @@ STRETCHED = ("peak_force", "contact_time", "restitution", "impulse", "peak_defle
 
 
 def _numbers(hit: History) -> tuple[float, ...]:
-    """Those of `STRETCHED`."""
+    """The results `STRETCHED` of a history."""
     e = np.nan if hit.restitution is None else hit.restitution
     moved = deflection(hit, "structure")
     return hit.peak_force, hit.contact_time, e, hit.impulse, moved
 
 
 def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History:
-    """The impact at site i by free modes, with second-order forces in them."""
+    """The impact at site i by free modes with second-order forces."""
     assert struck.impactor is not None
     assert struck.duration is not None
     free = len(forces.modes)

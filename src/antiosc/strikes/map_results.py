@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class MapInfo(TypedDict, total=False):
-    """The structure in words, its free modes, the dimension of its cells, and seconds by step."""
+    """Data of a map: structure in words, free modes, dimension of the cells, seconds by step."""
 
     structure: str
     free_modes: int
@@ -117,7 +117,7 @@ class ImpactMap(Completed):
 
     @property
     def areas(self) -> Array:
-        """(P,) the surface of each site: a third of its triangles [m²], half of its segments [m].
+        """(P,) surface of each site: a third of its triangles [m²], half of its segments [m].
 
         Of given points, which have no elements, 1 each.
         """
@@ -175,11 +175,11 @@ class ImpactMap(Completed):
 
     @property
     def alone(self) -> IntArray:
-        """Numbers of the sites that belong to no element."""
+        """Numbers of the sites without elements."""
         return np.setdiff1d(np.arange(len(self)), self.elements)
 
     def surfaces(self) -> dict[str, IntArray]:
-        """Name of each group or part -> numbers of its sites, in their order."""
+        """Name of each group or part -> numbers of its sites, in order."""
         return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
 
     def summary(self) -> str:
@@ -231,17 +231,17 @@ class ImpactMap(Completed):
 
 
 def trusted(found: ImpactMap, own: IntArray | None = None) -> IntArray:
-    """Numbers of the sites, of some or all, that are not doubtful; of all where no other is."""
+    """Numbers of the reliable sites among some or all; of all if none is reliable."""
     own = np.arange(len(found)) if own is None else own
     sound = own[~found.doubtful[own]]
     return sound if sound.size else own
 
 
 def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
-    """Number of the site of the largest peak force, of some or all that are not doubtful.
+    """Number of the site with the largest peak force among the reliable ones of some or all.
 
-    Of those that are, where there are no others; of a map with impacts. `of` (P,): of this quantity
-    in place of the force.
+    If none is reliable, among the others. For a map with impacts. `of` (P,): this quantity in place
+    of the force.
     """
     of = found.peak_force if of is None else of
     assert of is not None

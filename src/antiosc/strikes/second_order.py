@@ -20,7 +20,7 @@ Run = Callable[[AntiOscillators], H]
 
 
 def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
-    """The impact on a model of a structure, with second-order forces where they matter.
+    """The impact on a model of a structure, with second-order forces if they are not negligible.
 
     Warnings are those of the run that is returned.
     """
@@ -37,7 +37,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with second-order forces for many impacts, if it is of a sheet that is held."""
+    """The model with second-order forces, for many impacts, if it is of a supported sheet."""
     if model.stretch is not None or info_of(model).thickness is None:
         return model
     try:
@@ -47,7 +47,7 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
 
 
 def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:
-    """The impact with second-order forces; None of parts and runs that have none."""
+    """The impact with second-order forces; None if the part or the run has none."""
     try:
         return run(with_stretch(structure, model, "auto"))
     except InputError:  # the linear run tells of its deflection
@@ -56,7 +56,7 @@ def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H |
 
 @contextmanager
 def _held() -> Iterator[list[str]]:
-    """The warnings given meanwhile; after an error they are given, for they may explain it."""
+    """Context that delays warnings; after an error they are given, since they may explain it."""
     told: list[str] = []
     try:
         with warnings_to(told.append):

@@ -92,7 +92,7 @@ NEGLIGIBLE = 1e-8
 
 
 class Run(Protocol):
-    """Simulates the impact on a model, to a tolerance."""
+    """A function that simulates the impact on a model, to a tolerance."""
 
     def __call__(self, model: AntiOscillators, error: float) -> History: ...
 
@@ -122,7 +122,7 @@ def strike(
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
 ) -> History:
-    """The impact on a part, with an error of peak force, impulse and contact time up to tol.
+    """The impact on a part, with errors of peak force, impulse and contact time of at most tol.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def simulated(
     model: AntiOscillators,
     error: float,
 ) -> History:
-    """The impact on a model, to a tolerance: a `Run` from the fifth argument on."""
+    """The impact on a model, to a tolerance: a `Run` with the first four arguments bound."""
     return simulate(model, impactor, contact, duration, tol=error, **shared)
 
 
@@ -192,7 +192,7 @@ def struck(
     seen: Seen | None = None,
     prestress: Prestress | None = None,
 ) -> History:
-    """What `strike` answers; `seen` is told of the answer of every mesh, and of its site."""
+    """The result of `strike`; `seen` is called with the answer of every mesh, and its site."""
     started = time.perf_counter()
     tol = checks.tolerance(tol)
     order = checks.whole("order", order, least=1, most=2)
@@ -245,7 +245,7 @@ def _material_of(
     supports: Sequence[Support],
     prestress: Prestress | None,
 ) -> Material:
-    """The material, {} of a Structure; InputError for one that is missing, or that is too much."""
+    """The material, {} for a Structure; InputError for a missing or a superfluous one."""
     if isinstance(source, Structure):
         if material is not None or len(supports) or prestress is not None:
             raise InputError(
@@ -265,7 +265,7 @@ def _material_of(
 def _begin(
     place: Source, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
-    """The site with a radius, and the first mesh, as coarse as a budget can be trusted."""
+    """The site with a radius, and the first mesh: the coarsest for which a budget is reliable."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
     if _sheets(solids):  # whose bars do not ask for a patch that is resolved
         return site, place.first(place.extent() / CELLS_OF_SHEET, [])
@@ -282,12 +282,12 @@ def _begin(
 
 
 def _sheets(materials: Sequence[object]) -> bool:
-    """Whether a part of these materials is a shell; beams may stiffen it."""
+    """Whether a part of these materials is a shell, perhaps stiffened by beams."""
     return any(getattr(getattr(one, "kind", None), "sheet", False) for one in materials)
 
 
 def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:
-    """Radius of Hertz's contact at its peak [m]; 0 for an impactor of unknown shape."""
+    """Radius of Hertz's contact at its peak [m]; 0 if the impactor's shape is unknown."""
     if not isinstance(material, Solid) or not isinstance(impactor, RigidMass | Sphere):
         return 0.0
     E, nu, rho = material.constants()
@@ -302,8 +302,11 @@ def _contact_radius(impactor: LinearBody, material: object, thickness: float) ->
 
 @dataclass(frozen=True)
 class Answer:
-    """One structure's answer: the run of the raw model; the one that is answered, of the corrected
-    model (of shells the raw one), with its budget; and what they took."""
+    """The result on one mesh: the run of the raw model, that of the corrected model with its
+    budget, seconds.
+
+    For shells the raw model is not corrected, and both runs are the same.
+    """
 
     structure: Structure
     raw: History
@@ -314,7 +317,7 @@ class Answer:
 
 
 def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
-    """Extract and simulate, with more anti-oscillators where the truncation asks for them."""
+    """Extract and simulate, again with more anti-oscillators if the truncation requires it."""
     started = time.perf_counter()
     accuracy = accuracy_of_steps(tol)
     most = min(MOST_N, structure.dofs - 1)
@@ -338,7 +341,7 @@ def accuracy_of_steps(tol: float) -> float:
 def corrected(
     structure: Structure, hit: History, run: Run, accuracy: float, n: int, started: float
 ) -> Answer:
-    """The answer to the run of a raw model whose work began at `started`."""
+    """The answer from the run of a raw model whose work began at the time `started`."""
     model, budget = hit.model, hit.error_budget
     soft = hit
     if model.strain_misfit is None:  # a shell's corrected model is not always nearer
@@ -352,7 +355,7 @@ Seen: TypeAlias = Callable[[Answer, Site], None]
 
 
 def compared(answer: Answer, before: Answer | None) -> Answer:
-    """The answer with a smaller bar of the mesh if the mesh before shows that it may be smaller.
+    """The answer with a smaller mesh error, if the previous mesh shows that it may be smaller.
 
     The corrected models of both meshes differ by Δ, their bars of the mesh are b and b' < b. If the
     errors of both are the same share of their bars, this share is at most Δ / (b - b'). Twice that,
@@ -370,7 +373,7 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
 
 
 def changed_since(answer: Answer, before: Answer | None) -> Answer:
-    """The answer of a mesh of lines, whose bars are at least the change from the mesh before.
+    """The answer on a mesh of lines, with errors of at least the change from the previous mesh.
 
     That had lines twice as long and fewer anti-oscillators: the change is more than the error that
     is left if this falls at all with the size, whatever the estimates of both meshes say.
@@ -385,10 +388,10 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
 
 
 def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
-    """Largest error of the truncation for which no further anti-oscillators are extracted now.
+    """Truncation error below which no further anti-oscillators are extracted on this mesh.
 
-    Where a finer mesh is needed in any case it must not exceed the mesh's share, for then it says
-    as well where this mesh should be finer.
+    Where a finer mesh is needed in any case, the truncation error must not exceed that of the mesh:
+    the model then also shows where this mesh should be finer.
     """
     share = TRUNCATION_SHARE * tol
     left = 1 - 1 / budget.safety
@@ -404,7 +407,7 @@ def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
 
 
 def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
-    """Number of anti-oscillators whose truncation error is its share of the tolerance.
+    """Number of anti-oscillators whose truncation error is the allowed share of the tolerance.
 
     It is extrapolated from the error of `model` and that of half as many anti-oscillators.
     """
@@ -420,7 +423,7 @@ def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
 
 
 class MeshRecord(TypedDict):
-    """What is kept of one mesh: its size, `n`, seconds, bars of mesh and all, peak force [N]."""
+    """Record of one mesh: its size, `n`, seconds, errors (mesh and total), peak force [N]."""
 
     dofs: int
     n: int
@@ -431,7 +434,7 @@ class MeshRecord(TypedDict):
 
 
 def record(answer: Answer) -> MeshRecord:
-    """What is kept of one mesh, JSON values."""
+    """The record of one mesh, as JSON values."""
     return MeshRecord(
         dofs=answer.structure.dofs,
         n=answer.n,
@@ -454,7 +457,7 @@ def _next(
     started: float,
     meshes: int,
 ) -> tuple[Array, str]:
-    """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
+    """(ratio of new to old cell sizes, or the reason for no further mesh)."""
     room = _room(answer.budget, tol)
     resolved = all(bar.stretch and bar.mesh <= room[name] for name, bar in answer.budget.items())
     if resolved or min(room.values()) < LEAST_ROOM * tol:
@@ -492,7 +495,7 @@ def _next(
 
 
 def _usual(answer: Answer) -> float:
-    """The mesh's bar with the usual factor over that of now: what is not resolved now will be."""
+    """Ratio of the mesh errors with the usual safety factor and with the present one."""
     safety = answer.budget.safety
     if answer.raw.model.strain_misfit is not None:
         return SAFETY * SHELL / safety
@@ -500,7 +503,7 @@ def _usual(answer: Answer) -> float:
 
 
 def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
-    """Errors of the cells of this rank, by the amplitudes of the shapes in the contact."""
+    """Errors of the cells of this rank, weighted by the shapes' amplitudes during the contact."""
     if mesh.tdim == 1:  # all lines are divided alike
         return np.ones(compat.cell_map(mesh.dolfinx).size_local)
     values, vectors = np.linalg.eigh(amplitudes(answer.raw))
@@ -510,7 +513,7 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 
 
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
-    """What the mesh may take of the tolerance, for each quantity.
+    """Share of the tolerance that is left for the mesh, for each quantity.
 
     On the next mesh more anti-oscillators are taken if the truncation asks for them. Second-order
     forces whose share takes the tolerance alone are no reason for a coarser mesh than without them.
@@ -525,7 +528,7 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
 
 
 def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) -> History:
-    """The history, with its budget and the story of its meshes."""
+    """The history, with its budget and the record of its meshes."""
     hit, budget = answer.hit, answer.budget
     model = replace(hit.model, info=replace(hit.model.info, strike=records))
     dofs = ", ".join(str(one["dofs"]) for one in records)
@@ -549,5 +552,5 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) 
 
 
 def _known(budget: ErrorBudget, _hit: History) -> ErrorBudget:
-    """The budget of a history that has been computed already."""
+    """The known budget, for a history that must not compute it again."""
     return budget

@@ -77,7 +77,7 @@ def uniform(low: float, high: float) -> Any:
 
 
 def is_name(name: object) -> bool:
-    """Whether a function can take an argument of this name: "mass", "impactor.mass"."""
+    """Whether the text can name an argument: "mass", "impactor.mass"."""
     return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))
 
 
@@ -101,7 +101,7 @@ def checked(inputs: object) -> dict[str, Any]:
 
 
 def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]:
-    """`n` independent draws of each input: numbers, or indices of values, of sites by their areas.
+    """`n` independent draws of each input: numbers, or indices of values (of sites, by area).
 
     Draw i of an input depends on `seed`, on i and on the place of the input alone, so that a
     larger `n` begins with the draws of a smaller one.
@@ -120,7 +120,7 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
 
 
 def quantiles(name: str, what: Any, shares: np.ndarray) -> np.ndarray:
-    """What the `ppf` of an input returns for shares (n,), or InputError."""
+    """The quantiles of an input at shares (n,), checked; InputError for invalid ones."""
     try:
         found = what.ppf(shares)
     except Exception as error:  # of any package
@@ -132,7 +132,7 @@ def quantiles(name: str, what: Any, shares: np.ndarray) -> np.ndarray:
 
 
 def value(what: Any, drawn: Any) -> Any:
-    """What the function of a study is given for a draw of an input."""
+    """The value passed to the function of a study for a draw of an input."""
     if hasattr(what, "ppf"):
         return float(drawn)
     return what.model(int(drawn)) if isinstance(what, ImpactMap) else what[int(drawn)]
@@ -225,7 +225,7 @@ def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> di
 def made(
     run: Callable[..., Any], given: list[list[dict[str, Any]]], executor: Executor | None
 ) -> Iterator[tuple[int, list[Row]]]:
-    """Parts by their numbers, and their rows; those that the executor lost are failures."""
+    """(numbers of the runs, their rows) chunk by chunk; lost chunks are failures."""
     if executor is None:
         yield from ((k, _rows(run, part)) for k, part in enumerate(given))
         return
@@ -237,7 +237,7 @@ def made(
 
 
 def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
-    """What one part of the runs gives; impacts that `run` only describes are simulated together."""
+    """Rows of one chunk of runs; impacts that `run` only describes are simulated as one batch."""
     rows: list[Row] = [""] * len(given)
     scenes: dict[int, tuple[object, ...]] = {}
     with without_warnings():
@@ -293,7 +293,7 @@ def _result(name: str, value: object) -> float:
 
 
 def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Sample:
-    """The sample of the rows of all runs or falls (`what`); it is told how many failed."""
+    """The sample of the rows of all runs or falls (`what`), with the number of failures."""
     failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
     if len(failed) == len(rows):
         raise AntioscError(f"all {len(rows)} {what} failed, the first one so: {failed[0]}")
@@ -340,7 +340,7 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
 
 
 def _run_of(line: dict[Any, Any], drawn: Mapping[str, Array]) -> tuple[int, Row]:
-    """The number of a run and its results; ValueError for one of other inputs."""
+    """(number of a run, its results) from a line; ValueError for other inputs."""
     if None in line or None in line.values():
         raise ValueError("it has not as many cells as the first line")
     i, failure = int(line.pop(NUMBER)), line.pop(ERROR)
@@ -357,7 +357,7 @@ def _run_of(line: dict[Any, Any], drawn: Mapping[str, Array]) -> tuple[int, Row]
 def _storing(
     path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
 ) -> Iterator[Callable[[dict[int, Row]], None]]:
-    """What adds runs to the file at once; at the end, even a bad one, all are written in order."""
+    """Context with a function that appends runs to the file; at the end all are sorted."""
     if path is None:
         yield lambda _: None
         return
@@ -378,13 +378,13 @@ def _storing(
 
 
 def _columns(drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
-    """The columns of a file of these runs."""
+    """The columns of a file with these runs."""
     names = dict.fromkeys(name for row in rows.values() if not isinstance(row, str) for name in row)
     return [NUMBER, *drawn, *names, ERROR]
 
 
 def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
-    """The columns of the file, which is replaced by one of all runs."""
+    """The columns of the file, replaced by one with all runs."""
     columns = _columns(drawn, rows)
     if len(set(columns)) < len(columns):
         raise InputError(
@@ -403,7 +403,11 @@ def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]
 def _write(
     file: TextIO, columns: list[str], drawn: Mapping[str, Array], rows: Mapping[int, Row]
 ) -> None:
-    """A line for each run; no message has a line end, so that a cut line is told by its lack."""
+    """Write a line for each run.
+
+    Messages are written without line ends, so that a truncated line is recognised by its missing
+    end.
+    """
     table = csv.DictWriter(file, columns, restval="")
     for i, row in sorted(rows.items()):
         results = {ERROR: " ".join(row.split())} if isinstance(row, str) else row

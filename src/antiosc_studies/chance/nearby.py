@@ -48,7 +48,7 @@ FROM, RATES = 0.1, 40
 
 @dataclass(eq=False)
 class Family:
-    """What `build` and `site` make of the values of `names`.
+    """Structures and sites that `build` and `site` make from values of `names`.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Family:
     basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def made(self, values: Array) -> tuple[Structure, Site]:
-        """The structure at these values, and its site.
+        """The structure for these values, and its site; InputError for a different mesh.
 
         InputError where it is none, or of another mesh.
         """

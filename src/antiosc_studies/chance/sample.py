@@ -68,7 +68,7 @@ def quantile(sample: ArrayLike, q: float, confidence: float = 0.95) -> Quantile:
 
 
 def probability(count: int, size: int, confidence: float = 0.95) -> Quantile:
-    """The share count/size with its bar (Clopper and Pearson, Biometrika 26 (1934) 404)."""
+    """The probability count/size with its bar (Clopper and Pearson, Biometrika 26 (1934) 404)."""
     from scipy.stats import binomtest
 
     level = _share("confidence", confidence)
@@ -108,11 +108,11 @@ class Sample(Result):
 
     @property
     def message(self) -> str:
-        """How many runs failed."""
+        """Number of failed runs, as a sentence."""
         return f"{len(self.failed)} of {len(self)} runs failed." if self.failed else "Completed."
 
     def numbers(self) -> dict[str, object]:
-        """Quantiles of each quantity that some run has: name -> JSON value."""
+        """Quantiles of each quantity that any run returned: name -> JSON value."""
         levels = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
         known = [name for name, found in self.values.items() if np.isfinite(found).any()]
         return {
@@ -126,7 +126,7 @@ class Sample(Result):
         }
 
     def finite(self, quantity: str) -> Array:
-        """(k,) the results that are numbers; InputError for an unknown quantity or none."""
+        """(k,) finite results of a quantity; InputError if it is unknown or has none."""
         found = self._of(quantity)
         found = found[np.isfinite(found)]
         if not len(found):
@@ -144,7 +144,7 @@ class Sample(Result):
         return self._noted(quantity, share)
 
     def _noted(self, quantity: str, found: Quantile) -> Quantile:
-        """The quantile with a note on the runs that are left out."""
+        """The quantile with a note on excluded runs."""
         lost = len(self) - len(self.finite(quantity))
         told = f"{lost} of {len(self)} runs have no {quantity} and are left out" if lost else ""
         return replace(found, note="; ".join(filter(None, (found.note, told))))
@@ -248,7 +248,7 @@ class Sensitivity(Completed):
 
 
 def _groups(x: Array) -> Array:
-    """(n,) number of the bin of each draw: a value of its own, or one of √n equal parts.
+    """(n,) number of the bin of each draw: of a repeated value, or of one of √n equal parts.
 
     What the result varies within a part is lost: of 1000 runs of Ishigami's function 2 n^⅓ parts
     take 0.013 from an index of 0.44, √n parts 0.004. Numbers of values have no order: these are

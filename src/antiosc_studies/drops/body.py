@@ -48,7 +48,7 @@ UNKNOWN_NU = 0.3
 
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
-    """The body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for others."""
+    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for others."""
     given = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
@@ -90,7 +90,7 @@ def _rigid(
 def _elastic(
     structure: Structure, count: int, given: Damping | None, corner: float | None
 ) -> FreeBody:
-    """The free modes of a structure and the points of its hull."""
+    """The free body of a structure: its free modes and the points of its hull."""
     from scipy.spatial import cKDTree
 
     from antiosc.fem.structure.structure import refuse_dampers
@@ -148,7 +148,7 @@ def _elastic(
 
 
 def _least(structure: Structure, skin: Skin) -> float:
-    """Least dimension of a part [m]; of nodes alone that of their box that is not 0."""
+    """Least dimension of a part [m]; for nodes alone, the least nonzero side of their box."""
     matrices: Any = structure.matrices
     if not matrices.located:
         return structure.dimensions[2]
@@ -191,7 +191,7 @@ def _residual(
 
 
 def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple[float, float]:
-    """Principal radii [m] of a vertex, of a smooth place of a solid from the surface around it."""
+    """Principal radii [m] at a vertex; at smooth places of a solid from the surface around it."""
     from antiosc.reduce.site.curvature import curvature_at
 
     if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
@@ -204,7 +204,7 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
 
 
 def _site(skin: Skin, which: int, corner: float) -> Site:
-    """The site of a vertex: a patch on a solid, of the size of its radius on edges and corners."""
+    """The site of a vertex; on solids a patch, whose size on edges and corners is their radius."""
     from antiosc.reduce.site import Site
 
     normal = skin.normals[which]
@@ -216,7 +216,7 @@ def _site(skin: Skin, which: int, corner: float) -> Site:
 
 
 def _lacking(structure: Structure, skin: Skin, chosen: IntArray, sites: list[Site]) -> Array:
-    """What the mesh lacks of the compliances of sites (n, 3, 3) on edges and corners [m/N]."""
+    """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
     found = np.zeros((len(sites), 3, 3))
     sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
     matrices: Any = structure.matrices

@@ -32,7 +32,7 @@ TOGETHER = 8
 
 
 def missing(part: MeshedStructure, sites: list[Site]) -> Array | None:
-    """Compliance (n, 3, 3) that the mesh of a part lacks at sites with a radius [m/N].
+    """Compliances (n, 3, 3) [m/N] that the mesh of a part lacks at sites with a patch.
 
     Along the direction of each and across it, in the order of `Functional`. None for meshes of
     other cells than tetrahedra and hexahedra.

@@ -51,13 +51,13 @@ class Cylinder:
         return self.centre + np.outer(rule()[0] * self.length / 2, self.axis)
 
     def lands(self, up: Array) -> BoolArray:
-        """Whether it lands along its line, for verticals (..., 3) in the axes of the body."""
+        """Whether a body with verticals up (..., 3), in its axes, lands along this line."""
         level = np.abs(up @ self.axis) <= LEVEL
         inside = -up @ self.down >= np.cos(max(self.spread - LEVEL, 0.0))
         return np.asarray(level & (inside | (self.spread >= pi)))
 
     def shapes_at(self, up: Array) -> Array:
-        """Shapes (STATIONS, J, 3) of the modes where the line is for a vertical (3,)."""
+        """Mode shapes (STATIONS, J, 3) at the stations of the line for a vertical up (3,)."""
         away, number = cKDTree(self.nodes).query(self.points - self.radius * up, NEAREST)
         weights = 1 / np.maximum(away, 1e-9 * self.radius)
         weights /= weights.sum(axis=1, keepdims=True)

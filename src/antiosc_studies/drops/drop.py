@@ -51,7 +51,7 @@ def orientation(
     corner: str | None,
     toward: Sequence[float] | None,
 ) -> Array:
-    """R (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
+    """Rotation (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
     given = {"face": face, "edge": edge, "corner": corner, "toward": toward}
     asked = {name: value for name, value in given.items() if value is not None}
     if len(asked) > 1:
@@ -85,7 +85,7 @@ def onto(direction: Array, other: Array) -> Array:
 
 
 def _named(body: FreeBody, kind: str, given: object) -> Array:
-    """The unit direction in the body that points down where a face, edge or corner is lowest."""
+    """The unit direction in the body that points down when a face, edge or corner is lowest."""
     name = checks.text(kind, given)
     found = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
     if not len(name) / 2 == len(found) == FACES[kind]:
@@ -285,7 +285,7 @@ def tumbles(
 def _drawn(
     body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: np.random.SeedSequence
 ) -> tuple[FreeBody, State, Setting]:
-    """The body, the start and the setting of one fall."""
+    """The body, initial state and setting of one random fall."""
     rng = np.random.default_rng(seed)
     if np.isinf(tilts.sigma):
         R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
@@ -302,7 +302,7 @@ def _drawn(
 def _tumble(
     drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
 ) -> dict[str, float]:
-    """The values of the impacts of one fall, by name and number."""
+    """The results of the impacts of one fall, by name and number."""
     fall = fall_of(*drawn(seed))
     told = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
     return {name: float(value) for name, value in told.items()} | {
@@ -445,7 +445,7 @@ def drop(
 
 
 def end_of(until: str | int | float) -> tuple[int, float]:
-    """Most impacts and longest time [s] of a fall; InputError for what is neither nor "rest"."""
+    """(largest number of impacts, longest time [s]) of a fall; InputError for invalid `until`."""
     if isinstance(until, str):
         if until != "rest":
             raise InputError(f'until is "rest", a number of impacts or a time in s; got {until!r}.')
@@ -456,7 +456,7 @@ def end_of(until: str | int | float) -> tuple[int, float]:
 
 
 def _check_ground(body: FreeBody, floor: Floor) -> None:
-    """InputError for a floor's model that is too light: it would take minutes for each impact."""
+    """InputError for a floor model that is too light, for which each impact would take minutes."""
     moving = 0.0 if floor.model is None else float(np.sum(floor.model.modal().b ** 2))
     least = LIGHTEST * body.mass
     if moving * least > 1:
@@ -470,7 +470,7 @@ def _check_ground(body: FreeBody, floor: Floor) -> None:
 def _check_flight(
     body: FreeBody, setting: Setting, ensemble: Tilts | None, spin: Array, velocity: Array
 ) -> None:
-    """InputError for a first flight that is too fast or too long to be meant."""
+    """InputError for a first flight that is implausibly fast or long."""
     whirl, height, of = float(np.linalg.norm(spin)), setting.height, ""
     if ensemble is not None:
         whirl += DRAWN * ensemble.spin

@@ -206,7 +206,7 @@ class Fall(Trajectory, Result):
 
     @property
     def _lasting(self) -> float:
-        """Time [s] up to which the motion is known: the end, and what filters remember."""
+        """Time [s] up to which the motion is known: the end, and the memory of filters."""
         return self.end.time + MEMORY / min(CLASSES.values())
 
     def _point(self, at: At) -> tuple[Array, Array]:
@@ -227,8 +227,7 @@ class Fall(Trajectory, Result):
         return x - body.centre, found.at_point(body.structure, body.basis, x, part, reach)
 
     def _felt(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
-        """Accelerations (n, 3) less gravity in the axes of the body, at times in a flight from a
-        state or in an episode."""
+        """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
         body, gravity = self.body, self.setting.gravity
         if isinstance(part, Episode):
             R, spin, turning, a = part.motion(since)
@@ -247,7 +246,7 @@ class Fall(Trajectory, Result):
     def peak(
         self, quantity: str = "acceleration", at: At = None, filter: str | None = None
     ) -> Peak:
-        """The largest acceleration of a point (`signal`), or the largest "force", over all impacts.
+        """The largest acceleration at a point (`signal`), or the largest "force", over all impacts.
 
         Returns a `Peak`: `.value` in m/s^2 or N, `.g` in g, `.time` and `.impact`.
         """
@@ -335,18 +334,18 @@ class Fall(Trajectory, Result):
         return WorstField(**vars(found), impact=impact)
 
     def _contact_yield(self, impacts: Iterable[int]) -> str:
-        """That the contact itself yields in one of the impacts; "" if not, or unknown."""
+        """Sentence that the contact yields in one of the impacts; "" if not, or unknown."""
         own = [one for k in impacts for one in self._episodes(k)]
         return contact_yield(self.body, self.setting.floor, own)
 
     @property
     def notes(self) -> list[str]:
-        """What was taken for granted, and that the contact itself yields."""
+        """Assumptions that were made, and whether the contact yields."""
         return [*self.body.notes, *filter(None, [self.contact_verdict, self._lines])]
 
     @property
     def contact_verdict(self) -> str:
-        """That the contact itself yields, and what remains; "" if not, or unknown."""
+        """That the contact yields, with its permanent indentation; "" if not, or unknown."""
         return self._contact_yield(range(len(self.groups)))
 
     @cached_property
@@ -359,7 +358,7 @@ class Fall(Trajectory, Result):
 
     @cached_property
     def _lines(self) -> str:
-        """That impacts are along lines, whose forces are not sure; "" if none is."""
+        """Sentence on impacts along lines, whose forces are uncertain; "" if there are none."""
         told = (
             (
                 Episode.along_line,
@@ -377,19 +376,19 @@ class Fall(Trajectory, Result):
         return "; ".join(filter(None, (self._in_impacts(*one) for one in told)))
 
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
-        """In how many impacts something happens, and what; "" if in none."""
+        """Sentence on the number of impacts in which `happens` is true; "" if there are none."""
         found = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
         of = f"in {len(found)} of {len(self.groups)} impacts, first in impact"
         return f"{of} {found[0] + 1}, {what}" if found else ""
 
     @property
     def unsure(self) -> bool:
-        """Whether forces of contacts along lines are not sure, as the notes tell."""
+        """Whether forces of contacts along lines are uncertain, as the notes state."""
         return bool(self._lines)
 
     @property
     def contact_yields(self) -> bool:
-        """Whether the contact itself yields, as far as that is known."""
+        """Whether the contact yields, as far as known."""
         return bool(self.contact_verdict)
 
     @property
@@ -439,7 +438,9 @@ class Fall(Trajectory, Result):
         ]
 
     def warn(self) -> None:
-        """Warn of what makes the fall inaccurate: spin, steps, a layer; and of one without rest."""
+        """Warn of causes of inaccuracy (spin, steps, layer), and of a fall that does not come to
+        rest.
+        """
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
         if ratio > STIFFENS:
             warn(

@@ -85,7 +85,7 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     drift = size * (I[2] - I[0]) / (I[0] * I[2] * rate)
 
     def looked(u: Array) -> tuple[Array, Array]:
-        """Axes (n, 3, 3) of nodes, L and both as columns, in those of the body; the third Pi."""
+        """Axes (n, 3, 3) in the body with columns: node line, L × node, L; third integral."""
         sn, cn, dn, am = ellipj(u, m)
         x, y = first * cn, second * sn
         across = np.hypot(x, y)
@@ -110,7 +110,7 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
 
 
 def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
-    """Pi(n; phi | m) of n < 0 at any phi, by Carlson's integrals."""
+    """Pi(n; phi | m) for n < 0 and any phi, by Carlson's integrals."""
     from scipy.special import elliprf, elliprj
 
     def part(s: Array, c: Array) -> Array:
@@ -173,7 +173,7 @@ class State:
         return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
 
     def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
-        """Arms (n, 3) [m] from the centre of mass to the lowest places at points."""
+        """Arms (n, 3) [m] from the centre of mass to the lowest point of each ball."""
         bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
         arms = bent @ self.R.T
         arms[:, 2] -= body.reach(self.R[2])[which]
@@ -189,11 +189,11 @@ class State:
         return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
 
     def lowered(self, ground: Ground | None) -> float:
-        """What the floor gives way [m]."""
+        """Displacement of the floor downward [m]."""
         return 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
-        """Energies [J]: of the rigid motion, of the vibration, and of the height of the centre."""
+        """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""
         rigid = 0.5 * body.mass * self.velocity @ self.velocity
         rigid += 0.5 * self.momentum @ self.spin(body)
         elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))
@@ -212,7 +212,7 @@ def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[A
 
 
 def most(omega: Array, q: Array, p: Array) -> Array:
-    """The largest displacements that the energies of free modes allow, now and later."""
+    """Bound on the displacements of free modes at all later times, by their energies."""
     return np.hypot(q, p / np.maximum(omega, np.finfo(float).tiny))
 
 
@@ -227,8 +227,7 @@ class Flight:
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] at which the centre is so deep below the floor, even of a part that bends, that
-        something has touched before."""
+        """Time [s] when the centre is so far below the floor that a point must have touched."""
         v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
         deep = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
         return (v + np.sqrt(v * v + 2 * self.gravity * (z + deep))) / self.gravity
@@ -249,7 +248,7 @@ class Flight:
         )
 
     def heights(self, t: Array, which: IntArray) -> Array:
-        """Heights (n, k) [m] over the floor of points (k,) at times (n,), ascending from start."""
+        """Heights (n, k) [m] of points (k,) over the floor at ascending times (n,)."""
         up, shapes = self.orientation(t)[:, 2], self.body.shapes[which]
         moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
         found = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
@@ -258,7 +257,7 @@ class Flight:
         return found
 
     def _rigid(self, t: Array, up: Array, which: IntArray) -> Array:
-        """Heights without vibration; `up` (n, 3): the vertical in the axes of the body."""
+        """Heights without vibration; `up` (n, 3): the vertical in body axes."""
         s, body = self.start, self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
         return np.asarray(z[:, None] + up @ body.points[which].T - body.reach(up)[..., which])
@@ -283,7 +282,7 @@ class Flight:
         return next((t for t in found if t is not None), None)
 
     def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
-        """Intervals up to an end in which points may touch, in order, and which points."""
+        """Intervals up to an end in which points may touch, in order, with these points."""
         body, every = self.body, np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
@@ -302,7 +301,7 @@ class Flight:
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
 
     def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
-        """The first touch of points between two times; `parted`: below since they parted."""
+        """The first touch of points between two times; `parted`: points below since they parted."""
         count = max(int(np.ceil((end - start) * LOOKS * self._fastest(start) / (2 * np.pi))), 2)
         close = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
@@ -323,7 +322,7 @@ class Flight:
         return None
 
     def _located(self, start: float, end: float, which: IntArray) -> float:
-        """The time at which the first of some points reaches the floor, which all do."""
+        """The time at which the first of some points reaches the floor."""
         from scipy.optimize import brentq
 
         def lowest(t: float) -> float:
@@ -332,7 +331,7 @@ class Flight:
         return start if lowest(start) <= 0 else float(brentq(lowest, start, end, xtol=CLOSE))
 
     def _sizes(self, t: Array) -> Array:
-        """Largest elastic displacements (n, V) of the points [m] from times (n,) on."""
+        """Bounds (n, V) [m] on the elastic displacements of the points after times (n,)."""
         found = most(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
         if self.ground is not None:
             omega, (a, b) = self.ground.modes.omega, np.abs(self.ground.shape)
@@ -340,7 +339,7 @@ class Flight:
         return np.asarray(found)
 
     def _fastest(self, start: float) -> float:
-        """Fastest frequency [rad/s] of the modes that move a point from a time on."""
+        """Highest frequency [rad/s] among modes that move a point noticeably after a time."""
         at = np.array([start])
         moves = most(self.body.omega, *self._ringing(at))[0] * self.body.sizes.max(axis=0)
         seen = self.body.omega[moves > SEEN * self.body.extent]

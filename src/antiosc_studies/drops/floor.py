@@ -58,7 +58,7 @@ class SoftLayer(FieldsRepr):
 
 
 def cushion(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw:
-    """F = stiffness delta^exponent with the loss of a layer."""
+    """The law F = stiffness delta^exponent with the energy loss of a layer."""
     if layer.loss == 0.0:
         return Power(stiffness, exponent)
     # half a cycle with the loss factor eta leaves exp(-pi eta) = e^2 of the energy
@@ -129,17 +129,17 @@ class Floor(FieldsRepr):
 
     @cached_property
     def face(self) -> Surface:
-        """The flat face of its material."""
+        """The flat face of the floor's material."""
         return Surface(matter_of(self.material) or RIGID)
 
     @cached_property
     def ground(self) -> Ground | None:
-        """The model as it moves between and during contacts."""
+        """Vibration of the floor's model between and during contacts; None for a rigid floor."""
         return None if self.model is None else _ground(self.model.modal())
 
 
 def as_floor(floor: object) -> Floor:
-    """What is given as `floor`, None the rigid one; InputError says how to make a floor of it."""
+    """The argument `floor` as a Floor, None being rigid; InputError names the alternatives."""
     if isinstance(floor, Floor):
         return floor
     if floor is None:
@@ -158,7 +158,7 @@ def as_floor(floor: object) -> Floor:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """An elastic floor: F modes that move alone between contacts, first-order ones if coupled.
+    """An elastic floor with F modes, which vibrate freely between contacts.
 
     Attributes
     ----------
@@ -173,17 +173,18 @@ class Ground:
 
     @property
     def compliance(self) -> float:
-        """Displacement of the modes under a constant force of 1 N [m/N]."""
+        """Static displacement of the modes under 1 N [m/N]."""
         return float(self.shape[0] @ self._held[0] + self.shape[1] @ self._held[1])
 
     @property
     def _held(self) -> Array:
-        """The modes (2, F) under a constant force of 1 N."""
+        """The state (2, F) of the modes at rest under 1 N."""
         (by_a, by_b), omega = self.shape, self.modes.omega
         return np.array([np.divide(by_a, omega**2, where=omega > 0, out=0 * omega), -by_b])
 
     def speed(self, floor: Array, force: float) -> float:
-        """Amplitude [m/s] of modes (2, F) about where a constant force [N] holds them.
+        """Amplitude [m/s] of the vibration of modes (2, F) about their equilibrium under a force
+        [N].
 
         Modes of different frequencies add up in squares.
         """
@@ -192,7 +193,7 @@ class Ground:
         return float(np.sqrt(squares.sum()))
 
     def start(self, floor: Array) -> ModalState:
-        """How the body starts where the modes have displacements and rates (2, F)."""
+        """Initial motion of the floor, from displacements and rates (2, F) of its modes."""
         q, v, _ = self.modes.motion(*floor[:, None])
         return ModalState(q[0], v[0], None if self.body.damping is None else floor)
 
@@ -215,7 +216,7 @@ def _ground(own: ModalBody) -> Ground:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a fall happens in.
+    """The conditions of a fall: floor, gravity, height, tolerances and limits.
 
     Attributes
     ----------

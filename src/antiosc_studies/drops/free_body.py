@@ -98,7 +98,7 @@ class FreeBody:
         return np.asarray(np.linalg.norm(self.shapes, axis=2))
 
     def rigid_modes(self, R: Array) -> tuple[Array, Array]:
-        """The mass-normalised rigid modes at an orientation, as rows (6, 6) in the floor's axes.
+        """Mass-normalised rigid modes at an orientation, as rows (6, 6) in the floor's axes.
 
         Velocities of the centre and spins; momenta, and angular momenta about the centre.
         """
@@ -114,7 +114,7 @@ class FreeBody:
         return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
 
     def reach(self, up: Array) -> Array:
-        """(..., V) how far the body reaches below its points, for verticals (..., 3) in its axes.
+        """(..., V) reach of the body below its points, for verticals (..., 3) in body axes.
 
         Stations of a line that does not land stay above the centre of mass: their axis may lie
         outside of the body, as that of a slightly bent face.
@@ -132,7 +132,7 @@ class FreeBody:
         return Curvature.of_radii(*self.radii[which].tolist())
 
     def touching_as(self, which: list[int]) -> BoolArray:
-        """(V,) whether a point is one of some points, or the same contact as one of them.
+        """(V,) whether a point belongs to the contact of one of the points `which`.
 
         Points of a solid are the same contact that are close together and face the same way, as
         on a round edge, or belong to one ball. Two corners of a slender bar are two.
@@ -163,6 +163,6 @@ class FreeBody:
         return phi, r
 
     def alone(self) -> FreeBody:
-        """The same without its structure, all its sites known: for other processes."""
+        """A copy without structure, with the data of all sites computed: for other processes."""
         self.sites(np.arange(len(self.points)))
         return replace(self, structure=None, basis=None, residual=None)

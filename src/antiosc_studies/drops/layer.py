@@ -37,7 +37,7 @@ STEEPEST, LEAN = 6.0, 0.1
 
 
 def with_layer_contact(body: FreeBody) -> FreeBody:
-    """The body with its surface as a layer presses it; itself if it has no faces."""
+    """The body with its surface divided into pieces; itself if it has no faces."""
     if body.layer_contact is not None or body.balls.all():
         return body
     matrices: Any = None if body.structure is None else body.structure.matrices
@@ -58,7 +58,7 @@ def with_layer_contact(body: FreeBody) -> FreeBody:
 
 
 def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
-    """Of points alone: the faces of their hull."""
+    """(points, triangles, round vertices) from the convex hull of points alone."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -75,7 +75,9 @@ def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
 
 
 def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
-    """Of a mesh: its surface, without the triangles between round vertices."""
+    """(points, triangles, round vertices) of a mesh's surface, without triangles between round
+    ones.
+    """
     from scipy.spatial import cKDTree
 
     from antiosc.recovery import source
@@ -102,7 +104,7 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
 
 
 def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, IntArray]:
-    """Triangles whose longest sides are halved until they are at most a size [m]."""
+    """Triangles whose longest sides are bisected until they are at most a size [m]."""
     while True:
         x = places[triangles, :3]
         sides = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
@@ -118,7 +120,7 @@ def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, In
 
 
 def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
-    """Number of the piece of each triangle; pieces are halved until they are flat and small."""
+    """Number of the piece of each triangle; pieces are bisected until they are flat and small."""
     weights = np.linalg.norm(areas, axis=1)
     normals, number = areas / weights[:, None], np.zeros(len(areas), dtype=int)
     todo, count = [np.arange(len(areas))], 0
@@ -181,7 +183,7 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
 
 
 def layer_energy(body: FreeBody, state: State, setting: Setting) -> float:
-    """Energy [J] of a layer under a body: E/t times the volumes on the way up to it."""
+    """Elastic energy [J] of a layer under a body: E/t times the integral of displaced volume."""
     surface, layer = body.layer_contact, setting.floor.layer
     if surface is None or layer is None:
         return 0.0

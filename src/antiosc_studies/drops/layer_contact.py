@@ -14,7 +14,7 @@ CLEAR = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class LayerContact:
-    """The surface of a body in pieces, as a soft layer presses it.
+    """The surface of a body in pieces, each of which displaces a volume of a soft layer.
 
     Attributes
     ----------
@@ -44,18 +44,20 @@ class LayerContact:
 
     @property
     def first(self) -> int:
-        """Number of the point that is the first piece."""
+        """Number of the first point that represents a piece."""
         return len(self.round)
 
     def pressed(
         self, pieces: IntArray, up: Array, q: Array, z: Array, lean: float = 0.0
     ) -> tuple[Array, Array, Array]:
-        """Volumes (n, b) [m^3] of pieces (b,) below the floor, their lowest heights (n, b) [m], and
-        centres of pressure (n, b, 3 + 3 J) as `places`; without volume those of whole pieces.
+        """Volumes, lowest heights and centres of pressure of pieces (b,) below the floor.
+
+        Volumes (n, b) [m^3], heights (n, b) [m], centres (n, b, 3 + 3 J) in the form of `places`; a
+        piece that displaces nothing has its centroid instead.
 
         up : (3,) or (n, 3), the vertical in the axes of the body; q : (J,) or (n, J) of the modes.
-        z : (n,) or (n, b) heights of the centre of mass over the floor [m].
-        lean : share of its area that each triangle turns to the floor at least.
+        z : (n,) or (n, b) heights of the centre of mass over the floor [m]. lean : least projected
+        share of the area of each triangle.
         """
         if not len(pieces):
             none = np.zeros((len(z), 0))
@@ -86,12 +88,14 @@ class LayerContact:
         return volume, low, np.stack(centres, axis=1)
 
     def depth(self, pieces: IntArray, volume: Array, low: Array) -> Array:
-        """Depths (n, b) [m] at which the laws of pieces have the forces of volumes; < 0 without."""
+        """Depths (n, b) [m] at which the laws of pieces give the forces of these volumes; < 0 if
+        empty.
+        """
         deep = (self.share[pieces] * volume) ** (1 / self.exponent[pieces])
         return np.asarray(np.where(volume > 0, deep, -np.maximum(low, CLEAR)))
 
     def volume(self, pieces: IntArray, depth: Array) -> Array:
-        """Volumes (n, b) [m^3] of which the laws of pieces have the forces at depths [m]."""
+        """Volumes (n, b) [m^3] whose forces the laws of pieces have at depths [m]."""
         return np.asarray(np.maximum(depth, 0.0) ** self.exponent[pieces] / self.share[pieces])
 
 
@@ -116,7 +120,7 @@ def below(h: Array) -> Array:
 
 
 def _tip(p: Array) -> Array:
-    """The same of the corner 0 alone, where p (T, 3) is > 0; it vanishes across the triangle."""
+    """As `below` where only corner 0 is submerged, p (T, 3) positive there alone."""
     share = p[:, :1] / (p[:, :1] - p[:, 1:])
     volume = share.prod(axis=1) * p[:, 0] / 3
     return volume[:, None] * np.column_stack((1 - share.sum(axis=1) / 4, share / 4))

@@ -54,7 +54,7 @@ LEAST_SLOPE = 0.1
 
 
 def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
-    """The body with stations on its cylinders, for floors on which lines have a law."""
+    """The body with stations on its cylinders, if the floor's law applies to lines."""
     plain = not (floor.layer or floor.law or (floor.restitution or 1.0) < 1)
     body = _without(body)
     if not (plain and body.cylinders):
@@ -116,7 +116,7 @@ def _law(one: Cylinder, floor: Floor) -> tuple[Array, Array]:
 
 
 def landing(body: FreeBody, start: State) -> FreeBody:
-    """The body at a touch: lines that are level touch with their stations, others with points."""
+    """The body at a touch: level lines touch with their stations, others with points."""
     if not body.stations or body.idle is None:
         return body
     up, idle, shapes, known = start.R[2], body.idle.copy(), body.shapes.copy(), dict(body._placed)
@@ -130,7 +130,7 @@ def landing(body: FreeBody, start: State) -> FreeBody:
 
 
 def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
-    """That a line yields under a force [N], by its law which is elastic; "" if not, or unknown.
+    """Sentence that a line yields under a force [N], although its law is elastic; "" if not.
 
     Yield begins below the surface at 1.79 times the strength (von Mises; Johnson, 6.2).
     """
@@ -180,7 +180,7 @@ def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
 def _cylinder(
     body: FreeBody, skin: Any, own: IntArray, surface: Curvature, at: int
 ) -> Cylinder | None:
-    """The cylinder at a place of the skin; None where the surface is none."""
+    """The cylinder through a point of the skin; None if the surface is not cylindrical there."""
     bend = float(surface.values.max())
     if surface.kind != LINE or surface.middle is None or bend <= 0:
         return None
@@ -226,14 +226,17 @@ def _cylinder(
 
 
 def _split(way: Array, axis: Array) -> tuple[Array, Array]:
-    """Parts (n,) along an axis and (n, 3) across it."""
+    """Components of vectors along an axis (n,) and perpendicular to it (n, 3)."""
     along = way @ axis
     return along, way - np.outer(along, axis)
 
 
 def _closer(along: Array, aside: Array, off: Array, axis: Array) -> tuple[Array, Array, float]:
-    """Changes of the middle (3,), the axis (3,) and the radius of a cylinder, one step of
-    Gauss-Newton towards points at (along, aside) that are `off` it."""
+    """One Gauss-Newton step of the fit of a cylinder: changes of middle, axis (3,) and radius.
+
+    `along` and `aside` are the components of the points along the axis and across it, `off` their
+    distances from the cylinder.
+    """
     basis = np.linalg.svd(axis[None])[2][1:]
     facing = aside @ basis.T / np.linalg.norm(aside, axis=1, keepdims=True)
     rows = np.column_stack((facing, along[:, None] * facing, np.ones(len(along))))
@@ -255,7 +258,7 @@ def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
 
 
 def _compliance(body: FreeBody, one: Cylinder) -> float:
-    """What the part gives way along a line beyond its modes and a half-space [m/N]."""
+    """Compliance of a part along a line minus those of its modes and of a half-space [m/N]."""
     from antiosc.reduce.site import Site, functionals
 
     structure: Any = body.structure

@@ -59,7 +59,7 @@ def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | 
 
 
 def surface_of(fall: Trajectory) -> tuple[Array, IntArray]:
-    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), or those of the hull."""
+    """Points (P, 3) relative to the centre of mass, and triangles (T, 3) of surface or hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     body = fall.body
@@ -106,7 +106,7 @@ def _posed(axes: Any, fall: Trajectory, state: State, surface: tuple[Array, IntA
 
 
 def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path:
-    """A film of the whole fall from the first impact's approach on."""
+    """Write a film of the fall, from shortly before the first impact."""
     target = checks.new_file("path", path)
     if target.suffix.lower() not in (".mp4", ".gif"):
         raise InputError(f"a film is .mp4 or .gif; got {target.name}.")
@@ -136,7 +136,7 @@ def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path
 
 
 def at(fall: Trajectory, time: float) -> State:
-    """The state at a time [s] of the fall; during a contact that at its start."""
+    """The state at a time [s] of the fall; during a contact, its initial state."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     since = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]
     return since[-1] if since else flight.at(time - flight.start.time)

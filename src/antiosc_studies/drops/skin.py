@@ -63,26 +63,28 @@ class Skin:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def radii(self, which: int, corner: float) -> tuple[float, float]:
-        """Principal radii [m] of a vertex; of a sharp one `corner`, of a sheet's half of it."""
+        """Principal radii [m] of a vertex; `corner` if sharp, half the thickness for sheets."""
         if self.sharp[which]:
             rounded = float(self.half[which]) or corner
             return rounded, rounded
         return self.rounded(self.curvatures[which])
 
     def rounded(self, curvatures: Array) -> tuple[float, float]:
-        """Radii [m] of principal curvatures (2,) [1/m]; of flat and hollow places the largest."""
+        """Radii [m] for principal curvatures (2,) [1/m]; the largest radius for flat or concave
+        ones.
+        """
         first, second = np.maximum(curvatures, 1 / (FLATTEST * self.size))
         return 1 / float(first), 1 / float(second)
 
     @property
     def balls(self) -> Array:
-        """(P,) radius of the ball that a smooth vertex is a part of [m]; 0 of all others."""
+        """(P,) radius [m] of the ball that fits a smooth vertex; 0 for all others."""
         low, high = self.curvatures.T
         rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
 
     def balls_within(self, own: IntArray) -> Array:
-        """Those of the vertices of the hull (V,); 0 of balls that reach out of it elsewhere.
+        """Radii of the balls of hull vertices (V,); 0 for balls that protrude from the hull.
 
         A ball stands for the surface on all its sides: one that is larger than the part there, as
         of a shallow dome or of cells too coarse for a curvature, would touch where nothing is.
@@ -103,7 +105,7 @@ class Skin:
 
 
 def _ways() -> Array:
-    """Directions (WAYS, 3) that are spread evenly, on a spiral."""
+    """Directions (WAYS, 3) distributed evenly on a spiral."""
     k = np.arange(WAYS)
     z, angle = 1 - (2 * k + 1) / WAYS, k * np.pi * (3 - np.sqrt(5))
     aside = np.sqrt(1 - z * z)
@@ -130,7 +132,7 @@ def skin_of(structure: Structure) -> Skin:
 
 
 def of_points(points: Array) -> Skin:
-    """Points without a surface: all of them are sharp."""
+    """A skin of points without surface, all of them sharp."""
     zero, zeros = np.zeros(len(points)), np.zeros((len(points), 3))
     sharp, triangles = np.ones(len(points), dtype=bool), np.zeros((0, 3), dtype=int)
     unknown = np.full((len(points), 2), np.nan)
@@ -166,7 +168,7 @@ def of_mesh(part: MeshedStructure) -> Skin:
 
 
 def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
-    """At the vertices moduli and Poisson's ratios (P, 2), yield strengths and half thicknesses."""
+    """Moduli and Poisson's ratios (P, 2), yield strengths and half thicknesses at the vertices."""
     faces = part.faces
     numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
     vertices, index = np.unique(numbers, return_inverse=True)
@@ -184,7 +186,7 @@ def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
 
 
 def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
-    """Which vertices have facets that are inclined to their mean normal."""
+    """Mask of vertices whose facets are inclined to the mean normal."""
     corners = x[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -195,7 +197,7 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
 
 
 def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:
-    """Normals (P, 3) and principal curvatures (P, 2), ascending, of quadrics through neighbours.
+    """Normals (P, 3) and ascending principal curvatures (P, 2) of quadrics fitted to neighbours.
 
     Over the plane of the mean normal the neighbours lie at a u + b v + (c u^2 + 2 d u v + e v^2)/2.
     edges: (E, 2) from vertices to their neighbours; size: (P,) their mean lengths [m].
@@ -220,7 +222,7 @@ def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Arr
 
 
 def hull(points: Array) -> IntArray:
-    """Numbers of the points (P, 3) that are vertices of their convex hull, flat or not."""
+    """Numbers of the points (P, 3) on their convex hull, points in its faces included."""
     from scipy.spatial import ConvexHull
 
     middle = points.mean(axis=0)

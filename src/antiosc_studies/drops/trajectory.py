@@ -44,7 +44,7 @@ NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 
 
 def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
-    """The state at the start: the lowest point at its height."""
+    """The initial state, with the lowest point at its height."""
     low = float((body.points @ R[2] - body.reach(R[2])).min())
     none = np.zeros(body.omega.size)
     ground = setting.floor.ground
@@ -105,7 +105,7 @@ def trajectory(
 
 
 def _check_sides(body: FreeBody, state: State) -> None:
-    """InputError where no point that may touch is below the centre of mass, which would sink."""
+    """InputError if no point that may touch is below the centre of mass, so that it would sink."""
     low = float((body.points @ state.R[2] - body.reach(state.R[2])).min())
     if low > SIDES * body.extent:
         raise InputError(
@@ -116,7 +116,7 @@ def _check_sides(body: FreeBody, state: State) -> None:
 
 
 def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
-    """AccuracyError where a point is deeper in the floor than contacts have pressed one [m]."""
+    """AccuracyError if a point is below the floor by more than contacts press it in [m]."""
     deep = -float(state.heights(body, setting.floor.ground).min())
     if body.layer_contact is None and deep > pressed + SUNK * body.extent:
         raise AccuracyError(
@@ -133,7 +133,7 @@ def _rests(
     held: dict[int, OngoingContact],
     setting: Setting,
 ) -> bool:
-    """Whether the body stands on points around its centre of mass that hardly move, nor will.
+    """Whether the body rests on points around its centre of mass, with negligible motion.
 
     pressed : the body whose points are the contacts that are held.
     """
@@ -150,8 +150,11 @@ def _rests(
 
 
 def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> float:
-    """Energy [J] of the rigid motion that forces at arms (n, 3) could take, upward or of any
-    direction (`sticking`): not of a ball that rolls, or of a part that slides without friction."""
+    """Kinetic energy [J] of the rigid motions that forces at arms (n, 3) could stop.
+
+    The forces act upward, or in any direction if they are `sticking`: rolling of a ball, and
+    sliding without friction, do not count.
+    """
     W = body.rigid_modes(state.R)[0]
     moved = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
     across, size, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
@@ -163,7 +166,7 @@ def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> floa
 def _pushed(
     body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
-    """Energy [J] of the contacts beyond what carries the weight.
+    """Energy [J] of the contacts in excess of that which carries the weight.
 
     Of one contact with the force F and the way d it is (F - m g)^2 d/F: of a linear law twice the
     energy, and no less than it of a force that grows faster than the way.
@@ -188,7 +191,7 @@ def _pushed(
 def _shaken(
     body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
-    """Energy [J] of the body at the speed of the floor as it vibrates about its displacement."""
+    """Kinetic energy [J] of the body at the speed of the floor's vibration."""
     ground = setting.floor.ground
     if ground is None:
         return 0.0
@@ -197,7 +200,7 @@ def _shaken(
 
 
 def _around(points: Array, close: float) -> bool:
-    """Whether the hull of points (n, 2) contains the origin, up to a distance."""
+    """Whether the hull of points (n, 2) contains the origin, within a distance."""
     angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     if np.linalg.norm(points, axis=1).min() <= close:
         return True
@@ -245,7 +248,7 @@ class Impacts(tuple[Impact, ...]):
     """The impacts of a fall; as text a table."""
 
     def column(self, name: str) -> Array:
-        """One value of all impacts, (n,) or (n, 3)."""
+        """One value of all impacts: (n,) or (n, 3)."""
         return np.array([getattr(one, name) for one in self])
 
     def columns(self) -> dict[str, Array]:
@@ -294,7 +297,7 @@ class Peak(FieldsRepr):
 
     @property
     def g(self) -> float:
-        """An acceleration in g."""
+        """The value of an acceleration in g."""
         return self.value / GRAVITY
 
     def __float__(self) -> float:
@@ -302,7 +305,7 @@ class Peak(FieldsRepr):
 
 
 def impact_of(body: FreeBody, gravity: float, own: Sequence[Episode]) -> Impact:
-    """The impact that some episodes make."""
+    """The impact that consists of some episodes."""
     impulses: dict[int, float] = {}
     peak = 0.0
     # a point above its dent begins an episode in which nothing pushes: flight
@@ -337,7 +340,7 @@ def _rising(body: FreeBody, state: State, point: int) -> float:
 
 
 def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
-    """That a contact yields, and what remains; "" where none does, or it is not known."""
+    """Sentence that a contact yields, with its permanent indentation; "" if not, or unknown."""
     if floor.layer is not None:
         return ""
     pressures = []
@@ -387,7 +390,7 @@ def yielded(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> list[Y
 
 
 def _matters(body: FreeBody, floor: Floor) -> list[Matter]:
-    """What a part and the floor are made of, as far as it is known."""
+    """The known materials of a part and of the floor."""
     parts = []
     if body.structure is not None:
         from antiosc.fem.assembly import with_parts  # needs dolfinx, as the structure does
@@ -404,7 +407,7 @@ def _matters(body: FreeBody, floor: Floor) -> list[Matter]:
 
 
 def _law_error(worst: Yielded, body: FreeBody, floor: Floor) -> str:
-    """How far a force may be off by its law, in words."""
+    """Sentence on the error of a force by its law."""
     told = (
         f"by the law and the range of the yield strength that force may be off by "
         f"{worst.error(body, floor):.0%}"
@@ -420,7 +423,7 @@ def _law_error(worst: Yielded, body: FreeBody, floor: Floor) -> str:
 def _elastic_contact(
     body: FreeBody, law: ContactLaw, which: int, force: float
 ) -> HertzContact | None:
-    """A contact by Hertz's law whose strength is known."""
+    """A contact by Hertz's law with known strength; None for others."""
     strength = 0.0 if body.strengths is None else float(body.strengths[which])
     stiffness, radii = _stiffness(law), tuple(body.radii[which].tolist())
     if not strength > 0 or stiffness is None:
@@ -431,13 +434,13 @@ def _elastic_contact(
 
 
 def _stiffness(law: ContactLaw) -> float | None:
-    """k_H [N m^-3/2] of a law by Hertz, with whatever damping; None of others."""
+    """k_H [N m^-3/2] of Hertz's law, damped or not; None for other laws."""
     stiffness, exponent = (getattr(law, name, None) for name in ("stiffness", "exponent"))
     return stiffness if isinstance(law, Hertz) or exponent == 1.5 else None
 
 
 def _modulus(stiffness: float, radii: tuple[float, float], material: Array) -> float:
-    """E* [Pa] of a law on a plane: from the radii, at most that of the part on a rigid floor.
+    """E* [Pa] of a law on a plane, from the radii; at most that of the part on a rigid floor.
 
     A stiffer law that is given is one of larger radii.
     """

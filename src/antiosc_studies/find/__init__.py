@@ -48,7 +48,7 @@ FOUND, UNDETERMINED, UNEXPLAINED = 0, 1, 2
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FoundImpact(Result):
-    """A blow found from measured signals.
+    """An impact identified from measured signals.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class FoundImpact(Result):
         return "\n".join([*(f"{name:<12}{value}" for name, value in self.rows()), self.message])
 
     def rows(self) -> list[tuple[str, str]]:
-        """Names and values of what was found, with their bars."""
+        """Names and values of the results, with their bars."""
         place = ", ".join(f"{c:.5g}" for c in self.place)
         rows = [
             ("place", f"{place} m  ± {self.bars['place']:.2g} m"),
@@ -187,7 +187,7 @@ AS_PROBABLE = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Monitored:
-    """A structure with sensors: what many blows have in common.
+    """A structure with sensors: the data that many impacts share.
 
     Attributes
     ----------
@@ -310,7 +310,7 @@ def find_impact(
 def _names(
     unknown: Sequence[str], impactor: RigidMass | None, contact: ContactLaw | None
 ) -> list[str]:
-    """Checked names of the unknowns; InputError where a known value is missing."""
+    """Checked names of the unknowns; InputError if a known value is missing."""
     if isinstance(unknown, str) or not isinstance(unknown, Sequence):
         raise InputError(
             f"unknown must list names of {', '.join(UNKNOWN)}; got {checks.shown(unknown)}."
@@ -364,7 +364,7 @@ def found_in(
     damping: Damping | None,
     expected: tuple[float, float],
 ) -> FoundImpact:
-    """The blow in one record."""
+    """The impact in one record."""
     seen, sites = monitored.seen, monitored.seen.found.sites
     if "place" not in unknown and len(sites) > 1:
         raise InputError(f"the place is not unknown: where gives {len(sites)} sites, not one.")
@@ -430,7 +430,7 @@ def _told(
 
 
 def _bars(fit: Fit, scale: float) -> dict[str, float]:
-    """Half-widths of intervals of 95 %; `scale`: relative error of the whole model."""
+    """Half-widths of 95 % intervals; `scale`: relative error of the whole model."""
     variance = np.diag(fit.covariance)
     along = np.array([name == "place" for name in fit.names])
     d = int(along.sum())

@@ -26,7 +26,7 @@ SAME_SIDE = 0.7
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A neighbourhood of a place: its tangents, and the sites from which values are interpolated.
+    """Local coordinates around a place: tangents, and the sites for interpolation.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Surface:
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
     def chart(self, place: Array, site: int) -> Chart:
-        """The neighbourhood of a place (3,) beside a site."""
+        """The local coordinates around a place (3,) near a site."""
         size = self.spacing(site)
         if size == 0.0:
             return Chart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
@@ -102,7 +102,7 @@ class Surface:
         return Chart(place, axes, near, (self.points[near] - place) @ axes.T / size, size)
 
     def nearest(self, place: Array, site: int) -> tuple[Array, int]:
-        """The point of the surface next to a place, and its next site, on the side of `site`."""
+        """The surface point nearest to a place, and its nearest site, on the side of `site`."""
         if not self.dimension:
             return self.points[site], site
         near = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
@@ -119,7 +119,7 @@ class Surface:
 
 
 def _feet(x: Array, corners: Array) -> Array:
-    """Points (T, 3) next to x (3,) of triangles (T, 3, 3) or segments (T, 2, 3)."""
+    """Points (T, 3) nearest to x (3,) of triangles (T, 3, 3) or segments (T, 2, 3)."""
     count = corners.shape[1]
     edges = [(i, (i + 1) % count) for i in range(count if count > 2 else 1)]
     feet = []
@@ -142,7 +142,7 @@ def _feet(x: Array, corners: Array) -> Array:
 
 
 def has_stiffness(law: ContactLaw) -> bool:
-    """Whether a law has a stiffness of its own; that of a ball that yields follows from E*."""
+    """Whether a law has a free stiffness; for a yielding ball it follows from E*."""
     return hasattr(law, "stiffness") and not isinstance(law, ElasticPlastic)
 
 
@@ -154,7 +154,7 @@ CONTACTS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """One candidate: a place beside a site, and the logarithms of what is unknown of the blow.
+    """A candidate impact: a place near a site, and logarithms of the unknown quantities.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Blow:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What the sensors see of a blow, in the band and over their noise.
+    """The response of the sensors to an impact, in the band and over their noise.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Struck:
-    """The model: free modes, sites, sensors.
+    """The model of all candidate impacts: free modes, sites, sensors.
 
     Attributes
     ----------
@@ -227,7 +227,7 @@ class Struck:
         return np.asarray(chart.weights(x) @ self.table[chart.near])
 
     def hit(self, blow: Blow, seen: Array) -> History:
-        """The impact on the place with `seen` (J + 2,)."""
+        """The impact at the place with the modal data `seen` (J + 2,)."""
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
         b, (r, local) = seen[:-2], np.maximum(seen[-2:], 0.0) / blow.E
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
@@ -242,7 +242,7 @@ class Struck:
         return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
 
     def seen(self, blow: Blow, at: Array) -> Seen:
-        """What the sensors see of a blow on the place with `at` (J + 2,)."""
+        """The response of the sensors to an impact at the place with modal data `at` (J + 2,)."""
         hit = self.hit(blow, at)
         t = self.data.time - blow.start
         on = np.flatnonzero((t >= 0) & (t <= hit.run.time[-1]))

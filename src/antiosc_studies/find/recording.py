@@ -85,12 +85,12 @@ class Sensor(FieldsRepr):
 
     @property
     def derivative(self) -> int:
-        """Time derivative of the displacement of which its signal is made."""
+        """Order of the time derivative of displacement that the sensor measures."""
         return DERIVATIVE[self.quantity]
 
 
 def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
-    """The displacement along a sensor, or its strain, (J,) in shapes (rows of this rank, J)."""
+    """Displacement along a sensor, or its strain, (J,) for shapes (rows of this rank, J)."""
     d = np.pad(sensor.direction, (0, 3 - len(sensor.direction)))
     d = d / np.linalg.norm(d)
     x, part, end = point_of(structure, sensor.point, sensor.part)
@@ -130,7 +130,7 @@ LEAST_NOISE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Signals of m sensors, and how they are compared with a model.
+    """Signals of m sensors, prepared for comparison with a model.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Ar
 
 
 def _in_si(column: Column, known: Mapping[str, float]) -> Array:
-    """The numbers of a column whose unit is one of those known."""
+    """The numbers of a column in SI, from one of the known units."""
     if not column.unit:
         return column.values
     factor = factor_of(column.unit, known) or known.get(motion_label(column.unit))
@@ -244,7 +244,7 @@ def _in_si(column: Column, known: Mapping[str, float]) -> Array:
 
 
 def _units(quantity: str) -> dict[str, float]:
-    """Units of what a sensor measures, in SI."""
+    """Units of the quantity that a sensor measures, with factors to SI."""
     if quantity == "strain":
         return STRAINS
     per_force = {"displacement": "receptance", "velocity": "mobility"}
@@ -253,7 +253,7 @@ def _units(quantity: str) -> dict[str, float]:
 
 
 def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
-    """The filter (n', n) of a band up to `top` times the highest frequency."""
+    """Filter matrix (n', n) that keeps frequencies up to `top` times the highest one."""
     if top * (1 + TRANSITION) >= 1:
         return scipy.sparse.identity(n, format="csr")
     taps, beta = signal.kaiserord(ATTENUATION, TRANSITION * top)
@@ -267,7 +267,7 @@ def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
 
 
 def _spectrum(values: Array, rate: float) -> tuple[Array, Array]:
-    """Circular frequencies (F,), and the power (F, m) of a sample at each."""
+    """Circular frequencies (F,), and the power spectrum (F, m) of each signal."""
     window = signal.windows.hann(len(values))[:, None]
     power = np.abs(np.fft.rfft(values * window, axis=0)) ** 2 / np.sum(window**2)
     return 2 * np.pi * np.fft.rfftfreq(len(values), 1 / rate), power
@@ -283,7 +283,7 @@ def _band(values: Array, rate: float) -> float:
 
 
 def _noise(values: Array, rate: float, band: float) -> Array:
-    """Standard deviations (m,) of a sample, from the spectrum above the band."""
+    """Standard deviations (m,) of the noise of one sample, from the spectrum above the band."""
     w, power = _spectrum(values, rate)
     above = w > (1 + TRANSITION) * band
     if np.count_nonzero(above) < FEWEST // 4:

@@ -35,7 +35,7 @@ AT_ONCE = 512
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """The best pulse at each of P sites.
+    """The half-sine pulse that fits the signals best, at each of P sites.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ def scan(model: Struck, spread: float) -> Scan:
 
 
 def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau: float) -> None:
-    """Improve the best pulses (4, P) of sites b (P, J) by those of duration tau."""
+    """Replace the best pulses (4, P) of sites b (P, J) where those of duration tau fit better."""
     lags = products.shape[1]
     energy = np.einsum("pj,kjl,pl->pk", b, gram, b, optimize=True)
     left = ends[-1] - np.arange(lags)
@@ -103,7 +103,7 @@ def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau:
 
 
 def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
-    """Responses (n, J) of modes lam = -d + i w to sin(pi t/tau): q, q' and q''."""
+    """Responses q, q', q'' (n, J) of modes lam = -d + i w to sin(pi t/tau)."""
     until, rate = np.minimum(t, tau)[:, None], np.pi / tau
     after = t[:, None] - until
 
@@ -130,7 +130,7 @@ CONVERGED, ENOUGH = 0.01, 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The most probable blow near a start.
+    """The most probable impact near a start.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Fit:
 
 
 class Search:
-    """Gauss–Newton on the unknowns of a model.
+    """Gauss–Newton iteration on the unknowns of a model.
 
     Parameters
     ----------
@@ -171,18 +171,18 @@ class Search:
         self.unshared = np.linalg.inv(np.linalg.cholesky(together))
 
     def residuals(self, blow: Blow, signals: Array) -> Array:
-        """Those of the signals, then of the model's errors, all over their expected sizes."""
+        """Residuals of the signals, then of the model's errors, over their expected sizes."""
         off, shares = signals - self.model.data.compared, self.unshared @ blow.share
         return np.concatenate([off.ravel(), blow.frequency / self.spread, shares.ravel()])
 
     def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
-        """The neighbourhood of the place, its values, and what the sensors see."""
+        """(local coordinates of the place, modal data there, response of the sensors)."""
         chart = self.model.surface.chart(blow.place, blow.site)
         there = self.model.modes_at(chart, np.zeros(len(chart.axes)))
         return chart, there, self.model.seen(blow, there)
 
     def refined(self, blow: Blow, steps: int) -> Fit:
-        """The blow of least cost near the start, after so many steps at most."""
+        """The impact of least cost near the start, after at most this many steps."""
         damping, step = 1e-3, -1
         while True:
             step += 1
@@ -222,7 +222,7 @@ class Search:
         return self._finished(blow, chart, seen, rest, J, gains)
 
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
-        """The blow after a change of all unknowns."""
+        """The impact after a change of all unknowns."""
         d, k = len(chart.axes), len(self.logs)
         x = change[:d] * min(1.0, LONGEST_PLACE / max(float(np.linalg.norm(change[:d])), 1e-300))
         place, site = blow.place, blow.site
@@ -333,7 +333,7 @@ def most_probable(
     spread: float,
     doubt: float,
 ) -> list[Fit]:
-    """Blows of least cost, the best first, at different places if there are several.
+    """Impacts of least cost, the best first, at different places if there are several.
 
     Parameters
     ----------
@@ -367,12 +367,12 @@ def most_probable(
 
 
 def _heavier(blow: Blow, by: float) -> Blow:
-    """The blow of a heavier impactor of the same momentum, which may touch once more."""
+    """The impact of a heavier impactor with equal momentum, which may touch a second time."""
     return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
 def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:
-    """The best search, and the best one at another place, or the second."""
+    """The best search, and the best one at another place, or the second best."""
     first, *rest = begun
     far = APART * model.surface.spacing(first.blow.site)
     apart = [fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > far]
@@ -381,7 +381,7 @@ def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:
 
 
 def _places(model: Struck, scanned: Scan) -> list[int]:
-    """Sites whose pulses explain most, apart from one another."""
+    """The sites whose pulses fit best, at a distance from one another."""
     chosen: list[int] = []
     points = model.surface.points
     for i in np.argsort(-scanned.explained, kind="stable").tolist():
@@ -394,7 +394,7 @@ def _places(model: Struck, scanned: Scan) -> list[int]:
 
 
 def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str, float]) -> Blow:
-    """A blow whose pulse on a rigid wall would be that of site i."""
+    """An impact that makes the pulse of site i on a rigid wall."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
     velocity = max(impulse, float(np.finfo(float).tiny)) / (REBOUND * mass)
@@ -410,7 +410,7 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
 
 
 def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
-    """The blow with its best amplitude, and the cost of its signals."""
+    """The impact with the best amplitude, and its cost."""
     model = search.model
     seen, data = search.at(blow)[2].signals.ravel(), model.data.compared.ravel()
     power = float(seen @ seen)

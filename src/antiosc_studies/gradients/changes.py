@@ -61,7 +61,7 @@ VISIBLE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ByModes:
-    """The modes of one body, derivatives by them, and their loads and start.
+    """Derivatives by the modes of one body, by their loads and initial motion.
 
     square, decay, load, start (J,); site (J,) by the displacement of its one site, r by its
     residual compliance. `v`, `g` (J,): modal velocities at the start and loads.
@@ -112,7 +112,7 @@ def by_body(body: Any, by: ByModes, closing: float) -> Values:
 
 
 class ByMatrices(NamedTuple):
-    """Derivatives by the model's matrices K and M in its own coordinates, symmetric (C, C)."""
+    """Derivatives by the matrices K and M of a model in its coordinates, symmetric (C, C)."""
 
     K: Array
     M: Array
@@ -168,7 +168,7 @@ def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
 
 
 def through_start(found: Recorded, by: Slopes) -> Slopes:
-    """From derivatives by the forces at the start, and by a state of rest, to those by the rest.
+    """Convert derivatives by initial forces and a state of rest into derivatives by the other data.
 
     The forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q = load
     - beta' F. Of bodies whose damping couples the modes, `changed_coupled` takes it itself.
@@ -214,7 +214,7 @@ def _slopes(law: Any, depth: float) -> tuple[float, Array]:
 
 
 def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
-    """Change of the goal from one set of bodies to another, to first order.
+    """First-order change of the goal from one set of bodies to another.
 
     Modes of nearly equal frequencies turn into each other within small changes. The squares of
     their frequencies are a matrix X with such a group, and what changes evenly is X beside the
@@ -253,7 +253,7 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
 
 
 def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
-    """The share of `changed` of residual compliances, gaps, friction and laws."""
+    """The part of `changed` due to residual compliances, gaps, friction and laws."""
     a, b = before.system, after.system
     pairs = [(by.residual, b.R - a.R), (by.offsets, b.offsets - a.offsets),
              (by.friction, b.slip - a.slip), (wanted.r, after.r - before.r)]  # fmt: skip
@@ -268,7 +268,7 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
 
 
 def _of_modes(bodies: Assembly) -> dict[str, Array]:
-    """What each mode has, copies (…, J)."""
+    """Data of each mode, copies (…, J)."""
     s = bodies.system
     found = {"square": s.omega**2, "decay": s.decay, "beta": s.beta, "loads": s.loads,
              "q": s.q[None], "v": s.v[None], "B": bodies.B.T}  # fmt: skip
@@ -276,7 +276,7 @@ def _of_modes(bodies: Assembly) -> dict[str, Array]:
 
 
 def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
-    """Modes of nearly equal frequencies of bodies of one site, and the column of the site."""
+    """Groups of nearly equal frequencies of bodies of one site, and the column of the site."""
     for name, span in found.spans.items():
         omega, column = found.system.omega[span], found.columns[name].start
         if found.columns[name].stop != column + 1 or not omega.size:
@@ -288,7 +288,7 @@ def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
 
 
 def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
-    """The orthonormal Krylov basis of the squares of a group and its displacements of the site."""
+    """Orthonormal Krylov basis of the squared frequencies of a group and its site displacements."""
     x = values["square"][group]
     powers = np.vander((x - x.mean()) / np.ptp(x), increasing=True).T * values["B"][column, group]
     basis, R = np.linalg.qr(powers.T)
@@ -296,7 +296,7 @@ def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
 
 
 def leading(law: ContactLaw) -> Array:
-    """The parameters that the march has derivatives by, then 0."""
+    """The parameters by which the C library has derivatives, padded by 0."""
     kind, values = law.kernel[0].kind, law.parameters()  # type: ignore[attr-defined]
     count = {library.TABLE: 0, library.HERTZ: 1}.get(kind, library.LAW_SLOPES - 1)
     first = values[: min(count, len(values) - 1)]
@@ -307,13 +307,13 @@ def leading(law: ContactLaw) -> Array:
 
 
 def impact_of(hit: History) -> Impact | None:
-    """The arguments of `simulate` of a run; None of a scene."""
+    """The arguments of `simulate` of a run; None for a scene."""
     again = hit.budget.keywords["rerun"] if isinstance(hit.budget, partial) else None
     return None if again is None else again.args[0]
 
 
 def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
-    """The bodies of a run, ready to integrate, with another model in place of the body `name`."""
+    """The assembly of a run with another model for the body `name`."""
     impact = impact_of(hit)
     if impact is not None:
         return assemble_pair(impact._replace(model=model))
@@ -326,14 +326,14 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
 def changed_model(
     hit: History, taken: Taken, name: str, before: AntiOscillators, after: AntiOscillators
 ) -> float:
-    """Change of the goal from one model of the body `name` to another, to first order."""
+    """First-order change of the goal from one model of the body `name` to another."""
     return changed(*taken, *(assembly_with(hit, name, each) for each in (before, after)))
 
 
 def by_springs(
     hit: History, by: Slopes, bodies: dict[str, Values], contacts: dict[tuple[str, str], Values]
 ) -> None:
-    """Add to derivatives by contacts and by speeds what they have of the springs of friction.
+    """Add the effect of friction springs to the derivatives by contacts and by speeds.
 
     The stiffness of such a spring follows from the law of its contact, how fast it closes, and the
     patches: differences of scenes, not of runs. What is 0 is held.
@@ -362,7 +362,7 @@ def by_springs(
 
 
 def _with_contact(scene: SceneParts, contact: Contact, name: str, value: float) -> SceneParts:
-    """The scene with another value of a number of a contact, or of its law."""
+    """The scene with another value of a field of a contact, or of its law."""
     change: dict[str, Any] = {name: value}
     if not hasattr(contact, name):
         change = {"law": replace(contact.law, **change)}  # type: ignore[type-var]
@@ -377,7 +377,7 @@ def _with_speed(scene: SceneParts, name: str, speed: float) -> SceneParts:
 
 
 def compared_runs(hit: History) -> list[tuple[History, Turn]]:
-    """Runs beside which a gradient shows its errors, and what each makes of the model.
+    """Runs whose differences show the errors of a gradient, and how each changes the model.
 
     Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
     may have (`antiosc.impact.truncation`), and the model corrected for its mesh.
@@ -399,7 +399,7 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
 
 
 def bar(values: Sequence[Any]) -> Any:
-    """The bar of a derivative from those of the run and of `compared_runs`, name by name.
+    """The error bar of a derivative from the run and `compared_runs`, name by name.
 
     None where it is not known, as of m and omega, of which another model has others.
     """
@@ -421,7 +421,7 @@ def bar(values: Sequence[Any]) -> Any:
 
 
 def first_order_weights(found: Recorded, weights: Array) -> Array:
-    """Weights (n, 2 I + m) of readings in the modes of the march, from those (n, 2 J + m)."""
+    """Readings (n, 2 I + m) in first-order modes, from those (n, 2 J + m) in free modes."""
     first, J = found.system.first, found.system.omega.size
     if first is None:
         return weights
@@ -437,7 +437,7 @@ def by_coupled(
     closing: float,
     change: Callable[[AntiOscillators, AntiOscillators], float],
 ) -> Values:
-    """Derivatives by the parameters of a model of one site; its damping matrix stays.
+    """Derivatives by the parameters of a model of one site with constant damping matrix.
 
     `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range,
     and where two poles nearly fall together.
@@ -465,7 +465,7 @@ def _slope(
     share: Array,
     change: Callable[[AntiOscillators, AntiOscillators], float],
 ) -> float | None:
-    """The derivative by the relative change of a parameter, of the entries that `share` says.
+    """Derivative by a relative change of a parameter; `share` selects its entries.
 
     None where two modes turn into each other at once.
     """
@@ -477,7 +477,7 @@ def _slope(
 
 
 def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
-    """The model with another value of a parameter, relatively."""
+    """The model with a parameter changed relatively."""
     given: Any = getattr(model, name)
     if isinstance(given, DampingMatrix):
         root = np.sqrt(1 + by)
@@ -490,7 +490,7 @@ def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
 def changed_coupled(
     found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
 ) -> float:
-    """Change of the goal by the modes of one set of bodies to another, to first order."""
+    """First-order change of the goal due to the modes, from one set of bodies to another."""
     for bodies in (before, after):
         set_initial_forces(bodies)
     here = _of_march(found)
@@ -512,7 +512,7 @@ def changed_coupled(
 
 
 def _of_march(bodies: Assembly) -> dict[str, Array]:
-    """What the march takes of the modes, and how these move the sites, rows (n, I) or (n, 2 I)."""
+    """Data of the integrated modes, and rows (n, I) or (n, 2 I) by which they move the sites."""
     s, first = bodies.system.marched, bodies.system.first
     assert first is not None
     assert s.gamma is not None
@@ -526,7 +526,7 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
 
 
 def _as_here(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:
-    """The others with the signs of the modes here; NotDifferentiableError for other modes."""
+    """The `other` modes with signs matched; NotDifferentiableError if they differ in kind."""
     size = one["omega"].size
     if any(one[n].shape != other[n].shape for n in one):
         raise NotDifferentiableError(

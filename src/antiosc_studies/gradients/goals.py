@@ -42,51 +42,51 @@ REFINED = 6
 
 @dataclass(eq=False)
 class Recorded(Assembly):
-    """The bodies and contacts of a run, and what its march wrote down."""
+    """The bodies and contacts of a run, and the recorded steps."""
 
     run: Run
 
     @property
     def edges(self) -> Array:
-        """Times (n + 1,) [s] at which steps begin and end."""
+        """Times (n + 1,) [s] of the ends of steps."""
         return self.run.time[::2]
 
     @property
     def places(self) -> dict[str, slice]:
-        """The modes of each body among those that the march integrates."""
+        """Slices of the modes of each body among the integrated modes."""
         first = self.system.first
         return self.spans if first is None else dict(zip(self.bodies, first.spans, strict=True))
 
     @property
     def driven(self) -> bool:
-        """Whether loads or the ground act in time."""
+        """Whether time-dependent loads or ground motion act."""
         return bool(self.scene.loads) or self.scene.base is not None
 
     def model(self, name: str) -> AntiOscillators:
-        """The extracted model that is this body."""
+        """The extracted model of this body; InputError for other bodies."""
         body = self.bodies[name].body
         assert isinstance(body, AntiOscillators)
         return body
 
     def coupled(self, name: str) -> bool:
-        """Whether damping couples the modes of a body."""
+        """Whether damping couples the modes of the body."""
         first = self.system.first
         return first is not None and first.parts[list(self.bodies).index(name)][2] is not None
 
     def states(self) -> Array:
-        """States (n + 1, 2, I) at the edges, of the modes that the march integrates."""
+        """States (n + 1, 2, I) of the integrated modes at the ends of steps."""
         if self.run.every == 1 and self.run.states is not None:
             return self.run.states
         every = np.arange(self.edges.size)
         return np.stack(integrated_starts(self.run, self.system, every), axis=1)
 
     def velocities(self) -> Array:
-        """Velocities (n + 1, J) of the free modes at the edges."""
+        """Velocities (n + 1, J) of the free modes at the ends of steps."""
         return starts(self.run, self.system, np.arange(self.edges.size))[1]
 
 
 def recorded(hit: object) -> Recorded:
-    """The run of a history; InputError for what has none with all that gradients need."""
+    """The recorded run of a history; InputError if it lacks data that gradients need."""
     run = hit.run if isinstance(hit, History) else None
     if not isinstance(hit, History) or run is None or run.exits is None or run.states is None:
         raise InputError(f"hit must be {EXACT}; got {checks.shown(hit)}.")
@@ -102,7 +102,7 @@ def recorded(hit: object) -> Recorded:
 
 @dataclass(eq=False)
 class Seeds:
-    """A goal's value, and its derivatives by forces at nodes, times of edges, and readings.
+    """A goal's value, and its derivatives by nodal forces, times of step ends, and readings.
 
     A reading is the (step, place in it, whether it keeps that place), weights (2 J + m,) of q, v
     and the forces there, and derivatives (3, P) by displacements, velocities and velocities of
@@ -117,7 +117,7 @@ class Seeds:
     readings: list[tuple[tuple[int, float, int], Array, Array]] = field(default_factory=list)
 
     def arrays(self, width: int) -> tuple[NDArray[np.void], Array]:
-        """The readings as the march takes them, in the order of their steps."""
+        """The readings as arrays of the C library, in the order of their steps."""
         ordered = sorted(self.readings, key=lambda reading: reading[0][0])
         places = np.array([place for place, _, _ in ordered], dtype=library.READING)
         weights = [weight for _, weight, _ in ordered]
@@ -127,7 +127,7 @@ class Seeds:
 def seeds(
     found: Recorded, goal: str | Callable[[Sampled], float], contact: int, time: float | None
 ) -> Seeds:
-    """The seeds of a goal by name, or of a function of a run; InputError for an unknown one."""
+    """Value and derivatives of a goal by name, or of a function of a run."""
     if not callable(goal) or isinstance(goal, type):
         checks.choice("goal", goal, (*GOALS, *TIMED))
     if (goal in TIMED) != (time is not None):
@@ -168,7 +168,7 @@ def _read_force(found: Recorded, c: int, to: Seeds, step: int, since: float) -> 
 
 
 def _of_force(found: Recorded, c: int, to: Seeds, step: int, u: float, stays: bool) -> None:
-    """Read the force of a contact at the place u in a step."""
+    """Record a reading of the force of a contact at the position u in a step."""
     weight = np.zeros(2 * found.system.omega.size + len(found.system.beta))
     weight[2 * found.system.omega.size + c] = 1.0
     to.readings.append(((step, u, int(stays)), weight, np.zeros((3, len(to.r)))))
@@ -188,7 +188,7 @@ def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
 
 
 def next_peak(found: Recorded, contact: int) -> Seeds | None:
-    """The seeds of the second largest peak of a contact; None where it is not near the largest."""
+    """The second largest peak of a contact as a goal; None if it is not near the largest."""
     tops = _tops(found, contact)
     others = _other_peaks(tops, int(np.argmax(tops)), NEAR)
     if not len(others):
@@ -200,20 +200,20 @@ def next_peak(found: Recorded, contact: int) -> Seeds | None:
 
 
 def _tops(found: Recorded, c: int) -> Array:
-    """The largest force of a contact in each step."""
+    """Largest force of a contact in each step."""
     run = found.run
     steps = np.arange(run.time.size // 2)
     return library.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
 
 
 def _other_peaks(tops: Array, k: int, near: float) -> NDArray[np.intp]:
-    """Steps of the peaks besides that in step k that are smaller by less than a share."""
+    """Steps of other peaks that are smaller than that in step k by less than a share."""
     large = np.flatnonzero(tops >= (1 - near) * tops[k])
     return large[(np.abs(large - k) > 1) & _rises(tops, large)]
 
 
 def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
-    """Read the largest force of a contact in step k."""
+    """Record a reading of the largest force of a contact in step k."""
     f0, f1, f2 = found.run.force[2 * k : 2 * k + 3, c].tolist()
     a, b = f1 - f0, f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
@@ -222,7 +222,7 @@ def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
 
 
 def _rises(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which of the largest values of these steps are no smaller than those beside them."""
+    """Mask of these steps whose largest values are not below those of their neighbours."""
     before, after = tops[np.maximum(steps - 1, 0)], tops[np.minimum(steps + 1, tops.size - 1)]
     return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
 
@@ -240,7 +240,7 @@ def _impulse(found: Recorded, c: int, to: Seeds) -> None:
 
 
 def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
-    """The edges at which a contact touches and parts, and whether it parted from the last."""
+    """Step ends at which a contact touches and parts, and whether it parted at last."""
     assert found.run.exits is not None
     spans: list[tuple[int, int]] = []
     begin = 0 if found.system.pressed[c] > 0 else None  # closed at the start
@@ -301,7 +301,7 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
 
 
 def _side(found: Recorded, c: int, end: int = 0) -> Array:
-    """Weights (P,) of the columns in the displacement of an end, along the force on the first."""
+    """Weights (P,) of the columns for the displacement of an end along the force on the first."""
     contact = found.scene.contacts[c]
     columns = found.columns[(contact.b if end else contact.a).partition(":")[0]]
     own = np.zeros(found.G.shape[1])
@@ -342,7 +342,7 @@ def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
 
 @dataclass(eq=False)
 class Sampled:
-    """What a function of a run is given: a contact at the nodes of the run, arrays (n,).
+    """The argument of a goal function: a contact at the nodes of a run, arrays (n,).
 
     Attributes
     ----------
@@ -361,7 +361,7 @@ class Sampled:
 
 
 def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
-    """A function of the samples at times that stay, by differences of each sample."""
+    """A goal function of the samples at fixed times, by finite differences of each sample."""
     s, run, J = found.system, found.run, found.system.omega.size
     n = found.edges.size - 1
     step = np.minimum(np.arange(2 * n + 1) // 2, n - 1)
@@ -422,7 +422,7 @@ def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Arr
 def _slopes(
     goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
 ) -> Array:
-    """Central differences (n,) of a goal by the samples of one array; 0 if it reads none of it."""
+    """Central differences (n,) of a goal by the samples of one array; 0 if it does not use it."""
     value = arrays[name]
     h = SAMPLE_CHANGE * float(np.abs(value).max(initial=0.0))
     found = np.zeros(value.size)
@@ -441,7 +441,7 @@ def _slopes(
 def _reads(
     goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
 ) -> bool:
-    """Whether the goal takes an array."""
+    """Whether the goal depends on an array."""
     taken: set[str] = set()
 
     class Watched(Sampled):

@@ -52,7 +52,7 @@ _PARTS = ("bodies", "contacts")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gradient(Completed):
-    """Derivatives of a result; those of one body or contact alone are attributes too.
+    """Derivatives of a result; those of a single body or contact are attributes too.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class Gradient(Completed):
         return [*facts, *self._lines("d/d")]
 
     def _lines(self, label: str) -> list[tuple[str, str]]:
-        """The numbers of each contact and each body."""
+        """The derivatives by parameters of each contact and each body."""
         return [
             (label, ", ".join(f"{n} {value_text(v)}" for n, v in each.items() if value_text(v)))
             for each in (*self.contacts.values(), *self.bodies.values())
@@ -141,7 +141,7 @@ class Gradient(Completed):
 
 
 class GradientNameError(InputError, AttributeError):
-    """A parameter that a gradient does not have, or more than once."""
+    """A gradient has no such parameter, or several of this name."""
 
 
 def gradient(
@@ -230,7 +230,7 @@ def gradient(
 
 
 def overtaken(largest: Gradient, second: Gradient) -> Gradient:
-    """The changes at which the second peak becomes the largest."""
+    """The changes of parameters at which the second peak exceeds the largest."""
     lead = largest.value - second.value
 
     def change(a: Any, b: Any) -> Any:
@@ -247,7 +247,7 @@ def overtaken(largest: Gradient, second: Gradient) -> Gradient:
 
 
 def bars(found: list[Gradient]) -> Gradient:
-    """The bars of the first of these; the others are those of `compared_runs`."""
+    """The error bars of the first derivatives; the others are those of `compared_runs`."""
     value, bodies, contacts = (
         bar([getattr(each, name) for each in found]) for name in ("value", *_PARTS)
     )
@@ -257,7 +257,7 @@ def bars(found: list[Gradient]) -> Gradient:
 def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
-    """Derivatives by the numbers of a part, or by the arguments x of a function that builds it."""
+    """Derivatives by the parameters of a part, or by arguments x of a function that builds it."""
     from antiosc.fields.fields import checked_shapes  # loads dolfinx
     from antiosc_studies.gradients.of_part import (
         SAME_PART,
@@ -306,7 +306,7 @@ def _of_part(
 
 
 def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: march.Slopes) -> dict[str, Values]:
-    """Derivatives by the parameters of bodies of one site; of driven scenes none."""
+    """Derivatives by the parameters of bodies of one site; none if loads or ground motion act."""
     result: dict[str, Values] = {}
     for name, body in found.bodies.items():
         if found.coupled(name):
@@ -323,7 +323,7 @@ def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: march.Slopes) -> d
 
 
 def _closing(found: Recorded, name: str) -> float:
-    """Speed [m/s] with which a body of one site closes its contact at the start."""
+    """Closing speed [m/s] of a body of one site at the start."""
     span, touching = found.spans[name], found.G[:, found.columns[name].start] != 0
     rows = found.system.beta[touching][:, span]
     return float(rows[0] @ found.system.v[span]) if len(rows) else 0.0
@@ -341,7 +341,7 @@ def _contacts(found: Recorded, slopes: march.Slopes) -> dict[tuple[str, str], Va
 
 
 def _by_law(law: ContactLaw, by: Array) -> Values:
-    """Derivatives by the parameters of a law, by name; a table's are not parameters."""
+    """Derivatives by the parameters of a law, by name; a table has none."""
     if law.kernel[0].kind == library.TABLE:  # type: ignore[attr-defined]
         return {}
     names = [each.name for each in fields(law) if each.init]  # type: ignore[arg-type]

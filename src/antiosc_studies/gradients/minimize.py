@@ -38,7 +38,7 @@ ARGUMENTS = ("model", "impactor", "contact", "duration")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Optimum(Result):
-    """What `minimize` found.
+    """The result of `minimize`.
 
     Attributes
     ----------
@@ -60,11 +60,11 @@ class Optimum(Result):
         return 0 if self.converged else 1
 
     def numbers(self) -> dict[str, object]:
-        """The inputs and the goal there: name -> JSON value."""
+        """The optimal inputs and goal: name -> JSON value."""
         return {**super().numbers(), "x": self.x.tolist()}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The run with the inputs that were found, as `History.plot`."""
+        """Plot the run at the optimum, as `History.plot`."""
         return self.hit.plot(path)
 
 
@@ -76,7 +76,7 @@ def minimize(
     constraints: Any = (),
     tol: float = ENOUGH,
 ) -> Optimum:
-    """Inputs for which a result of an impact is least.
+    """Inputs for which a result of an impact is minimal.
 
     SciPy's sequential quadratic programming, with gradients: that of the run is exact
     (`gradient`), and the bodies are made anew, but not simulated, at a small change of each input.
@@ -137,7 +137,7 @@ def minimize(
 
 
 class _Search:
-    """The last run, for the value and the derivatives at one place."""
+    """The last run, kept for the value and the derivatives at the same inputs."""
 
     def __init__(self, build: Callable[[Array], Sequence[Any]], goal: Any, scale: Array) -> None:
         self.build, self.goal, self.scale = build, goal, scale
@@ -153,7 +153,7 @@ class _Search:
         return self.wanted.value
 
     def slopes(self, y: Array) -> Array:
-        """Its derivatives by scaled inputs."""
+        """The derivatives by scaled inputs."""
         self.value(y)
         slopes = np.empty(y.size)
         for i in range(y.size):
@@ -177,7 +177,7 @@ class _Search:
 
 
 def _scaled(bounds: object, start: Array, scale: Array) -> list[tuple[float, float]] | None:
-    """Bounds of the scaled inputs; InputError for those that do not hold `start`."""
+    """Bounds of the scaled inputs; InputError if `start` is outside."""
     if bounds is None:
         return None
     if not isinstance(bounds, list | tuple) or len(bounds) != scale.size:

@@ -118,7 +118,7 @@ class Chain:
 
 
 def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
-    """The chain to the part of a model with shapes.
+    """The derivatives by the matrices of the part of a model with shapes.
 
     Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
     that beside it.
@@ -140,7 +140,7 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
 
 
 def part_chain(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) -> Chain:
-    """The chain to the part of a model."""
+    """The derivatives by the matrices of the part of a model in a run."""
     by = by_modes(found, wanted, slopes, name)
     if by is None:
         raise InputError(
@@ -157,7 +157,7 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) 
 
 
 def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
-    """The model of a part on the shapes of `model`, of one with damping that couples its modes.
+    """The model of a changed part on the shapes of `model`, whose damping couples its modes.
 
     Its constraint modes are those of V'KV and V'MV, and the damping is along them.
     """
@@ -190,25 +190,25 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
 
 
 def _on(shapes: Array, part: Structure) -> ByMatrices:
-    """V'KV and V'MV."""
+    """V'KV and V'MV of a part on shapes V."""
     return ByMatrices(
         *(dot(part.comm, shapes, multiply(matrix, shapes)) for matrix in (part.K, part.M))
     )
 
 
 def _local(model: AntiOscillators, part: Structure) -> float:
-    """The compliance of the site's patch on another part."""
+    """Compliance of the site's patch on a changed part."""
     return model.local_compliance and functional(part, site_of(model)).local_compliance
 
 
 def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
-    """The models of two parts near this one, by the Krylov recurrence; None where it is not known.
+    """The models of two nearby parts, by the Krylov recurrence; None where it does not apply.
 
-    The model of k steps has 2k moments of its part. How they change with K and M is a matter of the
-    first 2k vectors of the recurrence alone: in these it runs again, and nothing is left out, as
-    the upper half of the vectors would be with the shapes of the model. None where rounding has
-    brought modes into the model that its site does not see, and for all but supported parts of
-    one process. Each model is SHRUNK times as far from this one as its part.
+    A model of k steps has 2k moments of its part, which depend on K and M through the first 2k
+    vectors of the recurrence. The recurrence is repeated in the space of these vectors, so that no
+    change of the moments is lost; the k shapes of the model would lose half of them. None where
+    rounding has brought modes into the model that its site does not excite, and for all but
+    supported parts on one rank. Each model is SHRUNK times as far from this one as its part.
     """
     steps = model.info.modes_computed
     if (
@@ -255,7 +255,7 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
 
 
 def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
-    """Derivatives by the numbers of a part's materials, one result for each of `to`.
+    """Derivatives by the parameters of a part's materials, one result for each of `to`.
 
     Of several materials they are {group: …}.
     """
@@ -289,7 +289,7 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
 def _varied(
     item: Any, wanted: Container[str] = ()
 ) -> Iterator[tuple[str, float, Callable[[int], Any]]]:
-    """Name, distance of the ends, and the end -1 or 1 of each number of a material.
+    """For each parameter of a material: name, distance of the varied values, and function of ±1.
 
     `wanted`: of those names alone.
     """
@@ -315,7 +315,7 @@ def _varied(
 
 
 def values_of(material: Any) -> dict[str, Any]:
-    """The arguments of a material, a section or a layer that K and M depend on."""
+    """The arguments of a material, a section or a layer on which K and M depend."""
     idle = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
     names = {each.name for each in fields(material) if each.init} - idle
     return {name: getattr(material, name) for name in sorted(names)}
@@ -327,7 +327,7 @@ def by_shape(
     model: AntiOscillators,
     changes: Sequence[Callable[..., float]],
 ) -> list[Values]:
-    """Derivatives x (n,) by the arguments of a function that builds the part, or its model.
+    """Derivatives by the arguments x (n,) of a function that builds the part or its model.
 
     Each of `changes(before, after)` is that of a goal between two models, to first order.
     """
@@ -346,7 +346,7 @@ def by_shape(
 
 
 def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
-    """The model of a part, extracted as `model` was."""
+    """The model of a part, extracted with the options of `model`."""
     if isinstance(made, AntiOscillators):
         return made
     part = checks.instance("build(x)", made, Structure, "a Structure, or the model of one")
@@ -362,7 +362,7 @@ def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
 
 
 def site_of(model: AntiOscillators) -> Site:
-    """The site of an extracted model; InputError where its place is not known."""
+    """The site of an extracted model; InputError if its place is unknown."""
     info = model.info
     if model.sites or info.point is None or info.direction is None:
         raise InputError(
@@ -373,7 +373,7 @@ def site_of(model: AntiOscillators) -> Site:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignMap(Completed):
-    """What `design_map` returns.
+    """The result of `design_map`.
 
     Attributes
     ----------
@@ -424,7 +424,7 @@ def design_map(
     contact: tuple[str, str] | None = None,
     time: float | None = None,
 ) -> DesignMap:
-    """Where material helps: the derivative of a result by the thickness of every cell.
+    """Derivative of a result by the thickness of every cell: where material is useful.
 
     By E the compliance of the contact's patch belongs to the cells under the patch.
 
@@ -472,7 +472,7 @@ def design_map(
 def _relative(
     part: Structure, meshed: MeshedStructure, by: str
 ) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
-    """Forms whose sums are the changes of K and M with the relative change of a parameter."""
+    """Forms whose sums are the changes of K and M by a relative change of a parameter."""
     if by != "thickness":  # to which they are proportional
         return (meshed.form.stiffness, []) if by == "E" else ([], meshed.form.mass)
     assert part.made_of is not None
@@ -491,7 +491,7 @@ def _relative(
 
 
 def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
-    """(cells,) what the compliance of the site's patch, as 1/E, gives to the cells under it."""
+    """(cells,) share of the compliance of the site's patch, as 1/E, to the cells under it."""
     site = site_of(to.model)
     point, along = np.array([site.point]), np.array([site.direction], dtype=float)
     at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
@@ -502,7 +502,7 @@ def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
 
 
 def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
-    """Shares (R,) and shapes (C, R) of unit energy whose energies add up to sum(by * change)."""
+    """Weights (R,) and shapes (C, R) of unit energy of weighted energies sum(by * change)."""
     values, vectors = np.linalg.eigh(reduced)
     kept = values > 1e-14 * values[-1]
     root = vectors[:, kept] * np.sqrt(values[kept])

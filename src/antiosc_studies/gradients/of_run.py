@@ -29,14 +29,14 @@ def derived(
     contact: tuple[str, str] | None = None,
     time: float | None = None,
 ) -> Taken:
-    """The run, the goal and its derivatives by all numbers of the march; see `gradient`."""
+    """(recorded run, goal, derivatives by all numbers of the system); see `gradient`."""
     found = recorded(hit)
     _refuse(found)
     return _derived(found, seeds(found, goal, contact_number(found, contact), time))
 
 
 def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | None:
-    """The same of the second largest peak of a contact; None where it is not near the largest."""
+    """As `derived` for the second largest peak; None if it is not near the largest."""
     wanted = next_peak(found, contact_number(found, contact))
     return None if wanted is None else _derived(found, wanted)
 
@@ -58,7 +58,7 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
 
 
 def settled(found: Recorded, slopes: march.Slopes) -> march.Slopes:
-    """The derivatives with what the forces and the rest at the start have of them."""
+    """The derivatives including those through the initial forces and state."""
     closed = found.scene.preload or found.system.pressed.any()
     return through_start(found, slopes) if closed else slopes
 
@@ -73,7 +73,7 @@ def _refuse(found: Recorded) -> None:
 
 
 def contact_number(found: Recorded, contact: tuple[str, str] | None) -> int:
-    """Which contact is meant; of one alone it need not be said."""
+    """Number of the contact; it need not be given if there is only one."""
     every = contact_ends(found)
     if contact is None and len(every) == 1:
         return 0
@@ -90,7 +90,7 @@ def contact_ends(found: Recorded) -> list[tuple[str, str]]:
 
 
 def by_modes(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) -> ByModes | None:
-    """Derivatives by the modes of a body of one site; None of others."""
+    """Derivatives by the modes of a body of one site; None for other bodies."""
     s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
     k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes
     if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
@@ -109,7 +109,7 @@ def by_modes(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) ->
 
 
 def model_name(found: Recorded) -> str:
-    """The name of the one body that is an extracted model."""
+    """The name of the only body that is an extracted model."""
     models = [n for n, each in found.bodies.items() if isinstance(each.body, AntiOscillators)]
     if len(models) != 1:
         raise InputError(

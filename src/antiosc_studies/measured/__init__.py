@@ -58,7 +58,7 @@ def from_frf(
     free: bool | None = None,
     above: AntiOscillators | None = None,
 ) -> AntiOscillators:
-    """A passive model of a part from measured frequency responses, with bars of its noise and band.
+    """A passive model of a part from measured frequency responses, with error bars.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def from_frf(
 
 
 def _data(frf: FRF) -> Measured:
-    """The measurement as it is fitted."""
+    """The measurement in the form of the fit."""
     size, w = max(len(frf.sites), 1), 2 * np.pi * frf.frequency
     if frf.values.size > MOST_FITTED:
         raise InputError(
@@ -133,7 +133,7 @@ def _data(frf: FRF) -> Measured:
 
 
 def _turned(data: Measured) -> Measured:
-    """The measurement with the force and motion of driving points in one direction.
+    """The measurement with the signs of force and motion matched at driving points.
 
     Power flows into a passive body: the real part of the mobility, -w Im H, is not negative.
     """
@@ -153,7 +153,7 @@ def _turned(data: Measured) -> Measured:
 
 
 def _outflow(data: Measured) -> float:
-    """Share of the power at the driving points that flows out of the part, of equal forces."""
+    """Share of the power at driving points that flows out of the part, for equal forces."""
     power = _power(data)
     return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
 
@@ -165,7 +165,7 @@ def _power(data: Measured) -> Array:
 
 
 def _check(data: Measured, fit: Fit, known_above: bool) -> None:
-    """Refuse a measurement that the body does not explain; say what is doubtful of it."""
+    """InputError if no body explains the measurement; warnings of what is doubtful."""
     H = fit.modes.receptance(data.w, data.pairs)
     off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
     if (out := _outflow(data)) > BESIDE:
@@ -200,7 +200,7 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
 
 
 def _warn_unclear(data: Measured, modes: Modes) -> None:
-    """Say that the measurement does not tell whether the part is supported."""
+    """Warn that the measurement does not show whether the part is supported."""
     taken = "free, k0 = 0" if modes.rigid is not None else "supported"
     warn(
         f"the lowest line, {data.w[0] / (2 * np.pi):.4g} Hz, shows neither the mass of a free part"
@@ -229,7 +229,7 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
 
 
 def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
-    """Bodies that the measurement does not tell from the best one, in free modes."""
+    """Bodies that are as consistent with the measurement, in free modes."""
     noisy = with_other_noise(data, fit)
     rows = (_free_modes(one) for one in (*noisy, *fit.tails))
     omega, decay, b, r = map(list, zip(*rows, strict=True))
@@ -237,7 +237,7 @@ def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
 
 
 def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:
-    """(omega, decay, b, r) of one site, the rigid-body mode in front."""
+    """(omega, decay, b, r) of one site, the rigid-body mode first."""
     still = [] if modes.rigid is None else [0.0]
     along = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
     omega, b = modes.omega.tolist(), modes.b[:, 0].tolist()

@@ -31,7 +31,7 @@ FEWEST = 8
 
 @runtime_checkable
 class ForceHistory(Protocol):
-    """What is read of a computed impact: a `History`, or the history of one contact of a scene."""
+    """The attributes of a `History`, or of the history of one contact, that are compared."""
 
     @property
     def time(self) -> Array:
@@ -44,7 +44,7 @@ class ForceHistory(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceComparison(Completed):
-    """A measured force beside the computed one.
+    """A measured force compared with the computed one.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class ForceComparison(Completed):
 def compare(
     hit: ForceHistory, measured: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]
 ) -> ForceComparison:
-    """Lay a measured force history over the computed one.
+    """Compare a measured force history with the computed one, shifted in time for the best fit.
 
     Parameters
     ----------

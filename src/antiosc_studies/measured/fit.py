@@ -52,7 +52,7 @@ FIRST_DAMPING = 0.005
 
 
 def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
-    """Poles (n,) above the real axis at the peaks of the mobility, and some between them."""
+    """Initial poles (n,) in the upper half-plane: at peaks of the mobility and in between."""
     level = np.log(np.sum(np.abs(H) ** 2, axis=1)) / 2 + np.log(w)
     noise = float(np.median(np.abs(np.diff(level, 2)))) / 1.65 if len(w) > 5 else 0.0
     if len(w) > 11:
@@ -79,7 +79,7 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
 
 
 def _triangular(A: Array) -> Array:
-    """R of A = Q R, found block by block of rows: between two an interrupt is seen."""
+    """R of A = Q R, block by block of rows, so that an interrupt takes effect in between."""
     R = A[:0]
     for first in range(0, len(A), ROWS):
         R = np.asarray(np.linalg.qr(np.vstack((R, A[first : first + ROWS])), mode="r"))
@@ -87,7 +87,7 @@ def _triangular(A: Array) -> Array:
 
 
 def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
-    """The zeros of sigma, in the left half-plane; those off the real axis by their upper one."""
+    """The zeros of sigma in the left half-plane; of conjugate pairs only the upper one."""
     real = a.imag == 0
     first, second = 1 / (s[:, None] - a), 1 / (s[:, None] - a.conj())
     basis = np.hstack([np.where(real, first, first + second), (1j * (first - second))[:, ~real]])
@@ -146,7 +146,7 @@ MOST_DAMPED = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], and what is known of noise.
+    """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], with their noise.
 
     sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power is what
     was measured, so that its noise may be equal at all frequencies.
@@ -163,7 +163,7 @@ class Measured:
 def refined(
     data: Measured, weight: Array, modes: Modes, steps: int, shift: Array | float = 0.0
 ) -> tuple[Modes, Array, float]:
-    """The most probable body near `modes`, its normal matrix, and chi^2 over the freedom.
+    """The most probable body near `modes`, its normal matrix, and chi^2 over degrees of freedom.
 
     `shift`: added to all residuals, which are those of another measurement then.
     """
@@ -197,7 +197,7 @@ def lowered(
     damping: float,
     moved: Callable[[Array], tuple[T, Array]],
 ) -> tuple[tuple[T, Array] | None, float]:
-    """What a step of Gauss-Newton moves to, with its residuals, and the damping of the next step.
+    """One damped Gauss-Newton step: the new values with residuals, and the next damping.
 
     The step is damped (Levenberg, Marquardt) until the sum of squares is lower; None: it never is.
 
@@ -216,7 +216,7 @@ def lowered(
 
 
 def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
-    """The step, shortened where a mode leaves its neighbourhood, of so many widths of its peak."""
+    """The step, shortened so that modes move by at most this many widths of their peaks."""
     seen, count = modes.seen, len(modes.omega)
     own = modes.zeta[:seen]
     longest = np.minimum(widths * np.maximum(own, 1e-4), LONGEST[1])
@@ -230,7 +230,7 @@ def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Ar
 
 
 def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
-    """Weighted residuals: real parts, imaginary parts, then the tail's."""
+    """Weighted residuals: real parts, imaginary parts, then those of the tail."""
     off = weight * (modes.receptance(data.w, data.pairs) - data.H)
     return np.append(whitened(off.reshape(-1)), modes.expected())
 
@@ -253,7 +253,7 @@ def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> 
 
 
 def _blocks(count: int) -> list[slice]:
-    """Rows of a record, block by block."""
+    """Slices of rows of a record."""
     return [slice(first, first + ROWS) for first in range(0, count, ROWS)]
 
 
@@ -263,12 +263,12 @@ def _derivatives(data: Measured, weight: Array, modes: Modes, rows: slice) -> Co
 
 
 def whitened(values: ComplexArray) -> Array:
-    """Real above imaginary parts; the variance of either is half that of the complex value."""
+    """Real above imaginary parts; each has half the variance of the complex value."""
     return np.sqrt(2) * np.concatenate((values.real, values.imag))
 
 
 def covariance(normal: Array) -> Array:
-    """The inverse of a normal matrix; what the measurement does not see has no variance."""
+    """The inverse of a normal matrix; unobserved directions get no variance."""
     size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(normal / size / size[:, None])
     seen = values > UNSEEN * values[-1]
@@ -277,7 +277,7 @@ def covariance(normal: Array) -> Array:
 
 
 def lifted(data: Measured, modes: Modes) -> Modes:
-    """The body whose residual terms are not zero, where the sum of squares has no slope."""
+    """The body with small residual terms in place of zero, where the cost has no gradient."""
     low = slice(len(data.w) // 8 + 1)
     size = LIFTED * float(np.median(np.abs(data.H)))
     mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
@@ -299,7 +299,7 @@ def _not_zero(root: Array, least: float) -> Array:
 
 
 def noise(data: Measured, modes: Modes) -> Array:
-    """Standard deviations (W, M): a share of |H| and a floor of what was measured, most likely."""
+    """Likely standard deviations (W, M): a share of |H|, and a floor of the measured quantity."""
     fit = modes.receptance(data.w, data.pairs)
     off = np.abs(data.H - fit) ** 2
     size = np.abs(fit) ** 2
@@ -355,7 +355,7 @@ SETTLED = 1.05
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The most probable body.
+    """The most probable body of a fit.
 
     weight : 1/sigma (W, M); chi2 : over the degrees of freedom; cost : minus twice the logarithm of
     its probability; tails : bodies with other tails that are hardly less probable.
@@ -369,7 +369,7 @@ class Fit:
 
 
 def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Tail | None) -> Fit:
-    """The most probable body.
+    """The most probable body, among forms of damping and of support.
 
     `free`: with rigid-body motion, None: if seen; `hysteretic`: the form of damping, None: the more
     probable one; `given`: the modes above the band.
@@ -412,14 +412,14 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
 
 
 def _off_below(data: Measured, modes: Modes) -> float:
-    """Mean relative misfit of the lowest lines, which rigid-body motion moves most."""
+    """Mean relative misfit of the lowest frequencies, which depend most on rigid-body motion."""
     low = slice(LOWEST)
     fit = modes.receptance(data.w[low], data.pairs)
     return float(np.mean(np.abs(fit / data.H[low] - 1)))
 
 
 def _slight(data: Measured, modes: Modes) -> bool:
-    """Whether the rigid-body motion is too small for a part that moves as a whole."""
+    """Whether the rigid-body motion is too small for a free part."""
     if modes.rigid is None:
         return True
     mean = np.mean(modes.b[: modes.seen] ** 2, axis=0) if modes.seen else 0.0
@@ -428,7 +428,7 @@ def _slight(data: Measured, modes: Modes) -> bool:
 
 
 def unclear(data: Measured, modes: Modes) -> bool:
-    """Whether the lowest line of the driving point that moves most is no mass's and no spring's."""
+    """Whether the lowest frequency shows neither mass nor stiffness at the most mobile point."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     H = modes.receptance(data.w[:1], data.pairs)[0]
     column = max(driving, key=lambda each: abs(H[each]))
@@ -441,7 +441,7 @@ def unclear(data: Measured, modes: Modes) -> bool:
 
 
 def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
-    """The fit with the modes that were found."""
+    """The fit with these modes."""
     for _ in range(ROUNDS):
         modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
         if data.sigma is not None:
@@ -459,7 +459,7 @@ def _unlikely(data: Measured, weight: Array, modes: Modes) -> float:
 
 
 def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
-    """The bodies that are not much less probable than the best, in order; some always."""
+    """The bodies whose probability is near that of the best, in order; at least some."""
     costs = [_unlikely(data, fit.weight, one) for one in bodies]
     order = np.argsort(costs)
     least = min(costs)
@@ -472,7 +472,7 @@ def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
 def _first(
     data: Measured, weight: Array, free: bool | None, hysteretic: bool, given: Tail | None
 ) -> Modes:
-    """Modes at the poles of vector fitting, with the residues of least squares."""
+    """Initial modes: poles of vector fitting with residues by least squares."""
     omega, zeta = poles(data.w, data.H, weight)
     low, top = data.w[0] * (1 - BEYOND), data.w[-1] * (1 + BEYOND)
     real = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
@@ -498,7 +498,7 @@ def _first(
 
 
 def _completed(residues: Array, pairs: Pairs) -> Array:
-    """Residues (n, p, p) whose sites without a driving point have the value of rank one."""
+    """Residues (n, p, p) with missing driving points completed as for rank one."""
     own = sorted({m for m, n in pairs if m == n})
     for residue in residues:
         r = max(own, key=lambda site: residue[site, site])
@@ -510,13 +510,13 @@ def _completed(residues: Array, pairs: Pairs) -> Array:
 
 
 def rank_one(residue: Array) -> Array:
-    """b (p,) of the positive semidefinite matrix b b' that is nearest."""
+    """b (p,) of the rank-one matrix b b' nearest to a residue."""
     values, vectors = np.linalg.eigh(residue)
     return np.asarray(np.sqrt(max(values[-1], 0.0)) * vectors[:, -1])
 
 
 def _root(matrix: Array) -> Array:
-    """A lower triangle L with L L' near the semidefinite part of the matrix."""
+    """A lower triangle L with L L' near the positive semidefinite part of the matrix."""
     values, vectors = np.linalg.eigh(matrix)
     least = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
     return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)
@@ -530,7 +530,7 @@ def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
 
 
 def _standing(modes: Modes, spreads: Array) -> BoolArray:
-    """Whether each mode in the band stands above the noise at one site or more."""
+    """Mask: modes in the band whose displacement is significant at one site or more."""
     own = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
     spread = np.sqrt(np.diag(spreads)[first : first + own.size]).reshape(own.shape)
@@ -538,7 +538,7 @@ def _standing(modes: Modes, spreads: Array) -> BoolArray:
 
 
 def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
-    """The body with the modes that the residual shows at driving points; None for no such mode."""
+    """The body with further modes at peaks of the residual; None if there are none."""
     off = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
     for rows in _blocks(len(data.w)):
@@ -582,7 +582,7 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
 
 
 def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
-    """Bodies that other noise would have given; seeded."""
+    """Bodies fitted to other random noise, with a seed."""
     random, lines = np.random.default_rng(0), 2 * data.H.size
     found = []
     for _ in range(DRAWS):
@@ -594,7 +594,7 @@ def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
 
 
 def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
-    """Bodies with other tails among those expected; seeded by the number of modes."""
+    """Bodies with other tails of equal probability, with a seed from the number of modes."""
     random = np.random.default_rng(fit.modes.seen)
     found = []
     for _ in range(max(STARTS // data.sites, 1)):

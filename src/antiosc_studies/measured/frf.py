@@ -44,8 +44,11 @@ STRETCH = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Tail:
-    """Expected modes above the band: omega (U,) [rad/s] and squares b2 (U, p) of the displacements
-    [1/kg], with relative standard deviations (U,) of either."""
+    """Expected modes above the band, with their uncertainty.
+
+    omega (U,) [rad/s] and squares b2 (U, p) of the displacements [1/kg], with relative standard
+    deviations (U,) of either.
+    """
 
     omega: Array
     spread: Array
@@ -112,7 +115,7 @@ class Modes:
         return np.concatenate(blocks, axis=2)
 
     def expected(self) -> Array:
-        """What the tail is off its expectation, in standard deviations (E,)."""
+        """Deviation of the tail from its expectation, in standard deviations (E,)."""
         omega, b, tail = self.omega[self.seen :], self.b[self.seen :], self.tail
         off = (b**2 - tail.b2) / (tail.doubt[:, None] * tail.b2)
         return np.append(np.log(omega / tail.omega) / tail.spread, off)
@@ -129,7 +132,7 @@ class Modes:
 
     @property
     def sizes(self) -> list[int]:
-        """Numbers of `values` of each kind."""
+        """Number of `values` of each kind."""
         triangle = len(self.root) * (len(self.root) + 1) // 2
         rigid = 0 if self.rigid is None else triangle
         return [len(self.omega), self.seen, self.b.size, rigid, triangle]
@@ -166,7 +169,7 @@ class Modes:
 
 
 def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
-    """D (W, J) at circular frequencies (W,) of modes (J,)."""
+    """Dynamic factors D (W, J) of modes (J,) at circular frequencies (W,)."""
     at = w[:, None]
     # in real numbers and in place: a complex quotient takes twice as long
     stiff, loss = omega**2 - at**2, 2 * zeta * omega * (omega if hysteretic else at)
@@ -202,7 +205,7 @@ def _lower(size: int) -> tuple[Index, Index]:
 
 
 def expected_tail(modes: Modes, top: float) -> Tail:
-    """Modes that go on above `top` [rad/s] as the last ones in the band, in growing distances.
+    """Expected modes above `top` [rad/s], at distances that grow from those of the last modes.
 
     Where the distances grow beyond those of the part, each stands for several modes.
     """
@@ -226,7 +229,7 @@ def expected_tail(modes: Modes, top: float) -> Tail:
 
 
 def with_tail(modes: Modes, tail: Tail) -> Modes:
-    """The body with a tail as it is expected; the signs of its displacements are drawn."""
+    """The body with a tail of expected size; the signs of its displacements are random."""
     seen, U = modes.seen, len(tail.omega)
     typical = float(np.median(modes.zeta[:seen])) if seen else TYPICAL
     signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
@@ -241,7 +244,7 @@ def with_tail(modes: Modes, tail: Tail) -> Modes:
 
 
 def drawn(tail: Tail, top: float, random: np.random.Generator) -> Tail:
-    """Another tail as probable: all its modes nearer or farther, then each."""
+    """A random tail of equal probability: all modes shifted by one factor, then each by its own."""
     U = len(tail.omega)
     stretch = np.exp(STRETCH * random.standard_normal())
     omega = top + stretch * (tail.omega - top)
@@ -371,7 +374,7 @@ class FRF(ReprMixin):
 
     @property
     def receptance_sigma(self) -> Array | None:
-        """Standard deviation [m/N] of the complex receptances; None where nothing is known."""
+        """Standard deviation [m/N] of the complex receptances; None if unknown."""
         scale = np.abs(self._power)
         if self.sigma is not None:
             return self.sigma / scale
@@ -423,7 +426,7 @@ class FRF(ReprMixin):
         )
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:
-        """The responses without the mass of the sensor at the site: Z + w^2 m in place of Z.
+        """The responses without the mass of a sensor at the site: Z + w^2 m in place of Z.
 
         Parameters
         ----------
@@ -471,7 +474,7 @@ class FRF(ReprMixin):
 
 
 def stated(quantity: Quantity | None) -> Quantity:
-    """The quantity; InputError where neither the file nor the caller states it."""
+    """The measured quantity; InputError if neither the file nor the caller states it."""
     if quantity is None:
         raise InputError(
             'the file does not tell what was measured: give quantity="accelerance", "mobility" or'
@@ -481,7 +484,7 @@ def stated(quantity: Quantity | None) -> Quantity:
 
 
 def _names(name: str, given: Sequence[str]) -> tuple[str, ...]:
-    """Different names."""
+    """Checked names, which must differ."""
     checks.instance(name, given, (list, tuple), "a list of names")
     found = tuple(checks.name(f"a name in {name}", each) for each in given)
     if len(set(found)) < len(found):

@@ -44,7 +44,7 @@ DataSet: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """One function of a file, with the sign of its directions."""
+    """One function of a universal file, with the signs of its directions."""
 
     response: End
     reference: End
@@ -91,7 +91,7 @@ def functions(path: Path) -> list[Function]:
 
 
 def _units(one: DataSet) -> float:
-    """Factor of m/N: data set 164 has the file's units per SI unit."""
+    """Units in the file per m/N, from its data set 164."""
     length, force = one.get("length"), one.get("force")
     if not (length and force and np.isfinite(length) and np.isfinite(force)):
         raise InputError("the units in data set 164 are no positive numbers.")
@@ -140,7 +140,7 @@ def _function(one: DataSet, scale: float) -> Function:
 
 
 def _end(one: DataSet, side: str) -> tuple[End, int]:
-    """(entity, node, axis) and the sign of an end."""
+    """(entity, node, axis) of one end of a function, and the sign of its direction."""
     name = str(one.get(f"{side}_ent_name", "")).strip()
     node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
     name = "" if name.upper() == "NONE" else name
@@ -157,7 +157,7 @@ def chosen(
     unit: float | None,
     averages: int,
 ) -> FRF:
-    """The responses between the sites that are asked for."""
+    """The responses between the requested sites."""
     measured = [one for one in found if not one.coherence]
     if site is None:
         ends = {"": _driving(measured)}
@@ -189,7 +189,7 @@ def _in_words(end: End) -> str:
 
 
 def _named(measured: list[Function], name: str | int) -> End:
-    """The end of a name, a node, or a node and an axis."""
+    """The end that a name, a node, or "node axis" refers to."""
     wanted = str(name).strip().lower()
     ends = {end for one in measured for end in (one.response, one.reference)}
     fits = [
@@ -210,7 +210,7 @@ def _joined(
     unit: float | None,
     averages: int,
 ) -> FRF:
-    """The responses of all sites per force on those where all were measured."""
+    """The responses of all sites to forces at the sites for which all were measured."""
     if any(end[2] > 3 for end in ends.values()):
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
     pairs: dict[tuple[End, End, bool], Function] = {}
@@ -331,7 +331,7 @@ _DECIBELS = re.compile(r"db(?:\s*re\.?\s*([\d.e+-]*)\s*(\D.*)?)?", re.IGNORECASE
 
 
 def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
-    """The columns of a table in SI units; responses as they are where their `factor` is given."""
+    """The columns of a table in SI units; responses unchanged if their `factor` is given."""
     found: dict[str, object] = {}
     told: set[Quantity | None] = set()
     for kind, column in columns.items():
@@ -349,7 +349,7 @@ def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
 
 
 def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
-    """The numbers of a real or imaginary part, a magnitude or a sigma, and what they are of."""
+    """Numbers and kind of a column: real or imaginary part, magnitude or sigma."""
     values, unit = column.values, column.unit
     decibels = _DECIBELS.fullmatch(unit)
     if decibels is not None and column.kind == "magnitude":
@@ -367,7 +367,7 @@ def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
 
 
 def _of_columns(given: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
-    """An FRF of named arrays."""
+    """An FRF from named arrays."""
     told = given.get("quantity", given.get("told"))
     if quantity and given.get("told") not in (None, quantity):
         raise InputError(
@@ -401,7 +401,7 @@ def _of_columns(given: DataSet, quantity: Quantity | None, factor: float, averag
 
 
 def _missing(what: str, known: set[str]) -> InputError:
-    """The error for a table without what a measurement needs."""
+    """The error for a table that lacks required columns."""
     begins: dict[str, list[str]] = {}
     for key, name in COLUMNS.items():
         begins.setdefault(name, []).append(key)

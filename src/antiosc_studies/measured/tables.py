@@ -64,7 +64,7 @@ MOTIONS: dict[str, tuple[float, Quantity | None]] = {
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A column: what it holds ("" unknown), its name and unit in the header, and its numbers."""
+    """A column of a table: kind of quantity ("" unknown), name and unit in the header, numbers."""
 
     kind: str
     name: str
@@ -72,7 +72,7 @@ class Column:
     values: Array
 
     def in_si(self) -> Array:
-        """The numbers in SI units, frequencies in Hz; InputError for a unit that is not known."""
+        """The numbers in SI units, frequencies in Hz; InputError for unknown units."""
         if not self.unit:
             return self.values
         known = UNITS[self.kind]
@@ -83,7 +83,7 @@ class Column:
 
 
 def unknown_unit(column: Column, known: str) -> InputError:
-    """The error for a unit of a header."""
+    """The error for an unknown unit in a header."""
     return InputError(
         f"the unit {checks.shown(column.unit)} of the column {checks.shown(column.name)} is not"
         f" known: write one of {known}, and the numbers in it."
@@ -91,7 +91,7 @@ def unknown_unit(column: Column, known: str) -> InputError:
 
 
 def motion_label(given: object) -> str:
-    """A unit of a motion, or of one per force, in one way of writing."""
+    """A unit of motion, or of motion per force, in normal form."""
     text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).replace("²", "2")
     mega = text.endswith("MN")
     text = text.lower().replace("/s/s", "/s2").replace("sec", "s")
@@ -100,7 +100,7 @@ def motion_label(given: object) -> str:
 
 
 def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, Quantity | None]:
-    """Factor to SI, None for labels that are not known, and the quantity that they tell."""
+    """(factor to SI, quantity) for the unit of a response; None for unknown units."""
     for name in FORCE_UNITS:
         if not denominator and numerator.endswith(f"/{name}"):
             numerator, denominator = numerator.removesuffix(f"/{name}"), name
@@ -111,19 +111,19 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
 
 
 def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
-    """The factor of a unit, in capital letters or not where that does not matter."""
+    """The factor of a unit, in any case where it is unambiguous."""
     plain = re.sub(r"\s", "", unit)
     fits = [plain] if plain in known else [k for k in known if k.lower() == plain.lower()]
     return known[fits[0]] if len(fits) == 1 else None
 
 
 def table(path: Path, default: list[str]) -> dict[str, Column]:
-    """The columns of a table by what they hold; `default`: where it has no header."""
+    """The columns of a table by kind; `default`: kinds if it has no header."""
     return {each.kind: each for each in columns(path, default) if each.kind}
 
 
 def columns(path: Path, default: list[str]) -> list[Column]:
-    """All columns of a table."""
+    """All columns of a table; `default`: kinds if it has no header."""
     header, values = rows_of(path)
     count = values.shape[1]
     given = [*default, *[""] * count][:count]
@@ -150,7 +150,7 @@ def columns(path: Path, default: list[str]) -> list[Column]:
 
 
 def rows_of(path: Path) -> tuple[list[str], Array]:
-    """The lines before the numbers of a table in text, and the numbers (rows, columns)."""
+    """(lines before the numbers, numbers (rows, columns)) of a text table."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -179,7 +179,7 @@ def rows_of(path: Path) -> tuple[list[str], Array]:
 
 
 def _cells(text: str) -> list[str]:
-    """The cells of a row: between semicolons, tabs, commas or blanks."""
+    """The cells of a row, separated by semicolons, tabs, commas or blanks."""
     for mark in (";", "\t", ","):
         if mark in text:
             cells = [cell.strip() for cell in text.split(mark)]
@@ -188,7 +188,7 @@ def _cells(text: str) -> list[str]:
 
 
 def _joined(text: str, count: int) -> list[str]:
-    """The cells of a header; between blanks a unit in brackets belongs to the name before it."""
+    """The cells of a header; with blanks as separators, "name [unit]" becomes one cell."""
     cells = _cells(text)
     if len(cells) <= count:
         return cells
@@ -209,14 +209,14 @@ def _numbers(cells: list[str]) -> list[float] | None:
 
 
 def _kind(name: str) -> str:
-    """What a column holds, by the longest beginning that fits; "" where unknown."""
+    """The kind of a column, by the longest known beginning of its name; "" if unknown."""
     plain = name.strip().lower()
     fits = [key for key in COLUMNS if plain.startswith(key)]
     return COLUMNS[max(fits, key=len)] if fits else ""
 
 
 def _named(cell: str) -> tuple[str, str, str]:
-    """What a column holds, its name and its unit, of a cell of the header."""
+    """(kind, name, unit) of a cell of the header."""
     name = cell.strip()[:_LONGEST]
     if factor_of(name, FREQUENCIES) is not None:  # a unit is the name: "Hz", "rpm"
         return "frequency", name, name
@@ -238,18 +238,18 @@ def _named(cell: str) -> tuple[str, str, str]:
 
 
 def _is_known(kind: str, unit: str) -> bool:
-    """Whether a text is a unit of what a column holds."""
+    """Whether a text is a unit for this kind of column."""
     if kind in UNITS:
         return factor_of(unit, UNITS[kind]) is not None
     return unit.lower().startswith("db") or response_unit(motion_label(unit))[0] is not None
 
 
 def _bare(name: str) -> str:
-    """The unit of a cell that is a unit in brackets; else the cell."""
+    """The unit without brackets if a cell is a unit in brackets; else the cell."""
     return _BRACKETS.sub(r"\2", name) if not _BRACKETS.sub(r"\1", name).strip() else name
 
 
 def _is_unit(name: str) -> bool:
-    """Whether a cell is a unit alone."""
+    """Whether a cell is only a unit."""
     bare = _bare(name)
     return bare != name or any(_is_known(kind, bare) for kind in _BARE)

@@ -56,7 +56,7 @@ class ContactLaw(ABC):
 
     @cached_property
     def valid_force(self) -> float:
-        """Largest force [N] for which the law's own theory holds."""
+        """Largest force [N] for which the theory of the law holds."""
         return float("inf")
 
     def without(self, compliance: float) -> ContactLaw:
@@ -83,11 +83,11 @@ class ContactLaw(ABC):
         return np.array([self.energy(d, state) for d in delta.tolist()])
 
     def touch(self, speed: float, state: State | None = None) -> State:
-        """State at first touch (`state` None) or at a further one, closing at `speed` [m/s]."""
+        """State after a touch at a closing `speed` [m/s]; `state` None: the first touch."""
         return () if state is None else state
 
     def advance(self, delta: float, rate: float, state: State) -> State:
-        """State after a step that ended at this indentation and rate."""
+        """State after a step that ends with this indentation and rate."""
         return state
 
     def origin(self, state: State) -> float:
@@ -95,7 +95,7 @@ class ContactLaw(ABC):
         return 0.0
 
     def lost(self, state: State) -> float:
-        """Energy [J] lost by hysteresis since the state was new."""
+        """Energy [J] lost by hysteresis since the first touch."""
         return 0.0
 
     def damping(self, delta: float, rate: float, state: State) -> float:
@@ -103,8 +103,9 @@ class ContactLaw(ABC):
         return 0.0
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
-        """Why a peak force above `valid_force` cannot be trusted and what to do; `radius` [m] is
-        that of the structure's patch, if any."""
+        """Why a peak force above `valid_force` is doubtful, and the remedy; `radius` [m]: of the
+        patch.
+        """
         if not self.compliance:
             return (
                 f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
@@ -121,7 +122,8 @@ class ContactLaw(ABC):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        """Radius [m] of a patch for a peak force above `valid_force`; None: no patch, or no help.
+        """Radius [m] of a patch whose `valid_force` reaches a peak force; None without a patch or
+        remedy.
 
         The patch's compliance goes with 1/radius, the contact's at most with 1/F^growth.
         """
@@ -193,7 +195,7 @@ TAKEN = 0.7
 
 
 class Without(ContactLaw):
-    """A law of the caller's minus the compliance [m/N] of a patch; the rate is that of delta.
+    """A law of the user minus the compliance [m/N] of a patch; the rate is that of delta.
 
     Beyond `valid_force` the compliance takes less, so that a run can complete.
     """
@@ -223,7 +225,7 @@ class Without(ContactLaw):
         return min(law.valid_force, end)
 
     def _whole(self, delta: float, rate: float, state: State) -> float:
-        """The indentation with that of the patch."""
+        """The indentation of the law itself: delta and the indentation of the patch."""
         law, low = self.law, delta
         share = 2 / 3 * TAKEN  # of the depth beyond the origin
         room = share / (1 - share) * max(delta - law.origin(state), 0.0)
@@ -271,7 +273,7 @@ _ThreeDoubles = c_double * 3
 
 
 class Compiled(Checked, ContactLaw):
-    """Base of the laws that the library knows."""
+    """Base of the contact laws that the C library evaluates."""
 
     #: the library's number of the law
     kind: ClassVar[int]
@@ -281,7 +283,7 @@ class Compiled(Checked, ContactLaw):
     _parameters: list[float] | None = None
 
     def parameters(self) -> list[float]:
-        """Parameters as the library takes them: the compliance of a patch is the last."""
+        """Parameters in the order of the C library; the last is the compliance of a patch."""
         # a subclass of the caller may have more fields
         law = next(each for each in type(self).__mro__ if "kind" in vars(each))
         names = [one.name for one in fields(law) if one.name != "compliance"]
@@ -294,7 +296,7 @@ class Compiled(Checked, ContactLaw):
 
     @cached_property
     def kernel(self) -> tuple[library.Law, Array]:
-        """The law as the library takes it, and the numbers that it points to."""
+        """The law as a structure of the C library, and the arrays that it refers to."""
         numbers = np.array(self.parameters(), dtype=float)
         return library.Law(self.kind, numbers.size, library.address(numbers), None), numbers
 
@@ -336,7 +338,7 @@ class Compiled(Checked, ContactLaw):
         return out
 
     def forces_at_rest(self, delta: Array, state: State) -> Array:
-        """Forces (n,) [N] at indentations (n,) [m] that do not change."""
+        """Forces (n,) [N] at constant indentations (n,) [m]."""
         depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
         library.library.aom_law_forces(
             self._at,

@@ -57,7 +57,7 @@ LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
 
 @dataclass(frozen=True)
 class Choice:
-    """A law, and why it was chosen.
+    """A contact law, and the reason for its choice.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Choice:
 
     @property
     def reason(self) -> str:
-        """Why this law: a sentence without its dot."""
+        """The reason for this law, without a full stop."""
         if self.soft is None or self.soft.yield_strength is None:
             return self.kind
         name, strength = self.soft.name or "the weaker side", self.soft.yield_strength
@@ -152,7 +152,7 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """Share of the flexibility of what stays elastic, and what it may be.
+    """Share of the flexibility of the body that stays elastic, and the interval of this share.
 
     None of it where both sides are as strong: by symmetry the contact then is that of a rigid ball;
     all of the other side where that is stronger by `APART`, which is sure from `STRONGER` on.
@@ -166,8 +166,7 @@ def _elastic_share(
 
 
 def _angle(one: Surface, other: Surface) -> float:
-    """Between the first principal directions of both surfaces [degree]; 0 where one is not
-    known."""
+    """Angle between the first principal directions of both surfaces [degree]; 0 if unknown."""
     if one.along is None or other.along is None:
         return 0.0
     cosine = abs(sum(a * b for a, b in zip(one.along, other.along, strict=True)))
@@ -175,7 +174,7 @@ def _angle(one: Surface, other: Surface) -> float:
 
 
 def _doubt(one: Surface, other: Surface) -> str:
-    """What the error of a law depends on and is not known."""
+    """The unknown properties on which the error of a law depends, in words."""
     for surface in (one, other):
         if surface.kind in SHARP:
             radius = engineering(1 / surface.curvatures[1], "m")
@@ -186,7 +185,7 @@ def _doubt(one: Surface, other: Surface) -> str:
 
 
 def _flat(one: Surface, other: Surface, modulus: float) -> Choice:
-    """Two flat faces: a rigid punch on the half-space of both, of the smaller radius."""
+    """Law of two flat faces: rigid punch of the smaller radius, half-space of both materials."""
     sizes = [s.radius for s in (one, other) if s.radius is not None]
     if not sizes:
         raise InputError(
@@ -198,7 +197,7 @@ def _flat(one: Surface, other: Surface, modulus: float) -> Choice:
 
 
 def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
-    """A contact along a line, whose gap is B y^2."""
+    """Law of a line contact with the gap B y^2."""
     length = min(one.length, other.length)
     if checks.is_infinite(length):
         raise InputError(
@@ -210,7 +209,8 @@ def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Hertz's largest pressure [Pa] of an elastic contact that takes as much work as this law up to
-    an indentation [m]."""
+    """Hertz's largest pressure [Pa] of the elastic contact with the same work up to an indentation
+    [m].
+    """
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

@@ -48,20 +48,19 @@ class Curvature(ReprMixin):
 
     @property
     def radii(self) -> tuple[float, float]:
-        """Principal radii [m] in the order of `values`: inf flat, < 0 hollow, NaN sharp."""
+        """Principal radii [m] in the order of `values`: inf flat, < 0 concave, NaN sharp."""
         first, second = (1 / float(k) if k else inf for k in self.values)
         return first, second
 
     def beyond(self, distance: float) -> Curvature:
-        """Curvature of the surface that lies this distance [m] outside of this one, as a face of a
-        shell outside of its middle surface."""
+        """Curvature of the parallel surface at this distance [m] outward, as a face of a shell."""
         stretch = 1 + self.values * distance
         change = 1 / float(np.min(np.abs(stretch))) ** 2 if np.isfinite(stretch).all() else 1.0
         values, point = self.values / stretch, self.point + distance * self.normal
         return replace(self, values=values, error=self.error * change, point=point)
 
     def against(self, other: Curvature) -> Curvature:
-        """The sum of the curvatures of two surfaces that touch: of the gap between them."""
+        """Curvature of the gap between two surfaces in contact: the sum of both."""
         both = [(c.directions.T * c.values) @ c.directions for c in (self, other)]
         values, vectors = np.linalg.eigh(self.directions @ (both[0] + both[1]) @ self.directions.T)
         values[np.abs(values) < ROUNDED * np.abs(values).max()] = 0.0

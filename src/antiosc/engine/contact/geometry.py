@@ -53,7 +53,7 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
 def relative_of_curvatures(
     first: tuple[float, float], second: tuple[float, float], angle: float
 ) -> tuple[float, float]:
-    """The same of principal curvatures [1/m]; A may be 0 or less."""
+    """As `relative_curvatures`, from principal curvatures [1/m]; A may be 0 or less."""
     total = sum(first) + sum(second)
     c1, c2 = first[0] - first[1], second[0] - second[1]
     spread = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
@@ -67,7 +67,7 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
 
 
 class Circle(NamedTuple):
-    """A circular contact in place of an elliptic one; `error` of its force, relative."""
+    """A circular contact equivalent to an elliptic one; `error`: relative, of its force."""
 
     modulus: float
     radius: float
@@ -75,7 +75,7 @@ class Circle(NamedTuple):
 
 
 def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
-    """The circular contact of the same stiffness and, at each indentation, the same pressure.
+    """The circular contact with the stiffness and, at each indentation, the pressure of an ellipse.
 
     So it yields where the ellipse does, but for the strength of slender ones, and has its area,
     pi R delta. Where all is plastic that of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
@@ -233,7 +233,7 @@ def contact_stress(
 
 
 def hertz_pressure(stiffness: float, modulus: float, force: float) -> float:
-    """Largest pressure [Pa] of Hertz's law k_H [N m^-3/2] and E* [Pa] at a force [N].
+    """Largest pressure [Pa] of Hertz's law with k_H [N m^-3/2] and E* [Pa] at a force [N].
 
     Of an elliptic contact that of the circular one with the same k_H. Johnson, (4.24).
     """
@@ -242,7 +242,7 @@ def hertz_pressure(stiffness: float, modulus: float, force: float) -> float:
 
 
 def _shear_on_axis(nu: float) -> Array:
-    """|σz − σr|/2 over p0 at `DEPTHS`."""
+    """|σz − σr|/2 over p0 on the axis at `DEPTHS`."""
     z = DEPTHS
     normal = -1 / (1 + z**2)
     radial = -(1 + nu) * (1 - z * np.arctan(1 / z)) - normal / 2

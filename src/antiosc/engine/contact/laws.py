@@ -345,7 +345,7 @@ class Hysteretic(Patched):
 
 @lru_cache(maxsize=64)
 def yield_factor(nu: float) -> float:
-    """Largest pressure of Hertz's at first yield over the yield strength, 1.61 for nu = 0.3.
+    """Hertz's largest pressure at first yield over the yield strength, 1.61 for nu = 0.3.
 
     Mises' stress is largest on the axis (K. L. Johnson, Contact Mechanics, 1985, section 3.4).
     """
@@ -435,7 +435,7 @@ class ElasticPlastic(Hysteretic):
         return self.stiffness * self.yield_indentation**1.5
 
     def error_at(self, depth: float) -> tuple[float, float]:
-        """Measured errors at an indentation [m] with that of the patch: of force and restitution.
+        """Measured errors of force and restitution at an indentation [m], patch included.
 
         The largest, relative of the force at equal indentation, absolute of restitution, against
         small-strain finite elements of nu = 0.2 to 0.45, elastic shares to 0.74, without hardening
@@ -451,7 +451,7 @@ class ElasticPlastic(Hysteretic):
         return float(force) + STRAINED[0] * strain, float(restitution) + STRAINED[1] * strain
 
     def yield_speed(self, mass: float) -> float:
-        """Relative speed [m/s] from which the contact yields of bodies with a reduced mass [kg]."""
+        """Closing speed [m/s] from which a contact of bodies with a reduced mass [kg] yields."""
         work = 0.4 * self.yield_force * self.yield_indentation
         return sqrt(2 * work / checks.positive("mass", mass, "kg"))
 
@@ -654,7 +654,7 @@ class Tabulated(Hysteretic):
 
 
 def _knots(x: Array, y: Array) -> list[float]:
-    """Knots, four rows of coefficients (a spare 0 each), value and slope at the end."""
+    """Knots, four rows of coefficients (each padded by a 0), value and slope at the last knot."""
     from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
     cubic = PchipInterpolator(x, y)

@@ -42,16 +42,16 @@ class Matter:
 
     @property
     def rigid(self) -> bool:
-        """Whether it does not deform."""
+        """Whether the material is rigid."""
         return isinf(self.E)
 
     @property
     def known(self) -> bool:
-        """Whether it is known when it yields, or that it does not."""
+        """Whether the onset of yield is known, or known not to occur."""
         return self.rigid or self.brittle or self.yield_strength is not None
 
     def strengths_at(self, strain_rate: float) -> tuple[float, float]:
-        """Lowest and highest yield strength [Pa] that it may have at a strain rate [1/s].
+        """Lower and upper bound of the yield strength [Pa] at a strain rate [1/s].
 
         The lowest is that of slow tests; the highest that of the range, or of the rate where this
         is more: S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University
@@ -71,7 +71,7 @@ RIGID = Matter(inf)
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface where it is touched.
+    """The surface of a body at a place of contact.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def matter_of(
     nu: float | None = None,
     yield_strength: float | None = None,
 ) -> Matter | None:
-    """The material of a name or an object with constants, with others in their place.
+    """The properties of a material, named or an object; the constants given take precedence.
 
     None where neither a material nor E is given. InputError for a material with directions.
     """
@@ -181,7 +181,7 @@ def _of_object(material: object) -> Matter:
 
 
 def _checked(matter: Matter) -> Matter:
-    """The matter of a file, whose numbers may be anything."""
+    """The properties read from a file, checked, for its numbers may be anything."""
     checks.poisson(matter.nu)
     for name in ("E", "yield_strength", "critical"):
         value = getattr(matter, name)

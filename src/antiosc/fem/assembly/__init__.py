@@ -16,7 +16,9 @@ MeshedParts: TypeAlias = "MeshedStructure | AssembledMatrices"
 
 
 def with_parts(structure: Structure, otherwise: str = NO_MESH) -> MeshedParts:
-    """The matrices of one mesh or of several; InputError that says `otherwise` for given ones."""
+    """The matrices of meshed parts; InputError with the sentence `otherwise` for matrices without
+    mesh.
+    """
     if not (structure.matrices.meshed or structure.matrices.assembled):
         raise InputError(otherwise)
     return cast("MeshedParts", structure.matrices)

@@ -80,7 +80,7 @@ LARGEST_BLOCK = 6000
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """The dofs and the rows of an elimination; `pivot` and `owner` are of each row."""
+    """The dofs and rows of an elimination; `pivot` and `owner` have one entry a row."""
 
     C: Sparse
     pivot: IntArray
@@ -91,7 +91,7 @@ class _System:
     scale: Array
 
     def names(self, rows: IntArray) -> str:
-        """The joints of some rows, for messages."""
+        """Names of the joints to which some rows belong, for messages."""
         return ", ".join(dict.fromkeys(self.labels[k] or "the supports" for k in self.owner[rows]))
 
 
@@ -102,7 +102,7 @@ def eliminate(
     basis: Sparse | None = None,
     prescribed: Array | None = None,
 ) -> Eliminated:
-    """Solve the constraints for dependent dofs.
+    """Solve the constraints for dependent dofs: u = T q.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def eliminate(
 
 
 def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """C without the columns of fixed dofs and without rounding."""
+    """C without the columns of fixed dofs and without entries that are rounding."""
     C.sum_duplicates()
     size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = row_numbers(C)
@@ -175,7 +175,7 @@ def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
 
 
 def _solved(system: _System) -> tuple[Sparse, IntArray, list[Redundant]]:
-    """(T of the dofs involved, the dependent ones, redundant joints)."""
+    """(T of the constrained dofs, the dependent ones, redundant joints)."""
     T = scipy.sparse.identity(len(system.scale), format="csr")
     rounds, left = _peeled(system)
     redundant: list[Redundant] = []
@@ -191,7 +191,7 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, list[Redundant]]:
 
 
 def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
-    """(rounds of (rows, their dofs), rows that are left).
+    """(rounds of (rows, dofs for which they are solved), remaining rows).
 
     A dof for which a row of one round is solved occurs in no other row of this round or of later
     ones.
@@ -218,7 +218,7 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
 
 
 def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
-    """The functionals that the dofs `pivots` equal, one for each row."""
+    """Each row of C solved for its pivot dof: the functional that this dof equals."""
     row = row_numbers(C)
     own = C.indices == pivots[row]
     at = np.zeros(C.shape[0])
@@ -230,7 +230,7 @@ def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
 
 
 def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
-    """T after the dofs `pivots` are replaced by the functionals `solved` of the others."""
+    """T with the dofs `pivots` replaced by the functionals `solved` of other dofs."""
     own = (solved @ T).tocoo()
     keep = np.ones(T.shape[0])
     keep[pivots] = 0.0
@@ -242,7 +242,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
 
 
 def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
-    """(solved rows, their dofs, redundant joints) of rows that overlap, by connected blocks."""
+    """(solved rows, their dofs, redundant joints) of coupled rows, block by block."""
     pattern = abs(system.C[left][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
@@ -265,7 +265,7 @@ def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Red
 
 
 def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tuple[int, set[int]]]]:
-    """One connected block as solved rows, their dofs, and (joint, others) of redundant rows."""
+    """Solve one connected block: solved rows, their dofs, and (joint, others) of redundant rows."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
         raise InputError(
@@ -304,7 +304,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
 
 
 def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
-    """(unit rows that no earlier ones span, (joint, joints that span it) of the others)."""
+    """(independent unit rows, (joint, joints that span its row) of dependent rows)."""
     R = scipy.linalg.qr(A.T, mode="r")[0]
     space = np.zeros((R.shape[0], len(A)), order="F")
     upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
@@ -428,7 +428,9 @@ def put_together(
     apart: bool = False,
     prestress: Prestress | None = None,
 ) -> Structure:
-    """`assemble` with checked joints; `apart`: parts may be joined to nothing, for each is held."""
+    """`assemble` for checked joints; `apart`: parts without a joint are allowed, since each is
+    held.
+    """
     started = time.perf_counter()
     solver = checked_choice(solver)
     given = checked_parts(parts)
@@ -473,7 +475,7 @@ def put_together(
 
 @dataclass(frozen=True, eq=False)
 class _Joined:
-    """What rank 0 finds of an assembly."""
+    """The results of an assembly on rank 0."""
 
     points: dict[str, Array]  # all reference points, those that joints bring included
     eliminated: Eliminated
@@ -490,7 +492,7 @@ def _joined(
     attached: Sequence[PointMass | Spring | Damper],
     apart: bool,
 ) -> tuple[_Joined, Constraints, PETSc.Mat, PETSc.Mat]:
-    """(what is found, of which constraints, K, M) of parts that this rank has whole."""
+    """(results, constraints, K, M) of parts that are whole on this rank."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -534,7 +536,7 @@ def _joined(
 
 
 def _fixed(layout: Layout) -> BoolArray:
-    """Dofs that supports of the parts hold, and those that a plane's reference points lack."""
+    """Fixed dofs: those of supports of the parts, and out-of-plane dofs of reference points."""
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
@@ -560,7 +562,7 @@ def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
 
 
 def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffness]) -> None:
-    """InputError for a part, a body of one, or a reference point that is joined to nothing."""
+    """InputError for a part, a body of a part, or a reference point without any joint."""
     bodies = assembled.unjoined_bodies(layout)
     body = np.zeros(layout.count, dtype=int)
     for k, one in enumerate(bodies):

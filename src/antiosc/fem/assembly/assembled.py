@@ -50,7 +50,7 @@ STILL = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """Dofs that move together without strain: before the parts are joined, or of the whole."""
+    """Dofs with their rigid motions: of one body before joining, or of the assembly."""
 
     name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
@@ -60,7 +60,7 @@ class RigidBody:
 
 
 def unjoined_bodies(layout: Layout) -> list[RigidBody]:
-    """Connected bodies of the parts, superelements and points: what moves before it is joined."""
+    """Connected bodies of the parts, superelements and points, before they are joined."""
     found: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
         labels = member.connected
@@ -78,13 +78,13 @@ def unjoined_bodies(layout: Layout) -> list[RigidBody]:
 
 
 def _around(x: Array, layout: Layout) -> tuple[Array, float]:
-    """Centre (3,) and half of the extent of points x (n, 3) [m]."""
+    """Centre (3,) and half the diagonal of the box of points x (n, 3) [m]."""
     size = float(np.linalg.norm(np.ptp(x, axis=0))) / 2
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
 
 def whole_body(layout: Layout) -> RigidBody:
-    """The whole assembly as one body, about its middle."""
+    """The assembly as one body, with rotations about its middle."""
     return _rigid_body(
         layout.places, "all", np.arange(layout.count), layout.middle, layout.size / 2
     )
@@ -101,7 +101,7 @@ def _rigid_body(
 def free_motions(
     layout: Layout, constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, Array, list[RigidBody]]:
-    """Motions without strain that satisfy the constraints and leave fixed dofs at zero.
+    """Strain-free motions that satisfy the constraints and vanish at fixed dofs.
 
     Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
     """
@@ -134,7 +134,7 @@ def _motions_of(bodies: Sequence[RigidBody], size: int) -> Sparse:
 
 
 def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """Constraints of unit size, and the fixed dofs."""
+    """Constraints scaled to unit size, and one row for each fixed dof."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     keep = size > 0
     units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
@@ -145,7 +145,7 @@ def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
 
 
 def _null_space(E: Array | Sparse) -> Array:
-    """An orthonormal basis (k, r) of the columns' combinations that vanish in E (m, k)."""
+    """Orthonormal basis (k, r) of the null space of E (m, k)."""
     k = E.shape[1]
     if not E.shape[0]:
         return np.eye(k)
@@ -159,7 +159,7 @@ def _null_space(E: Array | Sparse) -> Array:
 
 
 def _excluding_rigid(found: Array, rigid: Array) -> Array:
-    """The motions among `found` that are orthogonal to `rigid`, orthonormal."""
+    """Orthonormal basis of the motions `found` orthogonal to `rigid`."""
     if not found.shape[1]:
         return found
     basis = np.linalg.qr(rigid)[0] if rigid.shape[1] else rigid
@@ -171,7 +171,7 @@ def _excluding_rigid(found: Array, rigid: Array) -> Array:
 
 
 def described(one: RigidBody, motions: Array) -> str:
-    """The motions (rows of u, m) of a body in words."""
+    """The motions (rows of u, m) of a body in words, such as "translation along x"."""
     coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
     return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)
@@ -194,7 +194,7 @@ def modes_of(
     mechanisms: Array,
     moving: Sequence[RigidBody],
 ) -> tuple[Array, float]:
-    """(M-orthonormal motions without strain, first shift)."""
+    """(M-orthonormal strain-free motions, first shift)."""
     found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
     comm = MPI.COMM_SELF
     modes = orthonormal(comm, M, found)
@@ -229,7 +229,7 @@ def modes_of(
 
 
 def _force_ratio(member: Member, u: Array, least: float) -> float:
-    """Largest force of motions (rows, k) of a part over that of the entries of its K.
+    """Largest force of motions (rows, k) of a part, relative to the absolute values of K's entries.
 
     Motions below `least` are rounding.
     """
@@ -248,7 +248,7 @@ def warn_of_motions(
     *,
     supported: bool,
 ) -> None:
-    """Warn of mechanisms, and of rigid motions that supports leave."""
+    """Warn of mechanisms, and of rigid motions that the supports permit."""
     if mechanisms.shape[1]:
         warn(
             "the joints leave parts free to move without strain: "
@@ -262,7 +262,7 @@ def warn_of_motions(
 
 
 def _in_words(mechanisms: Array, moving: Sequence[RigidBody]) -> str:
-    """The motion of each body in mechanisms."""
+    """The mechanisms in words, body by body."""
     names: dict[str, str] = {}
     for one in moving:
         names.setdefault(one.name, described(one, mechanisms))
@@ -274,7 +274,7 @@ Loads = TypeVar("Loads", Array, Sparse)
 
 
 class Added:
-    """What joints and attachments add to the matrices of the parts.
+    """Contributions of joints and attachments to the matrices of the parts.
 
     Attributes
     ----------
@@ -293,19 +293,19 @@ class Added:
         self.K, self.M = whole([one.k for one in elastic]), whole([one.m for one in elastic])
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
-        """Dashpots and Maxwell branches that act on q, or on u before the parts are joined."""
+        """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
         both = [(one, one.G if on_u else G) for one, G in self._elastic]
         named = [(one, partial(Dissipation, G, name=one.name, point=one.point)) for one, G in both]
         found = [term(one.c) for one, term in named if one.c is not None]
         return found + [term(k, t) for one, term in named for k, t in one.branches]
 
     def springs(self) -> list[Dissipation]:
-        """The springs on u, with their stiffnesses."""
+        """The springs as functionals of u, with their stiffnesses."""
         every = [one for one, _ in self._elastic]
         return [Dissipation(one.G, one.k, name=one.name, point=one.point) for one in every]
 
     def mass_on_u(self, count: int) -> Sparse:
-        """The masses (n, n) on the dofs u of `count`."""
+        """Mass matrix (n, n) of the point masses on the `count` dofs u."""
         own = [one.G.T @ scipy.sparse.csr_matrix(one.m) @ one.G for one, _ in self._elastic]
         return sum(own, Sparse((count, count))).tocsr()
 
@@ -435,7 +435,7 @@ class AssembledMatrices(StructureMatrices):
 
     @cached_property
     def _layers(self) -> list[Dissipation]:
-        """The layers of all parts that relax, and the damping of superelements, on q."""
+        """Relaxing layers of all parts, and the damping of superelements, as terms on q."""
         found, made = [], dict[int, PETSc.Mat]()
         for part in self.layout.condensed.values():
             if part.part.C is not None:
@@ -452,7 +452,7 @@ class AssembledMatrices(StructureMatrices):
         return found
 
     def _on_q(self, rows: slice, matrix: Sparse) -> PETSc.Mat:
-        """A matrix of some rows of u as one of q."""
+        """A matrix on some rows of u, projected on q."""
         T = self.T[rows]
         whole = (T.T @ matrix @ T).tocsr()
         whole.sort_indices()
@@ -490,19 +490,19 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Where the dofs of u are."""
+        """Node, direction and kind of each dof of u."""
         return self.layout.places
 
     def expanded(self, q: Array) -> Array:
-        """u, whole, of columns of q (rows of this rank, k). All ranks must call it."""
+        """Motions u of the whole assembly for columns q (rows of this rank, k)."""
         return np.asarray(self.T @ self.local.whole(q))
 
     def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
-        """Loads on some rows of u as loads on q, whole."""
+        """Project loads on some rows of u on the whole vector q."""
         return self.T[rows].T @ loads
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
-        """(part, its dofs (rows, k)) of all parts, or of the one named, for columns of q.
+        """(part, shapes on its dofs (rows, k)) of all parts, or of part `name`, for columns of q.
 
         All ranks must call it.
         """
@@ -511,21 +511,21 @@ class AssembledMatrices(StructureMatrices):
         return [(member, u[member.rows]) for member in members]
 
     def decided(self, work: Callable[[], Found]) -> Found:
-        """The result of `work()` by rank 0, since another may choose otherwise by rounding."""
+        """The result of `work()` on rank 0: on another rank rounding could decide otherwise."""
         return on_root(self.comm, work)
 
     def own(self, rows: Array) -> Array:
-        """The rows of this rank of what `decided` work has found whole."""
+        """The rows of this rank of a whole vector that `decided` work returned."""
         return self.local.own(rows)
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
-    """Functionals one under the other."""
+    """Functionals stacked as rows of one matrix."""
     return scipy.sparse.vstack([Sparse((0, count)), *functionals]).tocsr()
 
 
 def block_of(layout: Layout) -> int:
-    """Dofs of a node; 1 where those of the parts differ.
+    """Number of dofs of a node; 1 if it differs between the parts.
 
     The factor is ordered by the first dof of each node. In half a node of a flat sheet, a rotation,
     that dof is coupled to none of the other half, and the order would be of no use.
@@ -555,7 +555,7 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
 def take_by_strains(
     K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> None:
-    """Let products with K be taken by the strains of the parts, where some part has them."""
+    """Let K be multiplied through the strains of the parts, if some part has them."""
     if any(by_strains(m.part.K) for m in layout.members.values()):
         K.setAttr(PRODUCT, _product(layout, eliminated, added, local))
 
@@ -587,7 +587,7 @@ def _projected(
 
 
 def _unchanged(T: Sparse) -> BoolArray:
-    """Which dofs of u are dofs of q (n,)."""
+    """Mask (n,): dofs of u that are dofs of q."""
     row = row_numbers(T)
     own = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
     same = np.zeros(T.shape[0], dtype=bool)
@@ -596,7 +596,7 @@ def _unchanged(T: Sparse) -> BoolArray:
 
 
 def _block_diagonal(blocks: Sequence[Sparse], count: int) -> Sparse:
-    """A block-diagonal matrix; the dofs after the last block have empty rows."""
+    """A block-diagonal matrix of `count` rows; the rows after the last block are empty."""
     starts = np.cumsum([0, *(b.shape[0] for b in blocks)])
     ends = np.cumsum([0, *(b.nnz for b in blocks)])
     pointers = [b.indptr[:-1] + end for b, end in zip(blocks, ends[:-1], strict=True)]
@@ -615,7 +615,7 @@ def _block_diagonal(blocks: Sequence[Sparse], count: int) -> Sparse:
 def _product(
     layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> Callable[[Array], Array]:
-    """Products with K by the accurate products of the parts."""
+    """Product with K through the accurate products of the parts."""
     T, back = eliminated.T, eliminated.T.T.tocsr()
     kept = scipy.sparse.diags(eliminated.dependent.astype(float))
 

@@ -69,17 +69,17 @@ class Motion:
     displacement_space: Array = field(default_factory=lambda: np.eye(3))
 
     def has(self, component: str) -> bool:
-        """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
+        """Whether the end has a displacement or rotation of this name, in the assembly's axes."""
         space = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
         return self.along(space, np.eye(3)["xyz".index(component[-1])])
 
     def components(self, names: Sequence[str] = COMPONENTS) -> Sparse:
-        """Functionals of some displacements and rotations, by default of all six."""
+        """Functionals of the named displacements and rotations, by default all six."""
         six = scipy.sparse.vstack([self.displacements, self.rotations]).tocsr()
         return six[[COMPONENTS.index(name) for name in names]]
 
     def lacking(self, names: Sequence[str]) -> list[str]:
-        """The components among `names` that the end does not have."""
+        """The components among `names` without a dof at this end."""
         empty = np.diff(self.components(names).indptr) == 0
         return [
             name
@@ -88,27 +88,27 @@ class Motion:
         ]
 
     def turns(self, all_of: Array) -> bool:
-        """Whether it has all rotations that a projection (3, 3) keeps."""
+        """Whether the end has all rotations in the image of a projection (3, 3)."""
         return bool(np.abs(all_of - all_of @ self.rotation_space @ all_of).max() <= MISSING_SHARE)
 
     @staticmethod
     def along(space: Array, direction: Array) -> bool:
-        """Whether a projection (`displacement_space`, `rotation_space`) keeps a unit direction."""
+        """Whether a unit direction lies in the image of a projection."""
         return bool(direction @ space @ direction > 1 - MISSING_SHARE)
 
     def at(self, point: Array) -> Motion:
-        """The motion of a point that is rigidly connected to the end."""
+        """The motion of a point that is rigidly connected to this end."""
         return replace(self, displacements=self.displacements_at(point[None]), point=point)
 
     def displacements_at(self, points: Array) -> Sparse:
-        """Displacements (3P, n) of points (P, 3) that are rigidly connected to the end."""
+        """Displacements (3P, n) of points (P, 3) that are rigidly connected to this end."""
         arms = scipy.sparse.csr_matrix(skew(points - self.point).reshape(-1, 3))
         same = scipy.sparse.vstack([self.displacements] * len(points))
         return (same - arms @ self.rotations).tocsr()
 
 
 def checked_end(name: str, end: object) -> End:
-    """An end in the form that is stored, or InputError."""
+    """An end of a joint, checked; InputError for anything else."""
     if isinstance(end, str) and end:
         return end
     if isinstance(end, tuple | list) and len(end) in (2, 3) and isinstance(end[0], str) and end[0]:
@@ -133,7 +133,7 @@ def end_text(end: End) -> str:
 
 
 def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
-    """(part, group) of an end that must be a group."""
+    """(part, group) of an end; InputError unless it is a group."""
     if not isinstance(end, str) or ":" not in end:
         raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
     return _member_and_group(layout, end)
@@ -162,7 +162,7 @@ def _member(layout: Layout, part: str, end: End) -> Member:
 
 
 def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
-    """The motion of an end at its own place.
+    """The motion of an end at its reference point.
 
     `partly`: the caller takes ends that do not have all displacements, as sites of superelements.
     """
@@ -190,7 +190,7 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
 
 
 def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
-    """Warn of a joint that spans more than the smaller of the parts that it joins measures."""
+    """Warn of a joint whose ends are farther apart than the smaller of its two parts is long."""
     gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
     names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
     sizes = [layout.members[one].part.mesh.extent() for one in names if one in layout.members]
@@ -204,7 +204,7 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) 
 
 
 def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Motion:
-    """The motion of a site or a node of a superelement, by its name or its place."""
+    """The motion of a site or node of a superelement, by its name or its coordinates."""
     if isinstance(end, str):
         name = end.split(":", 1)[1]
     else:
@@ -241,7 +241,7 @@ def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
 def _of_point(
     layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
 ) -> Motion:
-    """The motion of a part at a point, or of its surface around it."""
+    """The motion of a part at a point, or of its surface within a radius."""
     end = (part, point)
     member = _member(layout, part, end)
     nearest = member.closest(in_space(point)[None])
@@ -259,7 +259,7 @@ def _of_point(
 
 
 def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
-    """Points of the surface of a part, of sheets and beams themselves, in a ball."""
+    """Points within a ball on the surface of a solid, or of a sheet or beam."""
     faces, own = member.part.faces, member.at.own(place[None])[0]
     close = np.linalg.norm(faces.centres - own, axis=1) <= faces.radii + radius
     whole = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
@@ -275,7 +275,7 @@ def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature
 
 
 def _rotation_space(layout: Layout, member: Member) -> Array:
-    """The rotations that nodes of a part have."""
+    """Projection (3, 3) on the rotations that the nodes of a part have."""
     return layout.rotations if member.has_rotations else np.zeros((3, 3))
 
 
@@ -315,7 +315,7 @@ Redundant = tuple[str, list[str], int]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Homogeneous constraints of one joint."""
+    """Homogeneous linear constraints of one joint."""
 
     matrix: Sparse  # (m, n), each row a functional of u that is zero
     pivot: IntArray  # (m,) the dof for which each row is solved if possible; -1: any
@@ -323,7 +323,7 @@ class Rows:
 
     @classmethod
     def free(cls, matrix: Sparse, label: str) -> Rows:
-        """Rows that may be solved for any of their dofs."""
+        """Rows, each of which may be solved for any of its dofs."""
         return cls(matrix, np.full(matrix.shape[0], -1), label)
 
 
@@ -347,7 +347,7 @@ def following(
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What is held before the constraints of a joint are made."""
+    """The dofs that are held before the constraints of a joint are formed."""
 
     rows: Sequence[Rows]  # of the supports and of earlier joints
     fixed: BoolArray  # (n,) dofs that are zero
@@ -355,7 +355,7 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """All constraints of an assembly; the attributes are the arguments of `eliminate`."""
+    """All constraints of an assembly; the attributes are arguments of `eliminate`."""
 
     rows: Sequence[Rows]
     fixed: BoolArray
@@ -375,7 +375,7 @@ class Eliminated:
     particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
-        """q of motions u (n, k) that satisfy the constraints."""
+        """q for motions u (n, k) that satisfy the constraints."""
         q = np.array(u if self.basis is None else self.basis.T @ u)
         q[self.dependent] = 0.0
         return q
@@ -383,7 +383,7 @@ class Eliminated:
 
 @dataclass(frozen=True, eq=False)
 class Stiffness:
-    """Gᵀ k G and Gᵀ m G, which a joint or an attachment adds to K_b and M_b."""
+    """Gᵀ k G and Gᵀ m G, which a joint or an attachment adds to the block-diagonal K_b and M_b."""
 
     G: Sparse  # (j, n) functionals of u
     #: k, m: (j, j) stiffness and mass of these
@@ -400,7 +400,7 @@ class Stiffness:
 
     @property
     def strains(self) -> Array:
-        """Unit combinations of the functionals that a motion without strain leaves at zero.
+        """Unit combinations of the functionals that vanish in strain-free motions.
 
         Functionals that are zero, as motions out of a plane, are in none of them.
         """
@@ -426,7 +426,7 @@ class Joint(Checked):
     late: ClassVar[bool] = False
 
     def prepare(self, layout: Layout, label: str) -> None:
-        """Add the reference points that the joint brings with it to the layout."""
+        """Add the reference points of the joint to the layout."""
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
         """Constraints of the joint."""
@@ -437,13 +437,13 @@ class Joint(Checked):
         return []
 
     def label(self, number: int) -> str:
-        """The joint's name, or its kind and number in the list of joints."""
+        """The joint's name, or its class and its number in the list of joints."""
         return repr(self.name) if self.name else f"joint {number} ({type(self).__name__})"
 
 
 @dataclass(frozen=True)
 class Between(Joint):
-    """Base of the joints of two ends."""
+    """Base of joints between two ends."""
 
     a: End = field(metadata=END)
     b: End = field(metadata=END)
@@ -505,7 +505,7 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
 
 
 def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffness]:
-    """What a mass, a grounded spring or a damper adds, at each of its places."""
+    """Contributions of a mass, a grounded spring or a damper at each of its points."""
     values = values_of(one, layout.plane)
     names, diagonal = list(values), np.diag(list(values.values()))
     zero = np.zeros_like(diagonal)
@@ -538,7 +538,7 @@ def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffne
 
 
 def superelement(layout: Layout, one: Condensed) -> Stiffness:
-    """K and M of a superelement on its own dofs."""
+    """K and M of a superelement on its dofs."""
     part = one.part
     own = layout.units(np.arange(one.first, one.first + one.size))
     return Stiffness(own, part.K, part.M, rigid=part.rigid)

@@ -33,12 +33,12 @@ Sparse: TypeAlias = scipy.sparse.csr_matrix
 
 
 def row_numbers(matrix: Sparse) -> IntArray:
-    """The row of each entry."""
+    """The row of each stored entry of a sparse matrix."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
 
 
 def largest(size: Array, row: IntArray, count: int) -> Array:
-    """Largest of the entries of each row (count,)."""
+    """Largest absolute entry of each row (count,)."""
     result = np.zeros(count)
     np.maximum.at(result, row, size)
     return result
@@ -49,7 +49,7 @@ POINT_DOFS = 6
 
 
 class Layout:
-    """All parts of an assembly and its reference points.
+    """The dofs u of all parts of an assembly and of its reference points.
 
     Attributes
     ----------
@@ -111,26 +111,26 @@ class Layout:
 
     @property
     def rotations(self) -> Array:
-        """Projection (3, 3) on the rotations that nodes may have: about z alone of plane parts."""
+        """Projection (3, 3) on the rotations of nodes: about z alone for plane parts."""
         return np.diag([0.0, 0.0, 1.0]) if self.plane else np.eye(3)
 
     def of_point(self, name: str) -> IntArray:
-        """Dofs (6,) in u of a reference point."""
+        """Dofs (6,) in u of the reference point `name`."""
         start = self._first_point + POINT_DOFS * list(self.points).index(name)
         return np.arange(start, start + POINT_DOFS)
 
     def matrix(self, row: IntArray, column: IntArray, value: Array, count: int) -> Sparse:
-        """A matrix of `count` functionals of u from entries of any shape; repeated ones add up."""
+        """`count` functionals of u as a sparse matrix; repeated entries add up."""
         entries = (np.ravel(value), (np.ravel(row), np.ravel(column)))
         return scipy.sparse.csr_matrix(entries, shape=(count, self.count))
 
     def nothing(self, count: int) -> Sparse:
-        """Functionals that are zero."""
+        """`count` zero functionals."""
         return scipy.sparse.csr_matrix((count, self.count))
 
     @property
     def places(self) -> DofPlaces:
-        """Where and what each dof of u is; a dof that the plane lacks has no direction."""
+        """Node, direction and kind of each dof of u; out-of-plane dofs have no direction."""
         x = np.array(list(self.points.values())).reshape(-1, 3)
         axes = np.vstack([np.eye(3), np.eye(3)])
         if self.plane:
@@ -202,7 +202,7 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """(name, its functionals (P, n)) of the components of a part in its own axes.
+        """(name, functionals (P, n)) of the components of a part along its axes.
 
         `motions` (3P, n): displacements, or rotations, of P points in the axes of the assembly.
         """
@@ -217,12 +217,12 @@ class Layout:
         return np.asarray(member.first + member.block * np.asarray(nodes) + component)
 
     def units(self, columns: IntArray) -> Sparse:
-        """Functionals that are single dofs."""
+        """Functionals that pick single dofs."""
         return self.matrix(np.arange(len(columns)), columns, np.ones(len(columns)), len(columns))
 
 
 def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) -> bool:
-    """Whether the parts are plane; InputError where some are and others are not."""
+    """Whether all parts are plane; InputError if only some are."""
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
         sheet = next(name for name, one in plane.items() if one)
@@ -262,7 +262,8 @@ ROUNDED_COEFFICIENT = 1e-13
 
 
 def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Sparse | None:
-    """W (n, n), orthogonal, with which dense rows f W of u = W q act on few q; None: none.
+    """Orthogonal W (n, n), u = W q, for which dense functionals f W have few entries; None if not
+    needed.
 
     Parameters
     ----------
@@ -304,7 +305,7 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
 
 
 def rounded(matrix: Sparse) -> Sparse:
-    """Without coefficients that are rounding beside others of their row."""
+    """The matrix without entries that are rounding relative to the largest of their row."""
     matrix = matrix.tocsr()
     size, row = np.abs(matrix.data), row_numbers(matrix)
     matrix.data[size < ROUNDED_COEFFICIENT * largest(size, row, matrix.shape[0])[row]] = 0.0
@@ -331,7 +332,7 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
 def _halved(
     A: Array, positions: Array, some: IntArray, blocks: list[tuple[IntArray, Array]]
 ) -> tuple[IntArray, Array, Array]:
-    """(dofs, vectors on which the functionals act, their values there) of a part of the group.
+    """(dofs, vectors on which the functionals do not vanish, values there) of part of the dofs.
 
     The vectors on which they vanish are added to `blocks`.
     """

@@ -42,7 +42,7 @@ class Facets(Entities):
 
     @cached_property
     def outward(self) -> Array | None:
-        """Unit vectors (F, 3) across the facets, out of the part; None where it has no outside."""
+        """Unit vectors (F, 3) normal to the facets, outward; None where the part has no outside."""
         part = self.member.part
         if not part.kind.outside or self.dim != part.mesh.tdim - 1:
             return None
@@ -55,17 +55,17 @@ class Facets(Entities):
 
     @property
     def is_edge_of_sheet(self) -> bool:
-        """Whether these are edges of the cells of a shell."""
+        """Whether the facets are edges of shell cells."""
         return self.dim == 1 and self.member.part.kind.sheet
 
     @property
     def degree(self) -> int:
-        """Polynomial degree of the displacements on a face, in all directions together."""
+        """Total polynomial degree of the displacements on a face."""
         own = self.member.part.form.degree
         return own if self.simplex else 2 * own
 
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
-        """(face, ξ, weight [m or m²]) of a rule for products of functions on all faces.
+        """(face, ξ, weight [m or m²]) of a quadrature for products of shape functions on all faces.
 
         `pieces`: into which each edge is divided.
         """
@@ -82,7 +82,7 @@ class Facets(Entities):
 
     @cached_property
     def measure(self) -> float:
-        """Area or length, m² or m."""
+        """Total length or area, m or m²."""
         return float(self.rule()[2].sum())
 
     def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
@@ -116,7 +116,7 @@ OUTSIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Points of a rule on what two surfaces have in common, n of them."""
+    """Quadrature points on the intersection of two surfaces, n of them."""
 
     face: tuple[IntArray, IntArray]  # (n,), (n,) face of the first and of the second side
     xi: tuple[Array, Array]  # (n, dim), (n, dim) coordinates in these
@@ -124,19 +124,19 @@ class Overlap:
     weight: Array  # (n,) [m or m²]
 
     def exchanged(self) -> Overlap:
-        """The same with the sides exchanged."""
+        """The overlap with its two sides exchanged."""
         (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
         return Overlap((g, f), (eta, xi), (y, x), self.weight)
 
     def only(self, keep: BoolArray) -> Overlap:
-        """Some of the points."""
+        """The overlap at the points in the mask `keep`."""
         (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
         sides = (f[keep], g[keep]), (xi[keep], eta[keep]), (x[keep], y[keep])
         return Overlap(*sides, self.weight[keep])
 
 
 def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
-    """What two sets of faces, or of edges, have in common, at most `gap` [m] apart."""
+    """The intersection of two sets of faces, or of edges, at most `gap` [m] apart."""
     mine, theirs = near(second.centres, second.radii + first.radii.max() + gap, first.centres)[::-1]
     reach = first.radii[mine] + second.radii[theirs] + gap
     close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
@@ -161,7 +161,7 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
 
 
 def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
-    """Points of edges with the nearest points of faces, at most `gap` [m] away."""
+    """Quadrature points of edges with the nearest points of faces, at most `gap` [m] away."""
     edge, xi, weight = edges.rule(RULE_PIECES)
     x = edges.at(edge, xi)[0]
     face, eta, y = closest(faces, x, gap)
@@ -188,7 +188,7 @@ def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array
 def _coordinates(
     side: Facets, face: IntArray, points: Array, along: Array | None
 ) -> tuple[Array, Array, BoolArray]:
-    """(ξ, points of the face, whether they lie in it) of points brought onto faces."""
+    """(ξ, points of the face, whether they lie in it) of points projected on faces."""
     xi = projected(
         lambda k, xi: side.at(face[k], xi), points, side.middle[face],
         affine=side.affine, along=along,
@@ -287,7 +287,7 @@ def clipped(polygons: Array, windows: Array) -> tuple[Array, IntArray]:
 
 
 def _counterclockwise(polygons: Array) -> Array:
-    """Convex polygons (n, v, 2) turned to one sense."""
+    """Convex polygons (n, v, 2) with their corners in counterclockwise order."""
     return np.where((_area(polygons) < 0)[:, None, None], polygons[:, ::-1], polygons)
 
 

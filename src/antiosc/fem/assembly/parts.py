@@ -54,7 +54,7 @@ NODE_DOFS = 6
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """A site or a node of a superelement, in its own axes."""
+    """A site or node of a superelement, in the axes of the superelement."""
 
     point: Array  # (3,) [m]
     #: displacements, rotations: (3, n) functionals of the displacement and the rotation
@@ -69,7 +69,7 @@ class Interface:
 
 @dataclass(frozen=True, eq=False)
 class Superelement:
-    """K and M of n dofs, and what each of these is."""
+    """K and M of n dofs, and the meaning of each dof."""
 
     #: K, M: (n, n)
     K: Array
@@ -88,7 +88,7 @@ class Superelement:
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """A superelement in its place."""
+    """A superelement at its placement in an assembly."""
 
     name: str  # of the part in the assembly
     part: Superelement  # the superelement
@@ -97,7 +97,7 @@ class Condensed:
 
     @cached_property
     def places(self) -> DofPlaces:
-        """Where its dofs are in the assembly."""
+        """Node, direction and kind of its dofs in the assembly."""
         return self.part.places.placed(self.at)
 
     @property
@@ -211,7 +211,7 @@ def _dense(matrix: object) -> Array:
 
 
 def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelement:
-    """The same with K exactly zero on the rigid motions that it leaves free.
+    """The superelement with K exactly zero on the rigid motions that its supports permit.
 
     InputError where its null vectors are not such motions.
     """
@@ -247,7 +247,9 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
 
 
 def _padded(one: Superelement) -> Superelement:
-    """The same with fixed dofs added, so that the nodes of the parts behind it stay blocks."""
+    """The superelement with fixed dofs appended, so that the dofs of later nodes start at whole
+    blocks.
+    """
     more, places = -one.size % NODE_DOFS, one.places
     right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
     ends = {
@@ -275,7 +277,7 @@ def _padded(one: Superelement) -> Superelement:
 
 
 def interface(one: Condensed, end: Interface, count: int) -> tuple[scipy.sparse.csr_matrix, ...]:
-    """(displacements, rotations) of an end (3, count) of u, in the axes of the assembly."""
+    """(displacements, rotations) (3, count) of an end as functionals of u, in assembly axes."""
     found = []
     for own in (end.displacements, end.rotations):
         rotated = scipy.sparse.coo_matrix(one.at.rotation @ own)
@@ -285,7 +287,7 @@ def interface(one: Condensed, end: Interface, count: int) -> tuple[scipy.sparse.
 
 
 def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
-    """Name -> the part."""
+    """The parts by name, checked."""
     if not isinstance(parts, Mapping) or not parts:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
     for name in parts:
@@ -297,7 +299,7 @@ def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
 
 
 def _check_name(what: str, name: object) -> None:
-    """InputError for what no joint can name."""
+    """InputError for a name that joints cannot refer to."""
     found = checks.name(f"a {what}'s name", name)
     if not found.strip() or ":" in found:
         raise InputError(f"a {what}'s name must be a text without a colon; got {shown(name)}.")
@@ -324,7 +326,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
 
 
 def checked_places(members: Mapping[str, object], at: object) -> dict[str, Placement]:
-    """Name -> placement of the part."""
+    """The placement of each part by name, checked."""
     given = {} if at is None else at
     if not isinstance(given, Mapping):
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
@@ -336,7 +338,7 @@ def checked_places(members: Mapping[str, object], at: object) -> dict[str, Place
 
 
 def checked_points(members: Mapping[str, object], points: object) -> dict[str, Array]:
-    """Name -> coordinates (3,) of a reference point [m]."""
+    """The coordinates (3,) [m] of each reference point by name, checked."""
     given = {} if points is None else points
     if not isinstance(given, Mapping):
         raise InputError(f"points must be a dict: name -> coordinates; got {shown(points)}.")
@@ -394,7 +396,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 @dataclass(frozen=True)
 class RowRange:
-    """Rows `first` to `last` of an assembly, which this rank of `comm` has."""
+    """The rows `first` to `last` of an assembly that a rank of `comm` owns."""
 
     comm: MPI.Comm
     first: int
@@ -402,25 +404,25 @@ class RowRange:
 
     @classmethod
     def of(cls, comm: MPI.Comm, count: int, block: int) -> RowRange:
-        """An equal share of `count` rows, in whole blocks of rows."""
+        """An equal share of `count` rows for this rank, in whole blocks of rows."""
         ends = [block * (count // block * rank // comm.size) for rank in range(comm.size)]
         return cls(comm, ends[comm.rank], [*ends, count][comm.rank + 1])
 
     @property
     def rows(self) -> slice:
-        """The rows of this rank."""
+        """Slice of the rows of this rank."""
         return slice(self.first, self.last)
 
     def own(self, q: NDArray[Scalar]) -> NDArray[Scalar]:
-        """The rows of this rank of vectors that every rank has whole."""
+        """The rows of this rank of vectors that every rank holds whole."""
         return q if self.comm.size == 1 else q[self.first : self.last]
 
     def whole(self, q: Array) -> Array:
-        """Vectors whole, from the rows of each rank; all ranks must call it."""
+        """Whole vectors, gathered from the rows of each rank; all ranks must call it."""
         return q if self.comm.size == 1 else np.concatenate(self.comm.allgather(q))
 
     def matrix(self, whole: PETSc.Mat | None, block: int) -> PETSc.Mat:
-        """The distributed matrix of one that rank 0 has whole; all ranks must call it."""
+        """A distributed matrix from one that rank 0 holds whole; all ranks must call it."""
         if self.comm.size == 1:
             return whole
         spans = self.comm.gather((self.first, self.last))
@@ -439,7 +441,7 @@ class RowRange:
 
 
 def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Comm:
-    """The communicator of the ranks that share an assembly; InputError where it is not one.
+    """The communicator that shares all parts; InputError if they have different ones.
 
     Parts that every rank has for itself fit any.
     """
@@ -458,7 +460,7 @@ def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Com
 def on_every_rank(
     parts: Mapping[str, MeshedStructure | Superelement], comm: MPI.Comm
 ) -> dict[str, MeshedStructure | Superelement]:
-    """The parts, whole on every rank; all ranks must call it."""
+    """Copies of the parts, whole on every rank; all ranks must call it."""
     if comm.size == 1:
         return dict(parts)
     made: dict[int, MeshedStructure] = {}  # one Structure may have several names

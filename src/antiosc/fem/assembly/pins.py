@@ -48,7 +48,7 @@ class _Pin(Between):
     name: str | None = field(default=None, metadata=NAME)
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
-        """The displacements and rotations in which both ends move alike."""
+        """Equal displacements and rotations of both ends, in the constrained directions."""
         ends = motion(layout, self.a), motion(layout, self.b)
         warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
         x = ends[0].point if self.point is None else in_space(self.point)
@@ -119,7 +119,9 @@ class _Axis(_Pin):
     _turns_about_axis: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
-        """As of every pin; in a plane the axis must be one about or along which parts move."""
+        """As `Weld.constraints`; InputError in a plane structure for an axis that its motions
+        exclude.
+        """
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         across = self._turns_about_axis
         if layout.plane and abs(rotated - across) > COINCIDENT:
@@ -130,7 +132,7 @@ class _Axis(_Pin):
         return super().constraints(layout, held, label)
 
     def _across(self) -> Array:
-        """Two unit vectors (2, 3) across the axis."""
+        """Two unit vectors (2, 3) perpendicular to the axis."""
         unit = np.array(self.axis) / np.linalg.norm(self.axis)
         first = np.cross(unit, np.eye(3)[np.argmin(np.abs(unit))])
         first /= np.linalg.norm(first)
@@ -165,7 +167,7 @@ class Slider(_Axis):
 
 
 def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Motion:
-    """The motion of an end at x, to which it is connected rigidly."""
+    """The motion at point x, rigidly connected to an end."""
     arm = x - own.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
@@ -184,7 +186,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
 
 
 def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
-    """b − a along directions (k, 3), without entries that are the rounding of equal ones."""
+    """b − a along directions (k, 3), without entries that are rounding of equal coefficients."""
     along = scipy.sparse.csr_matrix(directions)
     found = (along @ (b - a)).tocsr()
     distinct = abs(found) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
@@ -192,7 +194,7 @@ def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
 
 
 def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Motion) -> None:
-    """InputError where an end does not have a rotation that the joint holds."""
+    """InputError if an end lacks a rotation that the joint constrains."""
     for end, one in ((joint.a, a), (joint.b, b)):
         for direction in rotations:
             if not one.along(one.rotation_space, direction / np.linalg.norm(direction)):
@@ -231,7 +233,7 @@ class Equation(Joint):
         super().__post_init__()
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
-        """The one row of the equation."""
+        """The single row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
             own = motion(layout, end, partly=True)
@@ -270,7 +272,7 @@ OF_AXES = checked_by(by_components, "Bushing", AXES)
 
 
 def _branches(_: str, given: object) -> tuple[tuple[dict[str, float], float], ...]:
-    """Stiffnesses by components and relaxation times."""
+    """Checked stiffnesses by component, and relaxation times."""
     if not isinstance(given, list | tuple) or any(
         not isinstance(one, list | tuple) or len(one) != 2 for one in given
     ):
@@ -327,7 +329,7 @@ class Bushing(Between):
             )
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
-        """k (b − a)² of each component."""
+        """A spring k (b − a)²/2 for each component."""
         a, b = (motion(layout, end, partly=True) for end in (self.a, self.b))
         given = [self.stiffness, self.damping, *(own for own, _ in self.branches)]
         names = list(dict.fromkeys(name for own in given for name in own))
@@ -381,7 +383,7 @@ GAUSS_POINTS = 5
 
 @dataclass(frozen=True)
 class Bolt(Between):
-    """A straight beam between two ends: of groups their mean motions, so that its forces spread.
+    """A straight beam between two ends; a group as an end moves by its mean motion.
 
     The element has the exact static stiffness of a Timoshenko beam, and its consistent mass.
 
@@ -404,7 +406,7 @@ class Bolt(Between):
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
     def _reach(self, layout: Layout) -> float:
-        """Distance of its ends, m."""
+        """Distance between its ends, m."""
         a, b = (motion(layout, end).point for end in (self.a, self.b))
         return float(np.linalg.norm(b - a))
 
@@ -467,7 +469,7 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
 
 
 def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
-    """(a (12,), B (12, 12)): a beam with the dofs g of `element` is longer by a·g + gᵀBg/2.
+    """(a (12,), B (12, 12)): a beam with the dofs g of `element` elongates by a·g + gᵀBg/2.
 
     B has the slopes of its deflections, and the twist by which fibres off the axis lengthen.
     """
@@ -488,14 +490,14 @@ def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
 
 
 def _shear_share(beam: Beam, I: float, L: float) -> float:  # noqa: E741
-    """φ = 12 EI/(GκA L²), 0 of a beam that is rigid in shear."""
+    """φ = 12 EI/(GκA L²); 0 for a beam that is rigid in shear."""
     if not beam.shear:
         return 0.0
     return 12 * beam.E * I / (beam.G * beam.section.A * beam.section.shear * L**2)
 
 
 def _slopes(phi: float, L: float, s: Array) -> Array:
-    """Slopes (4, points) of the deflections at s in [0, 1] for unit dofs."""
+    """Slopes (4, points) of the deflection at s in [0, 1], for each unit dof of bending."""
     return np.stack([
         (-6 * s + 6 * s**2 - phi) / L,
         1 - 4 * s + 3 * s**2 + phi / 2 * (1 - 2 * s),
@@ -505,7 +507,7 @@ def _slopes(phi: float, L: float, s: Array) -> Array:
 
 
 def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E741
-    """(4, 4) of (deflection, slope) of both ends of a Timoshenko beam.
+    """Bending stiffness (4, 4) of a Timoshenko beam for the deflection and slope of both ends.
 
     Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapters 5 and 11.
     """
@@ -557,7 +559,7 @@ class Rigid(Joint):
     name: str | None = field(default=None, metadata=NAME)
 
     def prepare(self, layout: Layout, label: str) -> None:
-        """A group that follows no given point gets a reference point of its own."""
+        """Add a reference point to the layout if the group follows no point of the user."""
         if self.point is None:
             member, group = group_end(layout, "group", self.group)
             nodes = member.nodes_of(group)
@@ -566,7 +568,7 @@ class Rigid(Joint):
             layout.points[label] = member.nodes[nodes].mean(axis=0)
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
-        """Every dof of the group is that of the rigid motion of the point."""
+        """Every dof of the group equals the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
         if self.point is None:
@@ -613,7 +615,7 @@ class Mean(Joint):
     name: str | None = field(default=None, metadata=NAME)
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
-        """Displacement and rotation of the point are the mean ones of the group."""
+        """Displacement and rotation of the point equal the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
         follower = motion(layout, self.point)
@@ -638,14 +640,14 @@ class Mean(Joint):
 def _as_rigid_body(
     layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str
 ) -> Rows:
-    """The nodes of a part follow the rigid motion of a point."""
+    """The constraints by which nodes of a part follow the rigid motion of a point."""
     rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
     led = leader.displacements_at(member.nodes[nodes])
     return following(layout, member, nodes, [(DISPLACEMENTS, led), (ROTATIONS, rotations)], label)
 
 
 def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
-    """Rotations of a point that move no node: they are fixed."""
+    """Rotations of a point that move no follower, and are therefore fixed."""
     if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point
@@ -656,7 +658,7 @@ def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]
 
 
 def _rows_of(projection: Array) -> Array:
-    """Unit vectors (k, 3) that span the directions of a projection."""
+    """Orthonormal rows (k, 3) that span the image of a projection."""
     present = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
     if len(present) == round(float(np.trace(projection))):
         return np.eye(3)[present]
@@ -665,7 +667,7 @@ def _rows_of(projection: Array) -> Array:
 
 
 def _single(follower: Motion, count: int) -> IntArray:
-    """The dof of the follower for which each row is solved, where it is a single one."""
+    """The single follower dof for which each row is solved; -1 if there are several."""
     pivots = np.full(count, -1)
     alone = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
     pivots[alone] = follower.displacements.indices[follower.displacements.indptr[alone]]

@@ -73,7 +73,7 @@ class Tie(Between):
     late: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
-        """Every dof of the follower that is free follows the leader."""
+        """Every free dof of the follower equals the displacement of the leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
@@ -119,7 +119,7 @@ class Tie(Between):
         return common
 
     def _warn_of_overlap(self, sides: Sequence[Facets], common: Overlap, label: str) -> None:
-        """Warn of faces with the same outward normals: both bodies are on the same side of them."""
+        """Warn of overlapping bodies: tied faces with equal outward normals."""
         a, b = (side.outward for side in sides)
         if a is None or b is None:
             return
@@ -138,7 +138,7 @@ def _distance(sides: Sequence[Facets]) -> float:
 
 
 def _leader(sides: Sequence[Facets], common: Overlap) -> int:
-    """The side (0 or 1) that leads: it is covered less by the other, or has the larger faces."""
+    """The leading side (0 or 1): the less covered one, or that with the larger faces."""
     if sides[0].dim != sides[1].dim:
         return int(np.argmax([side.dim for side in sides]))
     covered = common.weight.sum() / np.array([side.measure for side in sides])
@@ -154,7 +154,7 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
 
 
 def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: BoolArray) -> bool:
-    """Whether some displacement of a side (0 or 1 of `common`) is neither fixed nor led."""
+    """Whether a side (0 or 1 of `common`) has displacements neither fixed nor tied already."""
     phi = side.basis(common.face[number], common.xi[number])
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     form = side.member.part.form
@@ -223,7 +223,8 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """What one component of the free nodes follows; `motion` (points, n) is that of the leader.
+        """Functionals that one component of the free nodes equals; `motion` (points, n): of the
+        leader.
 
         The other nodes keep the component `dofs` of their own.
         """
@@ -235,14 +236,14 @@ class _Projection:
         return _dense_product(inverse, right.tocsr())
 
     def of(self, free: BoolArray, motion: Sparse) -> Sparse:
-        """The projection (3 · free nodes, n) of vectors (3 · points, n) as if others followed."""
+        """The projection (3 · free nodes, n) of vectors (3 · points, n), all nodes included."""
         inverse = np.linalg.inv(self.D.toarray())[free]
         parts = [_dense_product(inverse, (self.load @ motion[c::3]).tocsr()) for c in range(3)]
         order = np.arange(3 * int(free.sum())).reshape(3, -1).T.ravel()
         return scipy.sparse.vstack(parts).tocsr()[order]
 
     def _inverted(self, free: BoolArray) -> tuple[Sparse, Array]:
-        """(test functions of the free nodes as sums of all, inverse of their D)."""
+        """(dual test functions of the free nodes, inverse of their mass matrix D)."""
         every = scipy.sparse.identity(len(free), format="csr")
         spread = every[free]
         if not free.all():
@@ -258,7 +259,7 @@ class _Projection:
 def _led(
     layout: Layout, follower: Facets, leader: Facets, common: Overlap
 ) -> list[tuple[tuple[str, ...], Sparse]]:
-    """(components, their functionals) of the leader at the points of the follower."""
+    """(components, their functionals) of the leader at the quadrature points of the follower."""
     member = leader.member
     cell, X = leader.cells[common.face[1]], leader.reference(common.face[1], common.xi[1])
     displacements = layout.at_points(member, cell, X, DISPLACEMENTS)
@@ -282,14 +283,14 @@ def _led(
 
 
 def _whole(side: Facets, nodes: IntArray) -> Array:
-    """∫ φ² over all faces of a side, of the functions of some nodes."""
+    """∫ φ² over all faces of a side, for the shape functions of some nodes."""
     face, xi, weight = side.rule()
     phi = side.basis(face, xi)[:, nodes]
     return np.asarray(phi.multiply(phi).T @ weight).ravel()
 
 
 def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
-    """inverse · functionals, without coefficients that are rounding."""
+    """inverse · functionals, without entries that are rounding."""
     used = np.unique(functionals.indices)
     values = inverse @ functionals[:, used].toarray()
     values[np.abs(values) < ROUNDED_WEIGHT * np.abs(values).max(initial=0.0)] = 0.0
@@ -309,7 +310,9 @@ ENOUGH = 0.1
 def led_by_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """(u₀ (3Q, n), n × g (3Q, n), normals (Q, 3)) at the points of an edge."""
+    """Displacement u₀ (3Q, n), n × g (3Q, n) and normals (Q, 3) of a solid's face at points of an
+    edge.
+    """
     normals, thickness = _sheet(edge, common)
     s, w = np.polynomial.legendre.leggauss(LAYERS)
     points, count = common.x[0], len(common.weight)
@@ -352,7 +355,7 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
 
 
 def _combined(factors: Array, matrices: Array) -> Sparse:
-    """Σ_j factor_qj · (matrix_q) u_j for points q with layers j, as a matrix (3Q, 3QL)."""
+    """Σ_j factor_qj · (matrix_q) u_j for points q and layers j, as a matrix (3Q, 3QL)."""
     count, layers = factors.shape
     values = np.einsum("qj,qab->qajb", factors, matrices)
     row = 3 * np.arange(count)[:, None, None, None] + np.arange(3)[None, :, None, None]

@@ -36,7 +36,7 @@ def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
 
 
 def _circle(d: float) -> list[tuple[float, float]]:
-    """Points of the outline of a circle."""
+    """Points of the outline of a circle of diameter d."""
     angles = 2 * math.pi * np.arange(ON_CIRCLE) / ON_CIRCLE
     return [(d / 2 * math.cos(a), d / 2 * math.sin(a)) for a in angles]
 
@@ -63,7 +63,7 @@ class Section(Checked):
 
     @property
     def side(self) -> float:
-        """Second moment of area across the height, m⁴."""
+        """Second moment of area for bending across the height, m⁴."""
         return self.I if self.I_side is None else self.I_side
 
     @property
@@ -174,7 +174,7 @@ class Layer(Checked):
 
     @classmethod
     def isotropic(cls, E: float, nu: float, rho: float, thickness: float) -> Layer:
-        """A layer without directions: Young's modulus (Pa), Poisson's ratio, kg/m³, m."""
+        """An isotropic layer: Young's modulus (Pa), Poisson's ratio, kg/m³, thickness (m)."""
         E = positive("E", E, "Pa")
         G = E / (2 * (1 + poisson(nu)))
         return cls(E, E, nu, G, G, G, rho, thickness)
@@ -260,7 +260,7 @@ class PlateSection:
 
     @property
     def flipped(self) -> PlateSection:
-        """The section seen from the other side, with the same 0°: 90° and the normal reversed."""
+        """The section with its normal reversed and the same 0° direction."""
         flip = np.diag([1.0, 1.0, -1.0])
         S = self.S * np.array([[1, -1], [-1, 1]])
         return replace(
@@ -304,7 +304,7 @@ class PlateSection:
 
 
 def _over_angles(stiffness: Array) -> float:
-    """Mean of entry 66 over all angles: G of an isotropic Q."""
+    """Mean of entry 66 over all angles: G if Q is isotropic."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 

@@ -106,7 +106,9 @@ class Beam(Isotropic):
         return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """The length of the box; width and thickness of rectangles with the sections' A and I."""
+        """The length of the box; width and thickness of rectangles with the A and I of the
+        sections.
+        """
         thickness = min((12 * one.section.I / one.section.A) ** 0.5 for one in materials)
         return box[0], max(one.section.A for one in materials) / thickness, thickness
 
@@ -236,7 +238,7 @@ def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
 
 
 def _orientations(mesh: Mesh, parts: Parts) -> Expr:
-    """The height direction of every cell, as a cell-wise vector."""
+    """The height direction of every cell, as a cell-wise constant function."""
     nodes = compat.geometry_nodes(mesh.dolfinx)
     x = mesh.dolfinx.geometry.x
     axis = x[nodes[:, 1]] - x[nodes[:, 0]]
@@ -327,6 +329,6 @@ class Truss(Isotropic):
         )
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
-        """The length of the box; width and thickness of the thickest and thinnest square bars."""
+        """The length of the box; sides of the thickest and thinnest bars, if square."""
         areas = [one.area for one in materials]
         return box[0], sqrt(max(areas)), sqrt(min(areas))

@@ -26,7 +26,8 @@ def material(
     section: Section | None = None,
     orientation: Direction | None = None,
 ) -> Solid | Shell | Beam | AnisotropicSolid:
-    """A material by name, from a table whose numbers have their sources; any may be overridden.
+    """A material from the table of sourced values (`antiosc materials`); any value may be
+    overridden.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
 
 
 class Stretch(NamedTuple):
-    """How a family stretches: the strain is ε(u) + η(u, u)/2, its forces N are linear in it."""
+    """Second-order strain ε(u) + η(u, u)/2 of an element family, with forces N linear in it."""
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
@@ -78,7 +78,7 @@ class Stretch(NamedTuple):
 
 
 def stretch_of(mesh: Mesh, parts: Parts, order: int) -> Stretch:
-    """That of the family of `parts`, whose displacements are of degree `order`."""
+    """The second-order strain of the family of `parts`, for displacements of degree `order`."""
     material = parts[0][0]
     if material.kind.sheet:
         return _of_sheets(mesh, parts)
@@ -107,7 +107,7 @@ def _of_solids(mesh: Mesh, parts: Parts, order: int) -> Stretch:
 
 
 def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
-    """The strain is that of the neutral surface; 2×2 points where curved cells have it."""
+    """That of sheets, on the neutral surface; curved quadrilaterals take 2×2 points."""
     frame, section = frames(mesh, parts), section_fields(mesh, parts)
 
     def strain(u: Expr) -> Expr:
@@ -123,7 +123,7 @@ def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
 
 
 def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
-    """Along the axis; fibres off it are stretched by the twist too, polar radius² times twist²."""
+    """That of beams: along the axis; twist adds polar radius² times twist² to η."""
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
     radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
     offset = coefficient(mesh, parts, lambda b: b.offset)
@@ -169,7 +169,7 @@ FLAT = 1e-3
 
 
 def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Change [1/m] of the force on a sheet, a share of it, for each metre of displacement.
+    """Relative change [1/m] of the force on a sheet for each metre of displacement.
 
     About the static state under a prestress, which curves a flat sheet too. `shape` (rows of this
     rank): displacements and rotations for 1 m of the site under its static

@@ -93,7 +93,7 @@ class Points:
         return np.asarray(product.reshape(len(a), -1) @ self._both().T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Forces (dofs,) on a motion w of Σ strained·ε(w) + pushed·∇w; stress (n, s), (n, d, b).
+        """Forces (dofs,) of Σ strained·ε(w) + pushed·∇w; stresses (n, s), (n, d, b).
 
         Those on dofs that are held included.
         """
@@ -114,7 +114,7 @@ class Points:
         return result
 
     def _both(self) -> Array:
-        """V (s, d d), symmetric."""
+        """V (s, d d): the second-order strain as symmetric bilinear forms of the derivatives."""
         both = (self.square + self.square.transpose(0, 2, 1)) / 2
         return np.asarray(both.reshape(len(both), -1))
 
@@ -147,7 +147,7 @@ def _points(
     stiffness: Callable[[compat.GaussPoints], Array],
     moved: int,
 ) -> Points:
-    """The points, with `ways` the `count` derivatives of a scalar (UFL)."""
+    """The Gauss points, with `ways` the `count` derivatives of a scalar (UFL)."""
     mesh, space = part.mesh, part.form.space
     at = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
     return Points(

@@ -69,7 +69,7 @@ class SectionFields(NamedTuple):
 
 
 def section_fields(mesh: Mesh, parts: Parts) -> SectionFields:
-    """The constants of the sections of all parts, in each cell those of its own."""
+    """The section constants of all parts as cell-wise constant functions."""
 
     def constant(value: Callable[[PlateSection], float | Array]) -> Expr:
         return coefficient(mesh, parts, lambda sheet: value(sheet.section))
@@ -115,7 +115,7 @@ class Strains(NamedTuple):
 
 
 def frames(mesh: Mesh, parts: Parts) -> Frame:
-    """The frame at every point: of the laminate where one has an axis."""
+    """The local axes at every point; e1 follows the axis of a laminate, where it has one."""
     J = ufl.Jacobian(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)
     a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
@@ -132,7 +132,7 @@ def frames(mesh: Mesh, parts: Parts) -> Frame:
 
 
 def _halves(w: Expr) -> tuple[Expr, Expr]:
-    """Displacement and rotation of a trial or test function."""
+    """Displacement and rotation components of a trial or test function."""
     return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
 
 
@@ -365,7 +365,7 @@ class Sheet(Checked):
         )
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: a shell does not deform through its thickness; the contact law describes it alone."""
+        """0: a shell has no deformation through its thickness; the contact law describes it."""
         return 0.0
 
     def constants(self) -> tuple[float, float, float]:
@@ -377,7 +377,7 @@ class Sheet(Checked):
 
     @property
     def patch_radius(self) -> float:
-        """Radius of a site's patch where none is given, m."""
+        """Default radius of a site's patch, m."""
         return PATCH_RADIUS * self.section.thickness
 
     def dimensions(self, box: Box, materials: Sequence[Sheet]) -> Box:
@@ -529,7 +529,7 @@ class GivenSheet(Sheet):
 
     @cached_property
     def section(self) -> PlateSection:
-        """Stiffness and mass per area of the surface of the mesh."""
+        """Stiffness and mass per area of the shell surface."""
         A = np.asarray(self.A)
         return PlateSection(
             thickness=self.thickness,
@@ -550,7 +550,7 @@ class GivenSheet(Sheet):
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """A direction in each cell: the given one (n, 3) of the nearest place (n, 3)."""
+    """A direction for each cell: that (n, 3) of the nearest of n places (n, 3)."""
 
     places: ArrayLike
     directions: Sequence[Sequence[float]]

@@ -163,7 +163,7 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 
 
 def general_form(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """The form of solids of which some have directions, by their matrices `voigt` (6, 6)."""
+    """The weak form of solids some of which are anisotropic, by their stiffness matrices (6, 6)."""
     _check_cells(mesh, order)
     if mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
@@ -224,7 +224,7 @@ def _check_plane(solid: Solid, mesh: Mesh) -> None:
 
 
 def _first_lame(solid: Solid) -> float:
-    """λ, or λ* of plane stress, which makes the normal stress across the plane zero."""
+    """λ; for plane stress the λ* with zero normal stress across the plane."""
     if solid.plane == "stress":
         return solid.E * solid.nu / (1 - solid.nu**2)
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
@@ -365,7 +365,7 @@ class AnisotropicSolid(FieldsRepr):
 
 
 def _axes(given: ArrayLike | None) -> Array:
-    """Three perpendicular unit vectors as rows."""
+    """The material axes as orthonormal rows."""
     if given is None:
         return np.eye(3)
     rows = array("axes", given, (None, 3))

@@ -153,7 +153,9 @@ class Tetrahedra:
         return self._assembled(self._form, self._conditions, k, m, self.added)
 
     def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
-        """The matrix of linear elements, and what is added at points."""
+        """The stiffness and mass matrix of linear elements on these cells, with contributions at
+        points.
+        """
         added = [one.ptap(P) if self.carries else one for one in self.added]
         return self._assembled(self.linear, {}, k, m, added)
 
@@ -210,7 +212,7 @@ def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
 
 
 def serve(mesh: Mesh, form: WeakForm, parts: Parts) -> bool:
-    """Whether products are taken so: many straight quadratic tetrahedra of isotropic materials."""
+    """Whether products can be taken cell by cell: many straight quadratic tetrahedra, isotropic."""
     imap = form.space.dofmap.index_map
     if imap.size_global * form.space.dofmap.index_map_bs < FEWEST_DOFS:
         return False
@@ -225,7 +227,7 @@ def _constants(material: Solid) -> tuple[float, float, float]:
 
 
 def _in_lanes(values: Array) -> Array:
-    """Numbers of cells (n, k) as (groups, k, lanes), zeros behind the last one."""
+    """Values of cells (n, k) as (groups, k, lanes) for SIMD, padded with zeros."""
     groups = -(-len(values) // LANES)
     full = np.zeros((groups * LANES, values.shape[1]), values.dtype)
     full[: len(values)] = values

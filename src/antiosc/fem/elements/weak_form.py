@@ -65,7 +65,7 @@ DIRECTION = checked_by(checked)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(a vector near 0°, whose part along the sheet is meant; ±1 on the cell's normal), cell-wise.
+    """(reference vector for 0°, projected on the sheet; ±1 on the cell's normal), cell-wise.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def _normals(mesh: Mesh, x: Array) -> Array:
 
 
 def _axis(direction: Direction, x: Array, normals: Array) -> Array:
-    """Unit vectors (cells, 3) along `direction`, nowhere along the normal."""
+    """Unit vectors (cells, 3) along `direction`; InputError where it is normal to a cell."""
     axis = _at("axis", direction, x)
     along = np.linalg.norm(np.cross(axis[:, None], normals), axis=2).min(axis=1)
     _refuse(
@@ -148,7 +148,7 @@ def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
 
 
 def shown_direction(direction: Direction) -> str:
-    """A vector in a message; nothing for a function."""
+    """A vector as text for a message; "" for a function."""
     return "" if callable(direction) else f" ({', '.join(f'{c:g}' for c in direction)})"
 
 
@@ -159,7 +159,7 @@ def _check_neighbours(
     has_sides: BoolArray,
     stated: BoolArray,
 ) -> None:
-    """InputError where two cells on an edge have their normals on different sides of the sheet.
+    """InputError where the normals of two neighbouring cells point to different sides of the sheet.
 
     Only if both stacks are unsymmetric and at least one uses the normals of the mesh. Edges of
     three or more cells are not checked.
@@ -253,7 +253,7 @@ class WeakForm:
 
 @dataclass(frozen=True)
 class Kind:
-    """What holds for all materials of one element family."""
+    """Properties that all materials of one element family share."""
 
     name: str
     #: whether an impactor touches the exterior facets of the mesh, or else the cells themselves
@@ -270,12 +270,12 @@ class Family(Protocol):
 
     @property
     def kind(self) -> Kind:
-        """The facts of the family; one structure has materials of one kind."""
+        """The properties of the family; all materials of a structure have the same."""
         ...
 
     @property
     def patch_radius(self) -> float | None:
-        """Radius (m) of a site's patch where none is given; None: a point."""
+        """Default radius (m) of a site's patch; None: a point."""
         ...
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
@@ -283,7 +283,8 @@ class Family(Protocol):
         ...
 
     def half_space_compliance(self, cosine: float) -> float:
-        """Compliance times radius (m²/N) of a half-space patch; 0 where the family has none.
+        """Compliance times radius (m²/N) of a patch on a half-space; 0 for families without local
+        dent.
 
         `cosine`: of the angle between the load and the surface normal.
         """
@@ -337,7 +338,7 @@ def _checked_text(name: str, value: object) -> str:
 
 
 def _checked_rate(name: str, value: object) -> tuple[float, ...]:
-    """D [1/s], q and strength [Pa] of Cowper and Symonds, the last if it is given."""
+    """Checked constants of Cowper and Symonds: D [1/s], q and, optionally, a strength [Pa]."""
     numbers = tuple(positives(name, value).tolist())
     if len(numbers) not in (2, 3):
         raise InputError(
@@ -349,7 +350,7 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Isotropic(Checked):
-    """The constants of a material without directions, as `Family` asks for them.
+    """The constants of an isotropic material, as `Family` requires them.
 
     `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety, and the law of
     a contact follows from it. `yield_range` (Pa, Pa) is what it may be in truth, `rate` (1/s, 1) D
@@ -386,7 +387,7 @@ class Isotropic(Checked):
         return self.E / (2 * (1 + self.nu))
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: no local indentation; the contact law describes it alone."""
+        """0: the family has no local indentation; only the contact law describes it."""
         return 0.0
 
     def bar_speed(self) -> float:
@@ -415,7 +416,7 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
 
 
 def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
-    """The forms of some cells alone."""
+    """The forms restricted to some cells."""
     inside = compat.cellwise(mesh.dolfinx, 0)
     inside.x.array[cells] = 1.0
     return [
@@ -425,7 +426,7 @@ def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[u
 
 
 def measure(mesh: Mesh, degree: int | None) -> ufl.Measure:
-    """Integration over the cells with a fixed quadrature degree (None: UFL's estimate)."""
+    """UFL measure over the cells with a fixed quadrature degree (None: UFL's estimate)."""
     metadata = {} if degree is None else {"quadrature_degree": degree}
     return ufl.Measure("dx", domain=mesh.dolfinx, metadata=metadata)
 

@@ -16,7 +16,7 @@ def solver_for(
     motions: Callable[[], Array],
     coarser: Callable[[], Matrix | None] = lambda: None,
 ) -> Solver:
-    """The solver of A that `choice` names; "auto": by forecasts of memory and time.
+    """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
     `motions` gives rigid-body motions (rows of this rank, r) and `coarser` an interpolation from a
     coarse space for a multigrid. A SciPy matrix is always solved directly.

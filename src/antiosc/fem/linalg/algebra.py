@@ -32,7 +32,7 @@ def norm(comm: MPI.Comm, x: Array) -> float:
 
 
 def by_scipy(matrix: Matrix) -> bool:
-    """Whether the matrix is SciPy's."""
+    """Whether the matrix is a SciPy matrix."""
     return bool(scipy.sparse.issparse(matrix))
 
 
@@ -43,7 +43,7 @@ def _petsc() -> ModuleType:
 
 
 def communicator(matrix: Matrix) -> MPI.Comm:
-    """The communicator that shares the matrix; `SERIAL` of one of SciPy's."""
+    """The communicator that shares the matrix; `SERIAL` for a SciPy matrix."""
     return cast("MPI.Comm", SERIAL if by_scipy(matrix) else matrix.getComm().tompi4py())
 
 
@@ -65,7 +65,7 @@ def rows(matrix: Matrix) -> int:
 
 
 def diagonal(matrix: Matrix) -> Array:
-    """The diagonal on the rows of this rank."""
+    """The diagonal entries on the rows of this rank."""
     return np.array(matrix.diagonal() if by_scipy(matrix) else matrix.getDiagonal().array_r)
 
 
@@ -83,7 +83,7 @@ def multiply(matrix: Matrix, x: Array) -> Array:
 
 
 def by_strains(matrix: Matrix) -> bool:
-    """Whether products with the matrix are taken by its strains (`solver_choice`)."""
+    """Whether the matrix is multiplied through its strains (`solver_choice`)."""
     return not by_scipy(matrix) and bool(_petsc().by_strains(matrix))
 
 
@@ -100,7 +100,7 @@ def skew(matrix: Matrix) -> Matrix:
 
 
 def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
-    """The matrix with these rows and columns zero and `value` on the diagonal.
+    """The matrix with these rows and columns set to zero and `value` on the diagonal.
 
     `rows` are global numbers of rows of this rank. A PETSc matrix is changed in place.
     """
@@ -120,19 +120,19 @@ def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
 
 
 def free_when_dropped(*matrices: Matrix) -> None:
-    """Have the memory of PETSc's matrices freed when nobody uses them any more. Collective."""
+    """Free the memory of PETSc matrices once no rank uses them. Collective."""
     if not by_scipy(matrices[0]):
         _petsc().free_when_dropped(*matrices)
 
 
 def declare_definite(matrix: Matrix) -> None:
-    """Tell PETSc that its matrix is symmetric and positive definite."""
+    """Tell PETSc that the matrix is symmetric and positive definite."""
     if not by_scipy(matrix):
         _petsc().declare_definite(matrix)
 
 
 def quotient(a: Array, b: Array) -> Array:
-    """a / b, 0 where b is."""
+    """a / b, and 0 where b is 0."""
     return np.divide(a, b, out=np.zeros_like(a), where=b != 0)
 
 
@@ -176,7 +176,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
 
 
 def roots(matrix: Matrix) -> Array:
-    """√a_ii on the rows of this rank; for an empty row a typical value."""
+    """√a_ii on the rows of this rank; a typical value for an empty row."""
     result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
     comm = communicator(matrix)
     if not all(comm.allgather(result.all())):

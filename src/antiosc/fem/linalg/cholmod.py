@@ -177,7 +177,7 @@ def version(lib: ctypes.CDLL) -> tuple[int, int, int]:
 
 
 def _unlike_defaults(lib: ctypes.CDLL) -> str:
-    """The settings that differ from the known defaults, as text."""
+    """The settings that differ from the expected defaults, as text."""
     common = Common()
     lib.cholmod_l_start(byref(common))
     found = {}
@@ -189,7 +189,7 @@ def _unlike_defaults(lib: ctypes.CDLL) -> str:
 
 
 def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
-    """The error for CHOLMOD's status after a call that failed at `what` (of `size` bytes)."""
+    """The error for a CHOLMOD call at `what` (of `size` bytes) that failed with this status."""
     if common.status == NO_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
         return allocation_failed(
@@ -258,7 +258,7 @@ class Supernodes(NamedTuple):
 
 
 class _Memory:
-    """Memory of CHOLMOD for one factor, freed when the last array that refers to it is gone."""
+    """Memory that CHOLMOD allocated for one factor, freed with the last array that refers to it."""
 
     def __init__(self) -> None:
         self.factor = POINTER(Factor)()  # null
@@ -278,7 +278,7 @@ class _Memory:
         self.lib.cholmod_l_finish(byref(self.common))
 
     def make_room(self, rows: int, columns: int) -> bool:
-        """Allocate workspace for this many vectors; whether that succeeded.
+        """Allocate workspace for this many vectors; returns whether that succeeded.
 
         `cholmod_l_solve2` makes its own, but looks at the last of three alone and then writes to
         those that it has not.
@@ -291,11 +291,11 @@ class _Memory:
         )
 
     def reals(self, pointer: int, count: int) -> Array:
-        """`count` real numbers at `pointer`, not to be written to."""
+        """`count` real numbers at `pointer`, read-only."""
         return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
 
     def integers(self, pointer: int, count: int) -> IntArray:
-        """`count` integers at `pointer`, not to be written to."""
+        """`count` integers at `pointer`, read-only."""
         return np.frombuffer(self._kept((c_int64 * count).from_address(pointer)), np.int64)
 
     def _kept(self, block: ctypes.Array[c_double] | ctypes.Array[c_int64]) -> memoryview:
@@ -343,11 +343,11 @@ class Analysis:
 
     @property
     def entries(self) -> int:
-        """Numbers that the factor holds."""
+        """Number of entries of the factor."""
         return int(self.memory.factor.contents.xsize)
 
     def fronts(self) -> Array:
-        """Operations for each supernode: c² for a column of c entries."""
+        """Operation count of each supernode: Σ c² over its columns of c entries."""
         found = self.memory.factor.contents
         starts = (self.memory.integers(p, found.nsuper + 1) for p in (found.super, found.pi))
         width, height = (np.diff(start).astype(float) for start in starts)
@@ -355,7 +355,9 @@ class Analysis:
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
     def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
-        """An ordering of A's rows from that of its nodes, whose graph is block² times smaller."""
+        """An ordering of A's rows from an ordering of its nodes, whose graph is block² times
+        smaller.
+        """
         matrix, _kept = _sparse(A[::block, ::block])
         nodes = self._analysed(matrix, None)
         order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
@@ -363,7 +365,7 @@ class Analysis:
         return np.asarray(block * order[:, None] + np.arange(block)).ravel()
 
     def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> ctypes._Pointer[Factor]:
-        """Symbolic factor; CHOLMOD tries AMD and METIS if no permutation is given."""
+        """Symbolic factor for a permutation, or the best of AMD and METIS."""
         lib, common = self.memory.lib, self.memory.common
         common.nmethods = int(permutation is not None)
         given = None
@@ -443,7 +445,7 @@ class Cholesky:
 
     @cached_property
     def permutation(self) -> IntArray:
-        """Row of A that is row i of P A Pᵀ (n,)."""
+        """Permutation (n,): row i of P A Pᵀ is row permutation[i] of A."""
         found = self._memory.factor.contents
         return self._memory.integers(found.Perm, found.n)
 
@@ -461,7 +463,7 @@ class Cholesky:
         )
 
     def corner(self, last: int) -> tuple[IntArray, Array]:
-        """(Order of the first `last` rows of A in L, their dense block of L).
+        """(Order in L of the last `last` rows of A, their dense block of L).
 
         With A's rows eliminated in that order the block is a factor of the Schur complement onto
         them, if they came last.

@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 
 class Factored(Protocol):
-    """What is needed of a `Structure`: its matrices on a communicator, and the factor of K + sM."""
+    """The part of `Structure` that is needed here: matrices, communicator, factor of K + sM."""
 
     K: Matrix
     M: Matrix
@@ -84,7 +84,7 @@ def deflections(
 
 
 def _room(structure: Factored) -> bool:
-    """Whether the additional factors fit in memory besides that of the structure."""
+    """Whether memory holds the additional factors; warns if it does not."""
     solver, comm = structure.factorize(), structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
@@ -125,7 +125,7 @@ def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> 
 
 
 def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
-    """The same with one solve for each load."""
+    """As `_twice`, with one solve for each load."""
     count = loads.shape[1]
     C, G = np.zeros(count), np.zeros(count)
     with counting("sites of the map", count, structure.comm.rank) as ready:
@@ -179,7 +179,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
 
 
 def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArray) -> IntArray:
-    """The supernode of the first row below each one's own columns; -1 at a root."""
+    """Parent of each supernode in the elimination tree: of its first row below; -1: root."""
     below = np.diff(row) > columns
     parent = np.full(len(columns), -1)
     parent[below] = supernode[rows[(row[:-1] + columns)[below]]]
@@ -187,7 +187,7 @@ def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArr
 
 
 def _branch(supernodes: IntArray, parent: IntArray) -> list[int]:
-    """These supernodes and all above them, children first."""
+    """The supernodes `supernodes` and all their ancestors, children first."""
     seen: set[int] = set()
     for leaf in supernodes:
         s = int(leaf)

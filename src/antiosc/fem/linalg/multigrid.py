@@ -47,7 +47,7 @@ BACKWARD_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Levels:
-    """What a multigrid needs of a part.
+    """The data of a part for a multigrid.
 
     motions : gives its rigid-body motions (rows of this rank, r).
     coarser : gives P, the fine dofs of the coarse ones, fixed ones zero; None where no coarse
@@ -59,7 +59,7 @@ class Levels:
 
 
 class PetscSolver(Solver):
-    """A solver of PETSc's."""
+    """Base of solvers by PETSc."""
 
     def _set_up(self) -> None:
         self._ksp = PETSc.KSP().create(self.A.getComm())
@@ -98,7 +98,7 @@ class PetscSolver(Solver):
 
 
 class Multigrid(PetscSolver):
-    """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
+    """Conjugate gradients with smoothed aggregation that preserves the rigid motions."""
 
     backward_error = BACKWARD_ERROR
     method = "conjugate gradients with multigrid"
@@ -107,7 +107,7 @@ class Multigrid(PetscSolver):
 
     @property
     def told(self) -> str:
-        """What it is, with the error at which its solves end."""
+        """Name of the solver, and the error at which its solves end."""
         return f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
 
     def __init__(self, A: PETSc.Mat, motions: Array | None = None) -> None:
@@ -145,7 +145,7 @@ class Multigrid(PetscSolver):
 
 
 def know(A: PETSc.Mat, motions: Array) -> None:
-    """Tell PETSc's multigrid of A which motions are soft; it wants them orthonormal."""
+    """Give PETSc's multigrid the near null space of A: the motions, orthonormalised."""
     basis: list[PETSc.Vec] = []
     for column in motions.T:
         x = A.createVecRight()

@@ -25,7 +25,7 @@ CELLS = "antiosc_cells"
 
 
 class Cells(Protocol):
-    """The cells of a mesh, of which matrices kK + mM consist."""
+    """The cells of a mesh, which form matrices kK + mM."""
 
     rows: int  # of this rank
     comm: MPI.Comm
@@ -45,7 +45,7 @@ class Cells(Protocol):
 
 @dataclass(frozen=True)
 class CellProduct:
-    """A matrix kK + mM without entries: its products are taken from the cells of the mesh."""
+    """A matrix kK + mM without stored entries, multiplied cell by cell."""
 
     cells: Cells
     k: float
@@ -91,7 +91,7 @@ def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
 
 
 def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The matrix, or where it is taken from its cells one that is assembled now."""
+    """The matrix itself; a cell-by-cell one is assembled."""
     if not by_cells(matrix):
         return matrix
     product = matrix.getAttr(CELLS)
@@ -101,7 +101,7 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def node_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The diagonal blocks of the nodes of a matrix from its cells, as a matrix."""
+    """The diagonal blocks of the nodes of a cell-by-cell matrix, as a matrix."""
     product = matrix.getAttr(CELLS)
     blocks = product.cells.blocks(product.k, product.m)
     nodes = np.arange(len(blocks) // NODE + 1, dtype=PETSc.IntType)
@@ -114,7 +114,7 @@ def node_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
-    """A PETSc matrix on one rank of a SciPy matrix with sorted entries."""
+    """A one-rank PETSc matrix from a SciPy matrix with sorted entries."""
     if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:
         raise InputError(f"{name} has {own.nnz} entries, more than this PETSc's integers count.")
     arrays = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
@@ -124,7 +124,7 @@ def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
 
 
 def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
-    """A copy of a PETSc matrix of any type whose entries are accessible."""
+    """A copy of any PETSc matrix with accessible entries."""
     if not matrix:
         raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
     if not matrix.assembled:
@@ -156,7 +156,7 @@ def skew(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def hold(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
-    """The matrix (changed in place) with these rows and columns zero and `value` on the diagonal.
+    """The matrix, changed in place: these rows and columns zero, `value` on the diagonal.
 
     `rows` are global numbers of rows of this rank; products are then those of the entries.
     """
@@ -193,17 +193,17 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
 
 
 def by_strains(matrix: PETSc.Mat) -> bool:
-    """Whether products with the matrix are taken by its strains (`solver_choice`)."""
+    """Whether the matrix is multiplied through its strains (`solver_choice`)."""
     return matrix.getAttr(PRODUCT) is not None
 
 
 def by_cells(matrix: PETSc.Mat) -> bool:
-    """Whether products with the matrix are taken from the cells of its mesh (`CellProduct`)."""
+    """Whether the matrix is multiplied cell by cell (`CellProduct`)."""
     return matrix.getAttr(CELLS) is not None
 
 
 def dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
-    """A block of vectors (rows of this rank, k) as a PETSc matrix that `matrix` can meet."""
+    """A block of vectors (rows of this rank, k) as a dense PETSc matrix that fits `matrix`."""
     size = ((x.shape[0], matrix.getSize()[1]), (None, x.shape[1]))
     block = PETSc.Mat().createDense(size, array=np.asfortranarray(x), comm=matrix.getComm())
     block.setUp()
@@ -218,7 +218,7 @@ def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
 
 
 def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-    """The lower triangle, the diagonal included; half the memory."""
+    """The lower triangle with the diagonal, which needs half of the memory."""
     rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
     within = A.indices <= rows
     counts = np.bincount(rows[within], minlength=A.shape[0])
@@ -261,7 +261,7 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
 
 
 def free_when_dropped(*matrices: PETSc.Mat) -> None:
-    """Have the memory of the matrices freed when nobody uses them any more. Collective."""
+    """Free the memory of the matrices once no rank uses them. Collective."""
     free(matrices[0].getComm().tompi4py())
     for matrix in matrices:
         watch(matrix)
@@ -280,7 +280,7 @@ _shared: list[tuple[weakref.ref[PETSc.Object], PETSc.IS]] = []
 
 
 def watch(made: PETSc.Object) -> None:
-    """Have the memory of `made`, and of all dropped before it, freed when it is dropped."""
+    """Register `made`: its memory is freed when it is dropped, with that of all dropped before."""
     holder = PETSc.IS().createGeneral([], comm=made.getComm())
     if holder.getComm().getSize() == 1:
         weakref.finalize(made, _free, holder).atexit = False
@@ -289,7 +289,7 @@ def watch(made: PETSc.Object) -> None:
 
 
 def free(comm: MPI.Comm) -> None:
-    """Free what all ranks of `comm` have dropped. Collective."""
+    """Free the objects that all ranks of `comm` have dropped. Collective."""
     if comm.size == 1:
         return
     entries = [entry for entry in _shared if alike(entry[1].getComm().tompi4py(), comm)]
@@ -301,7 +301,7 @@ def free(comm: MPI.Comm) -> None:
 
 
 def becomes(made: PETSc.Mat | PETSc.PC, plain: str) -> None:
-    """Give an object of type python a `plain` type when Python ends: PETSc destroys it later."""
+    """Turn a python-type PETSc object into type `plain` at exit: PETSc destroys it after Python."""
     weakref.finalize(made, _become, weakref.ref(made), plain)
 
 

@@ -113,7 +113,7 @@ class SuperLU(Factorization):
 
     @property
     def entries(self) -> float:
-        """Entries of L and U."""
+        """Number of entries of L and U."""
         return float(self._lu.nnz)
 
     def solve_block(self, R: Array) -> Array:
@@ -139,7 +139,7 @@ class Cholmod(Factorization):
 
     @property
     def entries(self) -> float:
-        """Entries of the factor."""
+        """Number of entries of the factor."""
         L = self._factor.L
         return float((L() if callable(L) else L).nnz)
 

@@ -62,7 +62,7 @@ class Solver(ABC):
 
     @abstractmethod
     def _set_up(self) -> None:
-        """Make ready for solves."""
+        """Prepare the solver, once, before its first solve."""
 
     @abstractmethod
     def solve_block(self, R: Array) -> Array:
@@ -98,18 +98,18 @@ class Solver(ABC):
 
     @property
     def told(self) -> str:
-        """What it is."""
+        """Name of the solver with its facts, for messages."""
         return "factor"
 
     def force_sizes(self, R: Array) -> Array:
-        """Norms of forces, vectors as columns, in which residuals are compared."""
+        """Norms of loads (columns) in which residuals are measured."""
         return norms(self.comm, R)
 
 
 class Factorization(Solver):
-    """A Cholesky factor, or its like."""
+    """Base of direct solvers."""
 
     @property
     @abstractmethod
     def entries(self) -> float:
-        """Entries of the factor, of all ranks together."""
+        """Number of entries of the factor on all ranks."""

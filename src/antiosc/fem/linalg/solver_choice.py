@@ -93,7 +93,8 @@ def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
 
 
 class Refined(Solver):
-    """Conjugate gradients with A's accurate product, preconditioned by a solver of its entries.
+    """Conjugate gradients on A's accurate product, preconditioned by a solver of its stored
+    entries.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ class Refined(Solver):
 
     @property
     def entries(self) -> float:
-        """Entries of the factor; 0 of a solver without one."""
+        """Number of entries of the factor; 0 for an iterative solver."""
         return float(getattr(self._inner, "entries", 0.0))
 
     def _set_up(self) -> None:
@@ -150,7 +151,7 @@ class Refined(Solver):
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """√(rᵀA⁻¹r): in the Euclidean norm the rounding of x alone makes A x large."""
+        """√(rᵀA⁻¹r): in the Euclidean norm rounding of x alone would make the residual large."""
         return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
 
     def _inner_products(self, x: Array, y: Array) -> Array:
@@ -224,7 +225,7 @@ class Substructures(Factorization):
             raise NotConvergedError(SINGULAR.format(caught)) from caught
 
     def _between(self, rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-        """A_ΓΓ on all ranks, from the rows of Γ that each has."""
+        """A_ΓΓ on all ranks, summed from the rows of the interface Γ on each."""
         part = rows[:, self._interface].tocoo()
         found = self.comm.allgather((self._at[part.row], part.col, part.data))
         row, column, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -233,7 +234,7 @@ class Substructures(Factorization):
 
     @property
     def entries(self) -> float:
-        """Entries of the factors of all ranks, and of the interface's."""
+        """Number of entries of the factors of all ranks and of the interface."""
         own = self._factor.supernodes.values.size if len(self._inner) else 0
         return float(self.comm.allreduce(own) + len(self._interface) ** 2)
 
@@ -257,7 +258,7 @@ class Substructures(Factorization):
 
 
 def _square(L: Array) -> Array:
-    """L Lᵀ of a lower triangle, with a third of the operations of a product."""
+    """L Lᵀ of a lower triangle, with a third of the operations of a general product."""
     if not L.size:  # this part meets no other
         return np.zeros(L.shape)
     reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
@@ -347,11 +348,11 @@ class OnOneRank(Factorization):
 
     @property
     def entries(self) -> float:
-        """Entries of the factor."""
+        """Number of entries of the factor."""
         return float(self.cholesky.supernodes.values.size)
 
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
+        """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         return self.cholesky.solve(R)
 
 
@@ -361,7 +362,7 @@ def analysed(A: PETSc.Mat) -> Analysis:
 
 
 class Distributed(PetscSolver, Factorization):
-    """Cholesky factor over many ranks by MUMPS, with the ordering that it chooses."""
+    """Cholesky factor distributed over the ranks by MUMPS, with an ordering of its choice."""
 
     def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -373,12 +374,12 @@ class Distributed(PetscSolver, Factorization):
 
     @property
     def entries(self) -> float:
-        """Entries of the factor, of all ranks together."""
+        """Number of entries of the factor on all ranks."""
         told = self._ksp.getPC().getFactorMatrix().getMumpsInfog(29)
         return float(told if told >= 0 else -1e6 * told)  # large ones in millions, negative
 
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
+        """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         if R.shape[1] < 2:
             return super().solve_block(R)
         B, X = dense(self.A, R), dense(self.A, np.zeros(R.shape, order="F"))
@@ -390,7 +391,7 @@ class Distributed(PetscSolver, Factorization):
 
 
 def forecast(A: PETSc.Mat) -> float:
-    """Entries that MUMPS's factor of A will have; 0 where A is not blocked by nodes.
+    """Forecast of the entries of MUMPS's factor of A; 0 if A has no node blocks.
 
     MUMPS tells how large a factor is when it has made it: it is asked for that of one displacement
     component, every b-th row, at 1/b² of the entries and 1/b³ of the operations.
@@ -404,7 +405,7 @@ def forecast(A: PETSc.Mat) -> float:
 
 
 class ByPetsc(PetscSolver, Factorization):
-    """Cholesky factor on one rank by CHOLMOD through PETSc, where `cholmod.refusal` says why."""
+    """Cholesky factor on one rank by CHOLMOD through PETSc, if it cannot be called directly."""
 
     def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -415,7 +416,7 @@ class ByPetsc(PetscSolver, Factorization):
 
     @property
     def entries(self) -> float:
-        """Entries of the factor."""
+        """Number of entries of the factor."""
         return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
@@ -457,7 +458,7 @@ INTERFACE = 6_000
 
 
 def solver_for(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
-    """The solver of A that `choice` names; "auto": by forecasts of memory and time.
+    """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
     `levels` tells what a multigrid needs of the part. Where A's product is by strains the solver of
     its entries is refined to that accuracy.
@@ -512,7 +513,9 @@ def _iterative(A: PETSc.Mat, levels: Levels) -> Multigrid:
 
 
 def preconditioner(A: PETSc.Mat) -> Callable[[Array], Array]:
-    """A⁻¹ of the coarse of two levels; by a factor in single precision where it is near enough."""
+    """Approximate A⁻¹ on the coarse level; by a single-precision factor where that is accurate
+    enough.
+    """
     factor = factorize(A)
     if not isinstance(factor, OnOneRank):
         return factor.solve
@@ -525,31 +528,31 @@ def preconditioner(A: PETSc.Mat) -> Callable[[Array], Array]:
 
 
 def _slow(A: PETSc.Mat, entries: float, levels: Levels) -> bool:
-    """Whether a factor with so many entries takes far longer than two levels."""
+    """Whether a factor with this many entries takes far longer than the two-level solver."""
     slow = seconds_direct(entries) > FAR_LONGER * seconds_iterative(A)
     return slow and levels.coarser() is not None
 
 
 def seconds_direct(entries: float) -> float:
-    """Forecast for a factor with so many entries and `SOLVES` solves."""
+    """Forecast of the seconds for a factor with this many entries and `SOLVES` solves."""
     return OPERATIONS * entries**1.5 / RATE + SOLVES * entries * SECONDS_PER_ENTRY
 
 
 def seconds_iterative(A: PETSc.Mat) -> float:
-    """Forecast for `SOLVES` solves of a compact part by two levels."""
+    """Forecast of the seconds for `SOLVES` two-level solves of a compact part."""
     cycle = SECONDS_BY_CELLS if by_cells(A) else SECONDS_PER_CYCLE
     return SOLVES * CYCLES * stored(A) * cycle
 
 
 def stored(A: PETSc.Mat) -> float:
-    """Entries of A, of all ranks together, or as many as it would have."""
+    """Number of entries of A on all ranks; of a cell-by-cell matrix those it would have."""
     if by_cells(A):
         return ENTRIES * float(A.getSize()[0])
     return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
 
 
 class Plan:
-    """What a factor of A will need, found by an analysis that the factorization goes on with."""
+    """Forecast for the factor of A, from a symbolic analysis that the factorization reuses."""
 
     def __init__(self, A: PETSc.Mat) -> None:
         comm = A.getComm().tompi4py()
@@ -560,19 +563,19 @@ class Plan:
 
     @property
     def entries(self) -> float:
-        """Entries of the factor, of all ranks together; 0 where there is no forecast."""
+        """Forecast of the factor's entries on all ranks; 0 if there is none."""
         if self._analysis is not None:
             return float(self._analysis.entries)
         return forecast(self.A)
 
     def factorize(self) -> Factorization:
-        """The factor; once, since the analysis becomes it."""
+        """The factor; to be called once, since it consumes the analysis."""
         analysis, self._analysis = self._analysis, None
         return factorize(self.A, analysis)
 
 
 class Linear(Plan):
-    """What a factor of quadratic elements will need, from that of the linear ones on their cells.
+    """Forecast for the factor of quadratic elements, from that of linear ones on the same cells.
 
     Its analysis takes a tenth of the memory.
     """
@@ -583,7 +586,7 @@ class Linear(Plan):
 
     @property
     def entries(self) -> float:
-        """Entries of the factor, of all ranks together; 0 where there is no forecast."""
+        """Forecast of the factor's entries on all ranks; 0 if there is none."""
         return QUADRATIC * super().entries
 
     def factorize(self) -> Factorization:

@@ -97,7 +97,7 @@ class Cycle:
         self._middle, self._half = (1 + LOWEST) / 2 * largest, (1 - LOWEST) / 2 * largest
 
     def _largest(self) -> float:
-        """The largest eigenvalue of D⁻¹A, D the diagonal blocks, nearly."""
+        """Estimate of the largest eigenvalue of D⁻¹A, D the diagonal blocks."""
         x = np.random.default_rng(0).standard_normal(self._inverse.shape[0])
         comm, size = self._A.getComm().tompi4py(), 1.0
         x = x.astype(self._real)
@@ -107,7 +107,7 @@ class Cycle:
         return size
 
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y, nearly A⁻¹x."""
+        """Set y to one cycle's approximation of A⁻¹x."""
         load = np.array(x.array_r)
         before = self._smoothed(load)
         self._fine.setArray(load - multiply(self._A, before))
@@ -118,7 +118,7 @@ class Cycle:
         y.setArray(found + self._smoothed(load - multiply(self._A, found)))
 
     def _smoothed(self, load: Array) -> Array:
-        """What Chebyshev's iteration makes of a load, in the precision of the fine level."""
+        """Chebyshev's iteration applied to a load, in the precision of the fine level."""
         rest: Array = np.array(load, dtype=self._real)
         sigma = self._middle / self._half
         rho = 1 / sigma
@@ -134,7 +134,7 @@ class Cycle:
 
 
 class Aggregation:
-    """A⁻¹, nearly: a cycle of smoothed aggregation."""
+    """Approximate A⁻¹: one cycle of smoothed aggregation."""
 
     def __init__(self, A: PETSc.Mat) -> None:
         self._pc = PETSc.PC().create(A.getComm())
@@ -147,7 +147,7 @@ class Aggregation:
         self._b, self._x = A.createVecs()
 
     def __call__(self, b: Array) -> Array:
-        """The cycle on a load."""
+        """Apply the cycle to a load."""
         self._b.setArray(b)
         self._pc.apply(self._b, self._x)
         return np.array(self._x.array_r)
@@ -169,7 +169,7 @@ TOUCHED = 0.01
 
 
 def vertices(P: PETSc.Mat) -> BoolArray:
-    """Whether each row of P (of this rank) is that of a coarse node."""
+    """Mask: rows of P (of this rank) that belong to coarse nodes."""
     pointers, _, values = P.getValuesCSR()
     rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     result = np.zeros(len(pointers) - 1, dtype=bool)
@@ -178,7 +178,7 @@ def vertices(P: PETSc.Mat) -> BoolArray:
 
 
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """Motions of the fine dofs (rows of this rank, r) at the coarse ones."""
+    """Values at the coarse dofs of motions of the fine dofs (rows of this rank, r)."""
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
     at = vertices(P)
@@ -190,7 +190,9 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P (changed in place) of the coarse dofs that move no fixed one (of this rank, a mask)."""
+    """P, changed in place, without the columns of coarse dofs that move fixed ones (mask, this
+    rank).
+    """
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
     P.multTranspose(fine, coarse)

@@ -57,7 +57,9 @@ class CellGeometry:
         return np.asarray(self._element.points)
 
     def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], their derivatives (n, 3, tdim)) at X (n, tdim) in cells (n,)."""
+        """(points (n, 3) [m], derivatives (n, 3, tdim)) at reference coordinates X (n, tdim) in
+        cells (n,).
+        """
         if not len(X):  # Basix 0.5 aborts
             return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
         tables = self._element.tabulate(1, X)[..., 0]
@@ -126,7 +128,7 @@ def excess(xi: Array, simplex: bool) -> Array:
 
 
 def clamped(xi: Array, simplex: bool) -> Array:
-    """Reference coordinates (n, t) brought into their cells."""
+    """Reference coordinates (n, t) moved to the nearest point of their cells."""
     xi = np.clip(xi, 0.0, 1.0)
     if simplex:
         xi = xi / np.maximum(xi.sum(axis=1, keepdims=True), 1.0)
@@ -226,7 +228,7 @@ class Mesh(ReprMixin):
 
     @cached_property
     def cad_tree(self) -> cKDTree:
-        """The nodes on surfaces of CAD."""
+        """Search tree of the nodes on CAD surfaces."""
         return cKDTree(np.zeros((0, 3)) if self.cad is None else self.cad.points)
 
     @cached_property
@@ -240,7 +242,7 @@ class Mesh(ReprMixin):
         return float(np.linalg.norm(high - low))
 
     def numbered(self, nodes: Sequence[int]) -> BoolArray:
-        """Which nodes of this rank have one of these numbers in the file.
+        """Mask of the nodes of this rank with one of these file numbers.
 
         InputError for a mesh whose file has no numbers of nodes.
         """
@@ -250,7 +252,7 @@ class Mesh(ReprMixin):
         return np.asarray(np.isin(own, np.asarray(nodes, dtype=np.int64)))
 
     def node(self, number: int) -> Array | None:
-        """Coordinates (3,) of the node with a number in the file [m]; None if there is none.
+        """Coordinates (3,) [m] of the node with a file number; None if there is none.
 
         InputError if several nodes have it, as in instances of an assembly.
         """
@@ -275,7 +277,7 @@ class Mesh(ReprMixin):
         return self.groups[name]
 
     def _side(self, name: str) -> Mapping[int, IntArray]:
-        """The facets that lie on a side of the bounding box."""
+        """The facets on the side `name` ("-x", "+z", …) of the bounding box."""
         axis, (low, high) = "xyz".index(name[1]), self.box
         end, dim = (low if name[0] == "-" else high)[axis], self.tdim - 1
         near = ON_SIDE * self.extent()
@@ -298,7 +300,7 @@ class Mesh(ReprMixin):
 
 
 def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
-    """The dolfinx mesh of arrays that every rank holds (their groups too)."""
+    """The dolfinx mesh of arrays and groups that every rank holds."""
     kind = raw.kind
     cells, points = raw.cells, raw.points
     if comm.rank > 0:

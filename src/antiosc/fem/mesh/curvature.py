@@ -100,7 +100,7 @@ class Patch:
     gap: Array
 
     def only(self, which: BoolArray | IntArray) -> Patch:
-        """Some of the faces."""
+        """The patch restricted to some faces."""
         return Patch(*(getattr(self, one.name)[which] for one in fields(self)))
 
     @cached_property
@@ -116,7 +116,7 @@ class Patch:
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
-        """Numbers of two sides, among all n v, that are the same side of two faces."""
+        """Pairs of equal sides among all n v, as their indices."""
         ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
         ends = np.sort(ends.reshape(-1, 2), axis=1)
         _, side = np.unique(ends, axis=0, return_inverse=True)
@@ -150,7 +150,7 @@ class Patch:
 def curvature(
     mesh: Mesh, faces: Faces, point: Array, direction: Array | None = None, lengths: bool = True
 ) -> Curvature:
-    """Curvature of the surface of a mesh at its point next to `point` (3,).
+    """Curvature of the surface of a mesh at its point nearest to `point` (3,).
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def curvature(
 
 
 def _patch(faces: Faces, point: Array, reach: float) -> Patch:
-    """Faces whose middles lie within `reach` [m], or some faces' sizes if these are larger."""
+    """Faces whose middles lie within `reach` [m], or within a few face sizes if that is more."""
     comm = faces.mesh.comm
     away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(away.min(initial=np.inf)))
@@ -243,7 +243,7 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class OnCad:
-    """Faces as parts of CAD surfaces, n of them.
+    """Faces as pieces of CAD surfaces, n of them.
 
     Attributes
     ----------
@@ -257,7 +257,7 @@ class OnCad:
     signs: Array
 
     def along_sides(self) -> Array:
-        """Unit normals (n, v, 3) at the middles of sides from those at the vertices."""
+        """Unit normals (n, v, 3) at the middles of the sides, from those at the vertices."""
         normals = self.signs[:, None, None] * self.nodes.normals[self.rows]
         mean = normals + np.roll(normals, -1, axis=1)
         return np.asarray(mean / np.linalg.norm(mean, axis=2, keepdims=True))
@@ -286,7 +286,7 @@ def _on_cad(mesh: Mesh, at: Patch) -> OnCad | None:
 
 
 def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Curvature:
-    """Curvature between the vertices of the faces at a point, from that at nodes around it.
+    """Curvature at a point between the vertices of its faces, from the curvatures at nearby nodes.
 
     Tensors are turned into the tangent plane at the point. At a node that of the node counts;
     elsewhere a quadratic function of the place, whose difference to the linear one is the error.
@@ -323,7 +323,7 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
 
 
 def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
-    """A quadratic function of the place through tensors (n, 2, 2), and its error [1/m]."""
+    """Quadratic interpolation of tensors (n, 2, 2), and its error [1/m]."""
     u, v = basis @ way.T / np.abs(way).max()
     rows = polyvander2d(u, v, [2, 2])[:, [0, 1, 2, 3, 4, 6]]
     values = tensors.reshape(-1, 4)
@@ -337,7 +337,7 @@ def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[A
 
 
 def _kind(values: Array, error: float) -> tuple[Array, str]:
-    """Principal curvatures, those that are none set to zero, and the kind of the place."""
+    """Principal curvatures with insignificant ones set to zero, and the kind of surface."""
     bend = float(np.abs(values).max())
     if bend == 0.0:
         return values, PLANE
@@ -346,7 +346,7 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 
 
 def _turns(starts: Array, end: Array) -> Array:
-    """The smallest rotations (n, 3, 3) of unit vectors into another one that is not opposite."""
+    """The smallest rotations (n, 3, 3) of unit vectors onto another one that is not opposite."""
     cross = np.cross(np.eye(3), np.cross(starts, end)[:, None])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1 + starts @ end)[:, None, None])
 
@@ -376,7 +376,7 @@ class Fit:
 
 
 def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
-    """The fit to nodes of a smooth surface; see the head of this file."""
+    """The fit to nodes of a smooth surface, by the method in the module's docstring."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
     away = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
     nodes = smooth.only(cosine > TURNED).nodes() - x
@@ -429,8 +429,7 @@ def _in_one_plane(nodes: Array, normal: Array) -> bool:
 
 
 def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
-    """Whether the nodes within a smaller radius, enough for a fit, lie on a plane: a flat place
-    beside a rounded edge."""
+    """Whether the nodes within a smaller radius are coplanar: a flat beside a rounded edge."""
     while True:
         radius /= OTHER
         fit = _fit(nodes, normal, radius)
@@ -443,7 +442,7 @@ def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
 
 
 def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
-    """What the cut-off of the polynomial changes [1/m], from fits within two other radii."""
+    """Truncation error of the polynomial [1/m], from fits with a smaller and a larger radius."""
     shrinks = OTHER ** (4 if fit.degree == 4 else 2)
     found = 0.0
     if larger is not None:
@@ -455,7 +454,7 @@ def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
 
 
 def _cut_off(fit: Fit, share: float) -> float:
-    """Error [1/m] of the fit of a circle of the same curvature, `share` radii wide."""
+    """Error [1/m] of the polynomial fit of a circle of this curvature, `share` radii wide."""
     relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
     return relative * float(np.abs(fit.values).max())
 
@@ -473,7 +472,9 @@ def _fit_within(nodes: Array, normal: Array, radius: float) -> tuple[Fit, float]
 
 
 def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
-    """The fit of the highest degree for which there are nodes (n, 3) enough; None: for none."""
+    """The fit of the highest degree for which there are enough nodes (n, 3); None if there are too
+    few.
+    """
     near = nodes[np.linalg.norm(nodes, axis=1) < radius]
     basis = np.linalg.svd(normal[None])[2][1:]
     u, v = basis @ near.T / radius
@@ -512,7 +513,7 @@ def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
 
 
 def _with_length(faces: Faces, found: Curvature, size: float) -> Curvature:
-    """A line with its length and its middle: where the surface goes on along it."""
+    """The curvature with length and middle of its line, along which the surface is straight."""
     along = found.directions[int(np.argmin(np.abs(found.values)))]
     radius = 1 / float(np.abs(found.values).max())
 
@@ -534,7 +535,7 @@ def _with_length(faces: Faces, found: Curvature, size: float) -> Curvature:
 
 
 def _end(there: Callable[[Array], BoolArray], size: float) -> float:
-    """Where the surface ends along a line [m]."""
+    """Distance along a line [m] at which the surface ends."""
     inside, outside = 0.0, size
     for _ in range(1 + CLOSER):
         t = np.linspace(inside, outside, LOOKS)
@@ -546,7 +547,7 @@ def _end(there: Callable[[Array], BoolArray], size: float) -> float:
 def _around(
     found: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
 ) -> Curvature:
-    """A line that is not straight, as the top of a torus: the crest followed step by step."""
+    """Length and middle of a curved line, as the top of a torus: its crest, step by step."""
     length, step = 0.0, STEP * radius
     for start in (along, -along):
         x, way = found.point, start

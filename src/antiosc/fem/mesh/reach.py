@@ -17,7 +17,7 @@ SNAP_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a given point may lie from the structure, onto which it is moved.
+    """Largest distance of a given point from the structure, onto which it is projected.
 
     Attributes
     ----------

@@ -210,7 +210,7 @@ def read_mesh(
 
 
 def numbered_elements(given: object) -> dict[str, list[int]]:
-    """Groups of elements by their numbers, {} without; InputError for anything else."""
+    """Checked groups of element numbers; {} for None; InputError for anything else."""
     if given is None:
         return {}
     instance("elements", given, Mapping, "a dict: name -> list of numbers of elements")
@@ -250,7 +250,7 @@ def _check_selection(cells: object) -> None:
 
 
 def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
-    """`raw` with points of shape (n, gdim)."""
+    """The mesh with points of shape (n, gdim)."""
     z = raw.points[:, 2]
     size = float(np.ptp(raw.points, axis=0).max())
     flat = float(np.ptp(z)) <= 1e-9 * size
@@ -266,7 +266,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
 
 
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
-    """A dolfinx mesh with names given to its tags."""
+    """A user's dolfinx mesh with names for its tags."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):

@@ -44,21 +44,21 @@ _PAIRS = 200_000
 
 
 def repeated(cells: IntArray) -> IntArray:
-    """Cells (n, vertices) that have the same vertices as one before them."""
+    """Mask of cells (n, vertices) with the same vertices as an earlier cell."""
     order = np.argsort(keys(cells), kind="stable")
     alike = np.sort(cells[order], axis=1)
     return np.sort(order[1:][(alike[1:] == alike[:-1]).all(axis=1)])
 
 
 def crowded(cells: IntArray, kind: CellKind) -> IntArray:
-    """Cells (n, vertices) that fill their space and share a facet with more than one other."""
+    """Mask of space-filling cells (n, vertices) that share a facet with several other cells."""
     facets, owner = _facets(cells, kind)
     _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
     return np.unique(owner[count[label.reshape(-1)] > 2])
 
 
 def doublets(cells: IntArray, kind: CellKind) -> IntArray:
-    """Cells (n, vertices) that have more than one facet in common with another cell."""
+    """Mask of cells (n, vertices) that share more than one facet with the same other cell."""
     facets, owner = _facets(cells, kind)
     _, label = np.unique(keys(facets), return_inverse=True)
     shape = len(cells), int(label.max(initial=-1)) + 1
@@ -68,7 +68,7 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) -> IntArray:
-    """Cells (n, nodes) with a node inside a side that is not the one that other cells have there.
+    """Mask of cells (n, nodes) whose mid-side node differs from that of other cells at the side.
 
     It may be a corner of another cell, lie in another side too, or have a copy in its place.
     `between`: (vertices of an edge, face or cell, node inside it).
@@ -87,7 +87,7 @@ def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) ->
 
 
 def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Cells (n, vertices) that overlap, at least one of each two.
+    """Mask of overlapping cells (n, vertices), at least one of each pair.
 
     In their space: facets whose two cells lie on one side of it, and outer facets inside a cell.
     On a sheet or a line in space: cells on which another lies.
@@ -113,7 +113,7 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def unjoined(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Nodes on a side of which they are not a vertex: cracks and hanging nodes.
+    """Nodes that lie on a side without being its vertex: cracks and hanging nodes.
 
     Of cells (n, vertices) that fill their space: outer nodes on outer facets; of sheets and lines:
     nodes at free edges and ends on cells.
@@ -142,7 +142,7 @@ def _facets(cells: IntArray, kind: CellKind) -> tuple[IntArray, IntArray]:
 
 
 def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """(one, the other) of two facets that are the same, and those that no other is the same as."""
+    """(first, second) of pairs of equal facets, and the facets without an equal one."""
     code = keys(facets)
     order = np.argsort(code, kind="stable")
     same = code[order][1:] == code[order][:-1]
@@ -152,7 +152,7 @@ def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
-    """On which side of each facet its cell lies: a number with that sign."""
+    """Sign of the side of each facet on which its cell lies."""
     x = points[facets]
     if points.shape[1] == 2:
         along = x[:, 1] - x[:, 0]
@@ -163,7 +163,7 @@ def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
 
 
 def _askew(points: Array, rows: IntArray) -> Array:
-    """A point inside each cell or face that is not on a line of symmetry."""
+    """A point inside each cell or face, off all lines of symmetry."""
     weights = np.array(_ASKEW[rows.shape[1]])
     return np.einsum("k,nki->ni", weights, points[rows])
 
@@ -191,7 +191,7 @@ def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[Int
 
 
 def _unit_normals(corners: Array) -> Array:
-    """Of triangles in space; 0 of other simplices, and of triangles without area."""
+    """Unit normals of triangles in space; 0 for other simplices and triangles without area."""
     if corners.shape[1:] != (3, 3):
         return np.zeros((len(corners), corners.shape[2]))
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -221,7 +221,7 @@ def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
 
 
 def _barycentric(corners: Array, x: Array) -> tuple[Array, Array]:
-    """Barycentric coordinates (n, d + 1) of the points' feet on simplices, and distances off.
+    """Barycentric coordinates (n, d + 1) of points projected on simplices, and distances.
 
     Simplices without measure, as halves of quadrilaterals with an angle of 180°, hold no point.
     """
@@ -245,7 +245,7 @@ TWO_SIDES = ("quadrilateral", "hexahedron")
 def sound(
     raw: RawMesh, name: str, made_here: bool, pieces: bool = False, by: str = 'cells="its group"'
 ) -> RawMesh:
-    """`raw` itself, or without folded cells if gmsh made it here; `name` is that of the file.
+    """The mesh after its checks, without folded cells if gmsh made it here; `name`: of the file.
 
     `pieces`: it may fall into pieces, for constraints join them; `by`: what else chooses one.
 
@@ -396,7 +396,7 @@ MID_SIDE_EDGES = {
 
 
 def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
-    """Cells whose smallest Jacobian is at most `least` of the largest.
+    """Mask of cells whose smallest Jacobian is at most `least` times the largest.
 
     Solids, or faces in the plane or in space; their nodes are in dolfinx's order.
     """
@@ -454,7 +454,7 @@ def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
 
 
 def refuse_degenerate(mesh: Mesh) -> None:
-    """MeshError for cells of a mesh, on all ranks, without area or volume or that cross."""
+    """MeshError for cells, on all ranks, that have no area or volume or intersect themselves."""
     own = compat.cell_map(mesh.dolfinx).size_local
     nodes = compat.geometry_nodes(mesh.dolfinx)[:own].astype(np.int64)
     points = mesh.dolfinx.geometry.x[:, : mesh.gdim]
@@ -472,7 +472,7 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def bends(points: Array, cells: IntArray) -> Array:
-    """Height (n,) of the arcs of second-order hexahedra over their thickness; 0 of straight ones.
+    """Sagitta (n,) of second-order hexahedra over their thickness; 0 for straight ones.
 
     `cells` (n, 27): in dolfinx's order. Thickness is between two sides that no other cell has:
     layers share the bending, and lock less.

@@ -44,7 +44,7 @@ def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
 
 
 def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArray]:
-    """(a cell at each entity, the number of the entity in this cell)."""
+    """(one cell at each entity, local number of the entity in it)."""
     topology = mesh.dolfinx.topology
     if dim == mesh.tdim:
         return np.asarray(entities), np.zeros(len(entities), dtype=int)
@@ -57,7 +57,7 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
 
 
 def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
-    """Origin (n, tdim) and axes (n, tdim, dim) of entities of cells in the reference cell."""
+    """Origin (n, tdim) and axes (n, tdim, dim) in the reference cell of its entities."""
     if dim == mesh.tdim:
         count = len(number)
         return np.zeros((count, dim)), np.tile(np.eye(dim), (count, 1, 1))
@@ -152,7 +152,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Quadrat
 
 
 def centre(mesh: Mesh, group: str) -> Array:
-    """Centroid (3,) of the entities of the largest dimension in a group [m]; of all ranks."""
+    """Centroid (3,) [m] of the highest-dimensional entities of a group, on all ranks."""
     dim, entities = largest(mesh, group)
     mesh.dolfinx.topology.create_entities(dim)
     entities = entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
@@ -182,7 +182,7 @@ class ClosestPoint:
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """The same for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
+    """As `ClosestPoint` for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
 
     rank: IntArray
     cell: IntArray
@@ -224,7 +224,7 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
 
 
 def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
-    """Largest distance [m] of two corners of the cell with the closest point, on all ranks."""
+    """Largest distance [m] between corners of the cell of the closest point, on all ranks."""
     x = corners_at(mesh, nearest)
     return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
 
@@ -267,7 +267,9 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
 
 
 def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
-    """Cells in the order of the distance to their boxes, until no box can hold a closer point."""
+    """The closest point on this rank: cells by the distance of their boxes until none can be
+    closer.
+    """
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
@@ -346,7 +348,7 @@ OBLIQUE = np.array([0.43, 0.59, 0.68])
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Data of the surface at P sites, equal on all ranks.
+    """Data of the surface at P sites, the same on all ranks.
 
     Attributes
     ----------
@@ -365,7 +367,7 @@ class Contact:
     label: IntArray
 
     def of(self, which: IntArray) -> Contact:
-        """Some of the sites."""
+        """The data of some sites."""
         return Contact(*(getattr(self, one.name)[which] for one in fields(self)))
 
 
@@ -383,7 +385,7 @@ class Faces(Entities):
         super().__init__(mesh, mesh.tdim if sheet else mesh.tdim - 1, self.facets)
 
     def across(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points, unit normals (n, 3)) at ξ in faces: outward on solids."""
+        """(points, unit normals (n, 3)) at ξ in faces; outward for solids."""
         x, J = self.at(face, xi)
         if J.shape[2] == 1:
             normal = np.column_stack([J[:, 1, 0], -J[:, 0, 0], np.zeros(len(J))])
@@ -444,7 +446,9 @@ class Faces(Entities):
         )
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
-        """(face, point, unit normal, distance) of the faces of this rank near each point."""
+        """(face, point, unit normal, distance) of faces of this rank near each point: the nearest
+        places.
+        """
         face, point = near(self.centres, self.radii + radii.max(initial=0.0), points)
         xi = projected(
             lambda k, xi: self.at(face[k], xi), points[point], self.middle[face], affine=self.affine
@@ -489,7 +493,7 @@ class Faces(Entities):
         return face, xi, distance
 
     def _on_plane(self, face: IntArray, points: Array, normals: Array) -> Array:
-        """ξ (n, d) of points brought along normals onto the planes that touch faces in the middle.
+        """ξ (n, d) of points projected along normals on the tangent planes of faces.
 
         For a straight side of a plane part the normals lie in the plane of the part.
         """
@@ -513,8 +517,7 @@ class Faces(Entities):
 
     @cached_property
     def bend(self) -> Array:
-        """Largest distance of each face from its tangent plane in the middle, over its size
-        (F,)."""
+        """Largest distance of each face from its middle tangent plane, over its size (F,)."""
         every = np.arange(len(self.facets))
         bend = np.zeros(len(every))
         if self.affine:
@@ -535,7 +538,7 @@ class Faces(Entities):
 
 
 def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
-    """(names of the geometry's faces "face 1", …, number of that of each of `faces` (F,) or -1)."""
+    """(names "face 1", … of the geometry's faces, index of the name (F,) of `faces` or -1)."""
     names = [name for name in faces.mesh.groups if FACE.fullmatch(name)]
     tags = np.full(len(faces), -1, dtype=np.int64)
     for number, name in enumerate(names):
@@ -545,7 +548,7 @@ def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
 
 
 def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
-    """(point (3,) of a group of faces that is next to its centroid [m], unit direction inward).
+    """(point (3,) [m] of a group of faces nearest to its centroid, unit inward direction).
 
     On a sheet against the normal of its cells. InputError for a group without outer faces.
     """
@@ -570,12 +573,12 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _nonzero(values: Array) -> Array:
-    """Divisors without zeros: a face parallel to the normal has no point of the patch."""
+    """The divisors with 0 replaced by a tiny number: a face parallel to the normal is never met."""
     return np.asarray(np.where(values == 0, np.finfo(float).tiny, values))
 
 
 def _least(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
-    """Least value of each site (count,) over all ranks; inf where there is none."""
+    """Smallest value of each site (count,) over all ranks; inf if there is none."""
     least, result = np.full(count, np.inf), np.empty(count)
     np.minimum.at(least, site, values)
     comm.Allreduce(least, result, op=MPI.MIN)
@@ -583,7 +586,7 @@ def _least(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
 
 
 def _mean(comm: MPI.Comm, vectors: Array, site: IntArray, count: int) -> Array:
-    """Unit vectors (count, 3) along the sums of each site's vectors over all ranks."""
+    """Mean unit vector (count, 3) of each site's vectors over all ranks."""
     total = np.zeros((count, 3))
     np.add.at(total, site, vectors)
     total = np.asarray(comm.allreduce(total))

@@ -53,7 +53,7 @@ def number(made: object, serial: int) -> None:
 
 
 def named(value: object) -> str | None:
-    """Name of an object that all ranks made together; None for any other."""
+    """Name, as "Structure no. 3", of an object that all ranks made together; None for any other."""
     if type(value).__hash__ is not object.__hash__ or value not in _together:
         return None
     return f"{type(value).__name__} no. {_together[value]}"
@@ -65,7 +65,7 @@ def of_petsc(value: object) -> bool:
 
 
 def is_void(value: object) -> bool:
-    """Whether `value` is an object of PETSc that is empty or was destroyed.
+    """Whether `value` is a PETSc object that is empty or destroyed.
 
     Any question to such an object kills the process.
     """
@@ -186,7 +186,7 @@ def _counts(value: object) -> bool:
 
 
 def _of_function(function: types.FunctionType, above: tuple[int, ...]) -> Iterator[bytes]:
-    """Its code, and the values that it takes from around it; not its address."""
+    """The code of a function and the values of its closure, but not its address."""
     yield from _of_code(function.__code__, above)
     around = inspect.getclosurevars(function)
     found = {**around.globals, **around.nonlocals, **(function.__kwdefaults__ or {})}
@@ -205,7 +205,7 @@ def _of_code(code: types.CodeType, above: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _global_facts(value: Any) -> tuple[object, ...]:
-    """What a distributed object of PETSc, dolfinx or MPI is on all of its ranks."""
+    """Properties of a distributed object of PETSc, dolfinx or MPI equal on all its ranks."""
     if is_void(value):
         return ("empty or destroyed",)
     if hasattr(value, "topology"):
@@ -222,12 +222,12 @@ T = TypeVar("T")
 
 
 class Serial:
-    """What antiosc uses of an MPI communicator, on one rank."""
+    """The methods of an MPI communicator that antiosc uses, for one rank."""
 
     rank, size = 0, 1
 
     def allreduce(self, value: T) -> T:
-        """The sum over the one rank."""
+        """The value itself: the sum over one rank."""
         return value
 
     def allgather(self, value: T) -> list[T]:
@@ -345,7 +345,7 @@ def _given(
 
 
 def _counted(count: Callable[..., object], value: object) -> object:
-    """`count(value)`; the value itself where it is not what it should be."""
+    """`count(value)`, or the value itself if it is of the wrong type."""
     try:
         return count(value)
     except Exception:  # the function called will say what is wrong with it
@@ -353,7 +353,7 @@ def _counted(count: Callable[..., object], value: object) -> object:
 
 
 def _flat(values: Iterable[object]) -> list[object]:
-    """Values, and those of mappings among them, what most ranks share in front."""
+    """Values, mappings among them flattened, those shared by most ranks first."""
     found: list[object] = []
     for value in values:
         among = value.values() if isinstance(value, Mapping) else [value]
@@ -362,7 +362,7 @@ def _flat(values: Iterable[object]) -> list[object]:
 
 
 def _ranks(value: object) -> int:
-    """Number of ranks that share a value; 0 where it has no communicator."""
+    """Number of ranks that share a value; 0 for a value without communicator."""
     if is_void(value):
         return 0  # to ask for its communicator kills the process
     try:
@@ -372,7 +372,7 @@ def _ranks(value: object) -> int:
 
 
 def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
-    """The communicator that the first of these values has.
+    """The communicator of the first value that has one.
 
     dolfinx and PETSc work on copies of the one they are given: all ranks then talk on the first,
     those too that were given something else.
@@ -411,7 +411,7 @@ def alike(one: MPI.Comm, other: MPI.Comm) -> bool:
 
 
 def _conclude(comm: MPI.Comm, error: Exception | None, made: object) -> None:
-    """Raise the error of any rank; otherwise number the objects that all ranks made."""
+    """Raise the error of any rank on all; otherwise number the objects that all ranks made."""
     global _serial
     found = comm.allgather((_portable(error), _serial))
     _raise_first([one for one, _ in found], error)
@@ -460,7 +460,7 @@ def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning)
 
 
 def _portable(error: Exception | None) -> Exception | None:
-    """`error` in a form that can be pickled; otherwise the other ranks would block."""
+    """The error in a form that can be pickled; otherwise other ranks would wait forever."""
     if error is None:
         return None
     try:

@@ -108,7 +108,7 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
 
 
 def lattice_gradients(cell: str, degree: int, n: int) -> Array:
-    """Slopes (dim, points, nodes) of the Lagrange functions of a cell on its lattice of n steps."""
+    """Derivatives (dim, points, nodes) of a cell's Lagrange functions on its lattice of n steps."""
     import basix
 
     kind = getattr(basix.CellType, cell)
@@ -119,7 +119,7 @@ def lattice_gradients(cell: str, degree: int, n: int) -> Array:
 
 
 def nodes_between(cell: str) -> list[tuple[list[int], int]]:
-    """(vertices of an edge, face or cell, node inside it) of second order, in dolfinx's order."""
+    """(vertices of an edge, face or cell; the second-order node inside it), in dolfinx's order."""
     import basix
 
     kind = getattr(basix.CellType, cell)
@@ -133,7 +133,7 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 
 
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
-    """Name the coordinate element of a mesh as FFCx 0.5 does when it compiles its first form.
+    """Name the coordinate element of a mesh as FFCx 0.5 names it at its first form.
 
     The name is part of the signature of a form. Named that late, the second form of a mesh would
     have one signature in the process that compiles the first, and another one in the next process,
@@ -219,7 +219,7 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 
 def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
-    """A mesh of straight simplices with some edges halved, and more where it is to conform."""
+    """A mesh of straight simplices with these edges halved, and others as conformity requires."""
     found = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
     return found[0] if isinstance(found, tuple) else found
 
@@ -393,7 +393,7 @@ def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
 
 
 def tabulate_slopes(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
-    """Their derivatives along the reference directions: (points, functions, directions)."""
+    """Derivatives of basis functions along the reference axes: (points, functions, directions)."""
     element = subspace(space, path).element.basix_element
     tables = np.asarray(element.tabulate(1, X))[1:]
     return np.moveaxis(tables.reshape(len(tables), len(X), -1), 0, 2)
@@ -414,7 +414,7 @@ def local_size(space: fem.FunctionSpace) -> int:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Context in which PETSc's lack of memory is a MemoryError.
+    """Context in which PETSc's out-of-memory error becomes a MemoryError.
 
     dolfinx makes a text of PETSc's error, which has none where memory is short.
     """
@@ -432,7 +432,7 @@ def assemble(
     fixed: Mapping[tuple[int, ...], IntArray],
     diagonal: float,
 ) -> PETSc.Mat:
-    """Sum of the bilinear `forms`, rows and columns of fixed dofs emptied, `diagonal` put there.
+    """Sum of the bilinear `forms`, with empty rows and columns of fixed dofs and `diagonal` there.
 
     `fixed`: path of a scalar component -> its dofs on this rank, ghosts included.
     """
@@ -456,7 +456,7 @@ def assemble(
 
 
 def _gauss_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
-    """Vectors at the points of a rule."""
+    """A space of vectors at the points of a quadrature."""
     if DOLFINX < (0, 8):
         element = ufl.VectorElement(
             "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
@@ -471,7 +471,7 @@ def _gauss_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.Functio
 
 
 class GaussPoints:
-    """The points of a rule on a mesh, of one process; `weight` (n,) are theirs."""
+    """The points of a quadrature on a mesh of one process, with weights (n,)."""
 
     def __init__(self, mesh: dolfinx.mesh.Mesh, degree: int) -> None:
         self._mesh, self._degree = mesh, degree
@@ -574,7 +574,9 @@ def quadratic(
     ufcx, in_cpp = compiled.ufcx_form, getattr(compiled, "_cpp_object", compiled)
 
     def packed(first: int) -> Array:
-        """Coefficients (cells, n), with the numbers of the dofs from `first` on as those of x."""
+        """Coefficients (cells, n) that hold the numbers of the dofs from `first` on, as values of
+        x.
+        """
         x.x.array[:] = np.arange(first, first + x.x.array.size)
         (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
         return np.ascontiguousarray(values)
@@ -646,7 +648,7 @@ def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
 
 
 def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
-    """The function with these values at the dofs that this rank owns."""
+    """The function with these values at the dofs of this rank."""
     function = fem.Function(space)
     function.x.array[: len(values)] = values
     function.x.scatter_forward()

@@ -43,7 +43,7 @@ SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 
 def _of_the_user(usual: Callable[[], tuple[object, object]]) -> tuple[object, object]:
-    """What a reader finds in the user's folder and in the working folder, without the latter."""
+    """The settings in the user's folder, without those in the working folder."""
     return usual()[0], {}
 
 
@@ -81,7 +81,7 @@ def checked_folder() -> Iterator[None]:
 def _replaced(
     module: ModuleType, names: set[str], function: Callable[..., object]
 ) -> Iterator[None]:
-    """Replace the functions of these names that a module has."""
+    """Replace these functions of a module."""
     usual = {name: value for name, value in vars(module).items() if name in names}
     vars(module).update(dict.fromkeys(usual, function))
     try:
@@ -99,7 +99,7 @@ def _cached(
     cache_dir: Path,
     timeout: int,
 ) -> tuple[object, object]:
-    """FFCx's `get_cached_module`: (None, None), and the entry held, if it has to be compiled."""
+    """Replacement of FFCx's `get_cached_module`: (None, None), with the entry locked: compile."""
     if Path(cache_dir) != folder:  # another thread of the program compiles for itself
         return usual(name, objects, cache_dir, timeout)
     entry = entries[name] = _Entry(folder, name)
@@ -122,7 +122,7 @@ def _compiled(
     name: str,
     objects: list[str],
 ) -> tuple[object, object]:
-    """FFCx's `_load_objects`, of what it has just compiled."""
+    """Replacement of FFCx's `_load_objects`, for a form just compiled."""
     found = usual(cache_dir, name, objects)
     if name in entries:
         entry = entries.pop(name)
@@ -132,7 +132,7 @@ def _compiled(
 
 
 class _Entry:
-    """The files of one compiled form; one process at a time may look at them or change them."""
+    """The files of one compiled form; one process at a time may read or change them."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self.library = folder / f"{name}{EXTENSION_SUFFIXES[0]}"
@@ -146,7 +146,7 @@ class _Entry:
             raise
 
     def whole(self) -> bool:
-        """Whether the library is the one that was compiled."""
+        """Whether the library is complete: its checksum is that of its compilation."""
         self.file.seek(0)
         with suppress(OSError, ValueError):
             return self.ready.is_file() and self.file.read() == self._checksum()
@@ -195,7 +195,7 @@ def _lock(file: IO[str]) -> None:
 
 
 def place() -> Path:
-    """The folder, made where it is missing; one of this process where it would not be safe."""
+    """The cache folder, created if missing; a private one of this process if unsafe."""
     given = os.environ.get("XDG_CACHE_HOME", "")
     users = Path(given) if os.path.isabs(given) else Path.home() / ".cache"
     build = EXTENSION_SUFFIXES[0].split(".")[1]
@@ -249,7 +249,7 @@ def compiler() -> Iterator[None]:
 
 @contextmanager
 def _mended() -> Iterator[None]:
-    """FFCx 0.5 without two faults; newer ones do not have them.
+    """FFCx 0.5 without two of its faults.
 
     It numbers derivatives by x, y, z, where Basix takes the directions of the cell: on a shell in
     space those of second and higher order differ. And it never closes the empty C file by which it

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def _vector(name: str, value: object, unit: str) -> tuple[float, ...]:
-    """Three numbers; 2 of plane parts have 0 for the third."""
+    """Three numbers; two, for plane parts, get a third of 0."""
     given = coordinates(name, value, unit)
     return (*given, 0.0)[:3]
 
@@ -38,7 +38,7 @@ def _vectors(name: str, value: object) -> dict[str, tuple[float, ...]]:
 
 
 def named_from(start: str, values: Mapping[str, T]) -> dict[str, T]:
-    """Those whose names begin with `start`, without it."""
+    """Entries whose names begin with `start`, by the remainder of their names."""
     return {key[len(start) :]: one for key, one in values.items() if key.startswith(start)}
 
 
@@ -115,7 +115,7 @@ class Prestress(Checked):
 
 
 def of_part(loads: Prestress, name: str, R: Array, about: Array) -> Prestress:
-    """The loads on the part `name` of an assembly, in its own axes; tensions are not in it.
+    """Loads on the part `name` of an assembly, in the part's axes, without tensions.
 
     R (3, 3) turns the part in the assembly; `about` (3,) of the spin in the part.
     """
@@ -143,7 +143,7 @@ class Preload:
 
     @property
     def words(self) -> str:
-        """What is said of it in descriptions of the structure and its models."""
+        """The prestress in words, for descriptions of the structure and its models."""
         said = "prestress"
         if self.loads.spin is not None:
             said += f" with a spin of {self.loads.spin.omega:g} rad/s, without Coriolis forces"

@@ -26,7 +26,7 @@ DEGREE = 5
 
 
 def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Measure]:
-    """(factor, measure) of cells, or of outer facets, of this rank."""
+    """(factor, UFL measure) of cells or of outer facets of this rank."""
     if dim == mesh.tdim:
         inside = compat.cellwise(mesh.dolfinx)
         inside.x.array[entities] = 1.0
@@ -42,7 +42,7 @@ def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Meas
 def pressure_energy(
     mesh: Mesh, parts: Parts, u: Expr, where: tuple[str, int, IntArray]
 ) -> ufl.Form:
-    """Work of a unit pressure to second order; `where`: a group, its dimension, its entities."""
+    """Second-order work of a unit pressure; `where`: a group, its dimension, its entities."""
     group, dim, entities = where
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
@@ -91,7 +91,7 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
 
 
 def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
-    """(direction, ∫ρ z, ∫ρ z²) of sections and thicknesses that have rotations in space."""
+    """(direction, ∫ρ z, ∫ρ z²) across sections and thicknesses of elements with rotations."""
     material = parts[0][0]
     if material.kind.sheet:
         section, n = section_fields(mesh, parts), frames(mesh, parts).n
@@ -109,7 +109,7 @@ def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
 
 
 def total_of(mesh: Mesh, group: str, dim: int, entities: IntArray) -> float:
-    """Length, area or volume of a group; InputError where it is none."""
+    """Length, area or volume of a group; InputError if it is 0."""
     factor, dx = measure_on(mesh, dim, entities)
     size = compat.integrate(factor * dx, mesh.dolfinx)
     if size <= 0:
@@ -118,7 +118,7 @@ def total_of(mesh: Mesh, group: str, dim: int, entities: IntArray) -> float:
 
 
 def spread(mesh: Mesh, v: Expr, force: Array, where: tuple[str, int, IntArray]) -> ufl.Form:
-    """The work of a force (3,), spread evenly over a group, on the test function v."""
+    """Work of a force (3,), distributed evenly over a group, on the test function v."""
     group, dim, entities = where
     factor, dx = measure_on(mesh, dim, entities)
     density = (force / total_of(mesh, group, dim, entities)).tolist()

@@ -50,7 +50,7 @@ ASKED, RESIDUAL, RESTARTS = 1e-7, 1e-3, 12
 
 
 class Loaded(Protocol):
-    """A structure and its loads: the energy qᵀKq/2 + Π(q) − fᵀq."""
+    """A structure under loads: energy qᵀKq/2 + Π(q) − fᵀq, forces and tangent stiffness."""
 
     K: PETSc.Mat
     solver: Solver  # of K
@@ -61,7 +61,7 @@ class Loaded(Protocol):
         ...
 
     def stiffness(self, q: Array, *, geometric: bool = False) -> PETSc.Mat:
-        """d²Π/dq²; `geometric`: the part in proportion to the loads, in the shape that it has."""
+        """d²Π/dq²; `geometric`: only the part proportional to the loads."""
         ...
 
 
@@ -81,7 +81,7 @@ class Equilibrium:
 
 
 def found(of: Loaded, choice: Choice) -> Equilibrium:
-    """The equilibrium; InputError where it is beyond buckling, or none is found."""
+    """The static equilibrium; InputError beyond buckling, or if none is found."""
     q, added = _equilibrium(of)
     geometric = of.stiffness(q, geometric=True)
     K = sum_of(of.K, 1.0, added)
@@ -106,7 +106,7 @@ def _beyond(reserve: float) -> str:
 
 
 def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
-    """(q, d²Π/dq² there)."""
+    """Newton's iteration: (q, d²Π/dq² at q)."""
     comm = of.solver.comm
     q = np.zeros(len(of.dead))
     rest = of.dead - of.forces(q)
@@ -127,7 +127,7 @@ def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
 
 
 def _newton_step(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
-    """A direction in which the energy falls: Newton's, where the tangent is positive definite.
+    """A descent direction: Newton's step where the tangent is positive definite.
 
     Where it is not, conjugate gradients end at the direction that shows it.
     """
@@ -154,7 +154,9 @@ def _newton_step(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
 
 
 def _by_factor(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
-    """Newton's step by a factor of the tangent, where loads stiffen it manifold."""
+    """Newton's step by a factor of the tangent, for loads that stiffen the structure many times
+    over.
+    """
     A = sum_of(of.K, 1.0, added)
     free_when_dropped(A)
     try:
@@ -164,7 +166,7 @@ def _by_factor(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
 
 
 def _line_search(of: Loaded, q: Array, step: Array, rest: Array) -> tuple[float, Array]:
-    """(length at which the energy along the step is least, residual there)."""
+    """(step length of least energy, residual there)."""
     comm = of.solver.comm
 
     def residual(length: float) -> Array:
@@ -246,7 +248,7 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
 
 
 def _check(K: PETSc.Mat, solver: Solver, rest: Array, shape: Array) -> None:
-    """AccuracyError where a buckling mode is none: the residual is measured with K⁻¹."""
+    """AccuracyError if a buckling mode has a large residual, measured with K⁻¹."""
     comm = solver.comm
     left = float(dot(comm, rest, solver.solve(rest)))
     size = float(dot(comm, shape, multiply(K, shape)))

@@ -51,18 +51,18 @@ class LoadedBolt:
 
     @classmethod
     def of(cls, joint: Bolt, layout: Layout, label: str, initial: float) -> LoadedBolt:
-        """Of a bolt of an assembly."""
+        """The energy of a bolt of an assembly."""
         (elastic,) = joint.elastic(layout, label)
         length = joint._reach(layout)
         a, B = lengthening(joint.beam, length)
         return cls(elastic.G, a, B, length, joint.beam.E * joint.beam.section.A, initial)
 
     def _strain(self, g: Array) -> float:
-        """Free of `initial`."""
+        """Strain s + η/2 − e of the bolt with the dofs g, without its initial strain e."""
         return float(self.a @ g + g @ self.B @ g / 2) / self.length - self.initial
 
     def forces(self, u: Array) -> Array:
-        """Of the energy, on u (n,)."""
+        """Gradient of the energy at u (n,)."""
         g = self.G @ u
         turned = self.B @ g
         eta = float(g @ turned) / self.length
@@ -70,7 +70,9 @@ class LoadedBolt:
         return np.asarray(self.G.T @ (self.EA * own))
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> Sparse:
-        """Its second derivative (n, n); `geometric`: that of the force in it alone."""
+        """Second derivative (n, n) of the energy; `geometric`: only the part due to the bolt's
+        force.
+        """
         g = self.G @ u
         own = self._strain(g) * self.B
         if not geometric:
@@ -83,7 +85,7 @@ class LoadedBolt:
 def with_prestress(
     base: AssembledMatrices, given: object, joints: Sequence[Joint]
 ) -> AssembledMatrices:
-    """`base` under its loads; InputError for loads that do not fit, or beyond buckling."""
+    """The matrices `base` under loads; InputError for loads that do not fit, or beyond buckling."""
     loads = checked(base, given)
     layout = base.layout
     for name in layout.condensed:
@@ -133,7 +135,7 @@ def _check_slender(layout: Layout, name: str, bolt: Bolt, tension: float) -> Non
 
 
 def _tendon(base: AssembledMatrices, bolts: Mapping[str, Bolt], name: str) -> Tendon:
-    """A bolt, or a group of a part, on the dofs q of this rank."""
+    """The tightened bolt, or group of a part, as forces on the dofs q of this rank."""
 
     def work() -> tuple[Array, float, float]:
         if name in bolts:
@@ -150,7 +152,7 @@ def _tendon(base: AssembledMatrices, bolts: Mapping[str, Bolt], name: str) -> Te
 
 
 class _LoadedAssembly(Loaded):
-    """An assembly under its loads; rank 0 has the parts of it."""
+    """Forces and tangent stiffness of an assembly under loads; rank 0 has its parts."""
 
     def __init__(
         self,
@@ -187,7 +189,7 @@ class _LoadedAssembly(Loaded):
         self.dead = base.own(on_root(base.comm, work)) + weight(base, loads)
 
     def _spin(self, spin: Spin) -> None:
-        """Masses of joints and attachments."""
+        """Spin loads of the masses of joints and attachments."""
         layout = self._base.layout
         M = self._base.added.mass_on_u(layout.count)
         start, across = accelerations(layout.places, spin)
@@ -248,7 +250,7 @@ class _LoadedAssembly(Loaded):
 def of_member(
     loads: Prestress, initial: Mapping[str, float], member: Member
 ) -> tuple[Prestress, dict[str, float]]:
-    """(loads, strains free of stress by groups) of a part in its own axes."""
+    """(loads, initial strains by group) of a part, in its axes."""
     about = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
     there = member.at.own(about[None])[0]
     own = of_part(loads, member.name, member.at.rotation, there)

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """What is tightened: beams or bars of a group, a stiffener, a bolt.
+    """An element group that is tightened: beams or bars, a stiffener, a bolt.
 
     load : (rows of this rank,) forces EA of the unit strain free of stress, with the sign of a
         pull on both ends. length [m]; stiffness: mean EA [N].
@@ -55,7 +55,7 @@ class Tendon:
 
 
 class LoadedPart:
-    """Forces and tangent stiffness of a part, beside those of its K.
+    """Forces and tangent stiffness that loads add to the K of a part.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class LoadedPart:
         return freed(self.part, found)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
-        """d²Π/du² at u; rows of fixed dofs are empty.
+        """d²Π/du² at u, with empty rows of fixed dofs.
 
         `geometric`: K_σ and the terms of the loads alone, which grow as the loads do.
         """
@@ -142,7 +142,7 @@ def _among(initial: Mapping[str, float], names: list[str]) -> dict[str, float]:
 
 
 def freed(part: MeshedStructure, forces: Array) -> Array:
-    """Forces (rows of this rank,) with those on fixed dofs zero."""
+    """Forces (rows of this rank,) with zeros on fixed dofs."""
     forces[part.fixed[part.fixed < len(forces)]] = 0.0
     return forces
 
@@ -155,7 +155,7 @@ def _transposed(matrix: PETSc.Mat, forces: Array) -> Array:
 
 
 def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
-    """Strain free of stress of each cell (a cell-wise function)."""
+    """Initial strain of each cell as a cell-wise constant function."""
     found = compat.cellwise(part.mesh.dolfinx)
     for group, strain in initial.items():
         if group == part.edges:
@@ -191,7 +191,7 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
 
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
-    """The forces on groups (rows of this rank,)."""
+    """Constant forces on groups (rows of this rank,)."""
     rows = part.K.getLocalSize()[0]
     found = np.zeros(rows)
     v = ufl.TestFunction(part.form.space)
@@ -226,7 +226,7 @@ def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
 
 
 class _SpinningMasses:
-    """Masses and stiffeners on a part: those of M that are not of its cells.
+    """Spin loads of point masses and stiffeners: the masses of M outside the cells of the part.
 
     forces and stiffness are those of Σ m a·a/2, a = Ω P (x + u).
     """
@@ -244,12 +244,12 @@ class _SpinningMasses:
         self.stiffness.scale(0.5)
 
     def forces(self, u: Array) -> Array:
-        """Of u (rows of this rank,)."""
+        """Centrifugal forces at u (rows of this rank,)."""
         return self._start + multiply(self.stiffness, u)
 
 
 def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.csr_matrix]:
-    """(Ω² P (x − about) on the dofs (n,), what Ω² P u adds for each u (n, n))."""
+    """(Ω² P (x − about) at the dofs (n,), matrix (n, n) of u ↦ Ω² P u)."""
     axes = np.where((places.kind == MOVE)[:, None], places.axes, 0.0)
     start = np.einsum("ni,ij,nj->n", axes, spin.stiffness, places.points - np.array(spin.about))
     rows = np.repeat(np.arange(len(axes)), 3)
@@ -264,7 +264,7 @@ def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.cs
 
 
 def _spread_out(own: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
-    """A matrix of the rows of each rank, which couples none of other ranks."""
+    """A distributed matrix whose entries couple only rows of the same rank."""
     first, _ = like.getOwnershipRange()
     integer = PETSc.IntType
     arrays = own.indptr.astype(integer), (own.indices + first).astype(integer), own.data

@@ -27,7 +27,7 @@ YIELDS = 1e-6
 
 
 def with_prestress(base: MeshedStructure, given: object) -> MeshedStructure:
-    """`base` under its loads; InputError for loads that do not fit, or beyond buckling."""
+    """The matrices `base` under loads; InputError for loads that do not fit, or beyond buckling."""
     loads = checked(base, given)
     with doing("static step of the prestress", base.comm.rank):
         solver, _ = base.factored()
@@ -50,7 +50,7 @@ def with_prestress(base: MeshedStructure, given: object) -> MeshedStructure:
 
 
 def checked(base: StructureMatrices, given: object) -> Prestress:
-    """`given` as a Prestress of a structure that is held."""
+    """`given` as a checked Prestress of a supported structure."""
     loads = instance("prestress", given, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
@@ -61,7 +61,7 @@ def checked(base: StructureMatrices, given: object) -> Prestress:
 
 
 class _LoadedMesh(Loaded):
-    """A part under its loads."""
+    """A meshed part under its loads."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class _LoadedMesh(Loaded):
 
 
 def weight(base: StructureMatrices, loads: Prestress) -> Array:
-    """Gravity's forces (rows of this rank,)."""
+    """Gravity loads (rows of this rank,)."""
     g = np.array(loads.gravity)
     size = float(np.linalg.norm(g))
     if not size:
@@ -93,7 +93,7 @@ def weight(base: StructureMatrices, loads: Prestress) -> Array:
 
 
 def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -> dict[str, float]:
-    """The strains free of stress that leave the tensions asked for, all of them together."""
+    """Initial strains that produce the required tensions, all at once."""
     if not tendons:
         return {}
     own = list(tendons.values())

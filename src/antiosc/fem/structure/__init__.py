@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 def in_space(point: ArrayLike) -> Array:
-    """Three coordinates of a point of two or three; z = 0 where there are two."""
+    """The point with three coordinates; z = 0 if it has two."""
     x = np.asarray(point, dtype=float)
     return np.pad(x, (0, 3 - len(x)))
 
@@ -60,7 +60,7 @@ def checked_axis(name: str, value: object) -> tuple[float, ...]:
 
 
 def _checked_angle(name: str, value: object) -> float:
-    """An angle in rad of at most one turn; more are degrees."""
+    """An angle in rad of at most one turn; a larger one would be in degrees."""
     angle = number(name, value, "rad")
     if abs(angle) > 2 * np.pi * (1 + 1e-9):
         raise InputError(
@@ -102,7 +102,7 @@ class Placement(Checked):
         return whole if np.abs(R - whole).max() < 1e-15 else R
 
     def placed(self, x: Array) -> Array:
-        """Where points (n, 3) of the part lie in the assembly."""
+        """Coordinates in the assembly of points (n, 3) of the part."""
         about = np.array(self.about)
         return about + (x - about) @ self.rotation.T + self.shift
 
@@ -138,7 +138,7 @@ class DofPlaces:
 
     @classmethod
     def joined(cls, several: Sequence[DofPlaces]) -> DofPlaces:
-        """The dofs of several bodies, one body after the other."""
+        """The dofs of several bodies, concatenated."""
         starts = np.cumsum([0, *(len(one.nodes) for one in several)])
         return cls(
             np.vstack([one.nodes for one in several]),
@@ -153,11 +153,11 @@ class DofPlaces:
         return self.nodes[self.node]
 
     def placed(self, at: Placement) -> DofPlaces:
-        """The same dofs of a body that was moved to its place in an assembly."""
+        """The dofs after the body is moved to its placement."""
         return replace(self, nodes=at.placed(self.nodes), axes=self.axes @ at.rotation.T)
 
     def rigid_motions(self, centre: Array, rows: IntArray | slice = slice(None)) -> Array:
-        """Unit translations along x, y, z and rotations about `centre` (3,) on some dofs (k, 6)."""
+        """Unit translations along x, y, z and rotations about `centre` (3,): (dofs, 6)."""
         axes, moves = self.axes[rows], self.kind[rows] == MOVE
         result = np.zeros((len(axes), 6))
         result[moves, :3] = axes[moves]
@@ -166,7 +166,7 @@ class DofPlaces:
         return result
 
     def values(self, field: Field, centre: Array, size: float) -> Array:
-        """A field of the coordinates (x − centre)/size on all dofs (n,)."""
+        """A field of the coordinates (x − centre)/size, evaluated at all dofs (n,)."""
         displacement, rotation = field((self.nodes - centre) / size)
         turns = self.kind == TURN
         own = np.where(turns, rotation[:, self.node], displacement[:, self.node])
@@ -176,7 +176,7 @@ class DofPlaces:
 
 
 def placement(name: str, given: Placement | Sequence[float] | None) -> Placement:
-    """`given` as a Placement: one itself, or a translation of 2 or 3 numbers."""
+    """`given` as a Placement; 2 or 3 numbers are a translation."""
     if given is None:
         return Placement()
     if isinstance(given, Placement):
@@ -195,7 +195,7 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Dissipation:
-    """One term Gᵀ c G of the damping; of springs to the ground one of the stiffness."""
+    """One term Gᵀ c G of the damping matrix; for grounded springs, of the stiffness matrix."""
 
     G: Matrix = None  # (j, rows of this rank) functionals; None: `matrix` stands for Gᵀ c G
     c: Array | None = None  # (j, j) [N s/m], or of a branch [N/m]
@@ -227,13 +227,13 @@ def _root(matrix: Array) -> Array:
 
 
 def ends(terms: Sequence[Dissipation]) -> Array | None:
-    """Gᵀ (rows of this rank, k) of all functionals: the forces of dashpots and branches."""
+    """Gᵀ (rows of this rank, k) of all terms: the force patterns of dashpots and branches."""
     loads = [np.asarray(one.G.T.toarray()) for one in terms if one.matrix is None]
     return np.hstack(loads) if loads else None
 
 
 def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
-    """All damping of the motions V (rows of this rank, k)."""
+    """The damping matrix of the motions V (rows of this rank, k)."""
     none = np.zeros((0, V.shape[1]))
     found = [(one.projected(comm, V), one.tau) for one in terms]
     viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
@@ -307,7 +307,7 @@ def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float
 
 
 def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
-    """A solver of K; None for a null vector: K does not factor, or a solve blows up along it."""
+    """A solver of K; None if K is singular: no factor, or a solve grows along a null vector."""
     n = algebra.rows(K)
     try:
         factor = _solver(K)
@@ -321,7 +321,7 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid(K: Matrix) -> float:
-    """Share of the entries' energy below which a motion is rigid; by strains it is a square."""
+    """Tolerance on strain energy relative to K's entries of a rigid motion; squared by strains."""
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
@@ -340,7 +340,7 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
-    """An M-orthonormal basis of the columns, those that others span dropped (Gram–Schmidt)."""
+    """M-orthonormal basis of the columns without dependent ones (Gram–Schmidt)."""
     loads = multiply(M, block)
     before = np.sqrt(np.maximum(dot(comm, block, loads).diagonal(), 0.0))  # by round-off below 0
     basis = np.empty(block.shape, order="F")
@@ -360,7 +360,7 @@ def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """The shift again, from block inverse iteration with a first one.
+    """An improved shift, from block inverse iteration with the first one.
 
     The polynomial fields of the first shift do not represent slender members, whose frequencies may
     be ten times lower.
@@ -396,7 +396,7 @@ CLOSER = 6
 
 
 class Plausibility(TypedDict, total=False):
-    """What the extent of linear theory follows from.
+    """The data from which the validity of linear theory is judged.
 
     doubts : sentences on what is implausible of a part; wave_speed : the fastest along bars [m/s];
     thickness : the least of sheets [m], unless they are held along one line alone.
@@ -409,7 +409,7 @@ class Plausibility(TypedDict, total=False):
 
 @dataclass(eq=False)
 class StructureMatrices:
-    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest."""
+    """K and M of a structure; subclasses add what a mesh or nodes determine."""
 
     #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
     K: Matrix
@@ -439,12 +439,12 @@ class StructureMatrices:
 
     @property
     def plausibility(self) -> Plausibility:
-        """What an extraction hands on for the plausibility of blows."""
+        """The data that an extraction stores to judge impacts."""
         return {}
 
     @property
     def located(self) -> bool:
-        """Whether the matrices are given ones whose nodes have coordinates."""
+        """Whether these are given matrices with coordinates of their nodes."""
         return False
 
     @property
@@ -456,11 +456,13 @@ class StructureMatrices:
         return np.zeros((algebra.rows(self.K), 0))
 
     def coarser(self) -> Matrix | None:
-        """The dofs of this rank from those of a coarser space; None where none is known."""
+        """Interpolation from a coarser space to the dofs of this rank; None if there is none."""
         return None
 
     def factored(self) -> tuple[Solver, float]:
-        """(solver of K + sM, s): from the first shift on, until s fits the first elastic ω²."""
+        """(solver of K + sM, s): first with an estimate of s, then with s near the first elastic
+        ω².
+        """
         shift = self.first_shift
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
@@ -510,7 +512,7 @@ class StructureMatrices:
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
-        """The whole body's inertia (its momentum empty) and M r of its rigid motions r (rows, 6).
+        """The body's inertia, and M r of its rigid motions r (rows, 6).
 
         With them any shape's momentum is its product with M r. None for matrices, which have no
         coordinates, and where no rigid-body mode is left.
@@ -518,20 +520,22 @@ class StructureMatrices:
         return None
 
     def dissipation(self) -> list[Dissipation]:
-        """Dashpots, Maxwell branches and layers that relax."""
+        """Dashpots, Maxwell branches and relaxing layers."""
         return [] if self.C is None else [Dissipation(matrix=self.C)]
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        """Σ η VᵀKV (k, k) of the materials, for V (rows of this rank, k); None without losses."""
+        """Σ η VᵀKV (k, k) over the materials, for V (rows of this rank, k); None without loss
+        factors.
+        """
         return None
 
     @property
     def loads_told(self) -> str:
-        """What descriptions say of a prestress; "" without one."""
+        """The prestress in words, for descriptions; "" without one."""
         return "" if self.preload is None else f", {self.preload.words}"
 
     def describe(self, dofs: int) -> str:
-        """One line: what was modelled and with how many dofs."""
+        """One line: the kind of model and its number of dofs."""
         return f"given matrices, {dofs} dofs"
 
 
@@ -541,7 +545,7 @@ FILE_DIGITS = 1e-4
 
 @dataclass(eq=False)
 class NodalMatrices(StructureMatrices):
-    """K and M of another program with the node and direction of each row."""
+    """K and M from another program, with the node and direction of each row."""
 
     map: DofMap = field(kw_only=True)
 
@@ -552,7 +556,7 @@ class NodalMatrices(StructureMatrices):
         return self.map.located
 
     def nodes(self) -> tuple[Array, IntArray]:
-        """Points (P, 3) of the nodes with coordinates, and the rows (P, 3) of x, y, z there.
+        """Coordinates (P, 3) of the located nodes, and their rows (P, 3) of x, y, z displacements.
 
         A row is -1 where the displacement is not among the dofs.
         """
@@ -567,7 +571,9 @@ class NodalMatrices(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """What is known of each row; rows without coordinates or direction are amplitudes."""
+        """Node, direction and kind of each row; rows without coordinates or direction are
+        amplitudes.
+        """
         component, points = self.map.component, self.map.points
         known = np.isfinite(points).all(axis=1)
         kind = np.where(component > 3, TURN, MOVE)
@@ -578,7 +584,7 @@ class NodalMatrices(StructureMatrices):
 
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
-        """(point, motions): reference point (3,) and six rigid motions (rows, 6).
+        """(reference point (3,), six rigid motions (rows, 6)).
 
         None if a row is not placed or no translation is a null vector of K: then supports have
         taken rows away, or coordinates do not fit.

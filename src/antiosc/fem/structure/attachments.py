@@ -68,7 +68,7 @@ def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
 def by_components(
     name: str, given: object, kind: str, allowed: Sequence[str] = COMPONENTS
 ) -> dict[str, float]:
-    """Values > 0 by components, the stiffness or damping of a `kind`, or InputError."""
+    """Checked values > 0 by component: the stiffness or damping of a `kind`."""
     if not isinstance(given, Mapping):
         raise InputError(f"the {name} of a {kind} is a dict, as {{'z': 1e6}}; got {shown(given)}.")
     for component in given:
@@ -167,7 +167,7 @@ class Damper(Checked):
 
     @property
     def values(self) -> dict[str, float]:
-        """Component -> damping, or stiffness of what relaxes."""
+        """Component -> damping; for a relaxing damper, stiffness."""
         return {name: c / (self.tau or 1.0) for name, c in self.damping.items()}
 
 
@@ -207,7 +207,7 @@ class Footing:
         self._parts(self.name)
 
     def _parts(self, name: str | None) -> list[PointMass | Spring | Damper]:
-        """What it adds to a structure."""
+        """The mass, springs and dampers of which a footing consists."""
         choice("up", self.up, ("x", "y", "z"))
         soil = {
             choice("along", axis, ("x", "y", "z")): soil_cone(
@@ -229,7 +229,7 @@ Attachment = PointMass | Spring | Damper | Footing
 
 
 def attachments_of(given: object) -> list[PointMass | Spring | Damper]:
-    """Checked attachments, a footing by its parts; springs and dampers with names."""
+    """Checked attachments: footings divided into their elements; names for springs and dampers."""
     known = (PointMass, Spring, Damper, Footing)
     what = "PointMass, Spring, Damper and Footing objects"
     found: list[Any] = list(list_of("attached", given, known, what))
@@ -244,7 +244,7 @@ def attachments_of(given: object) -> list[PointMass | Spring | Damper]:
 
 
 def damper_to_itself(one: Damper) -> str:
-    """Message for a damper without a length."""
+    """Message for a damper between two coincident points."""
     return (
         f"the Damper at {shown(one.where)} ends at the point where it begins, {shown(one.to)}: it"
         " brakes nothing; name another point, or leave to= out for the ground."
@@ -252,7 +252,7 @@ def damper_to_itself(one: Damper) -> str:
 
 
 def values_of(one: PointMass | Spring | Damper, plane: bool) -> dict[str, float]:
-    """Component -> mass, stiffness or damping; a damper that relaxes has a stiffness.
+    """Component -> mass, stiffness or damping; stiffness for a damper that relaxes.
 
     A mass on a `plane` structure has none along z, nor about x and y.
     """
@@ -278,7 +278,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class Added:
-    """Contributions of attachments other than to K and M, summed by the structure."""
+    """Contributions of attachments beside those to K and M, accumulated by the structure."""
 
     #: kg
     mass: float
@@ -289,7 +289,7 @@ class Added:
 
 
 def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
-    """Add a mass or a spring at its points; K and M know nothing of dampers."""
+    """Add a mass or a spring at its points to K and M, or a damper to the damping terms."""
     values = values_of(one, plane="z" not in to.form.components)
     foreign = [component for component in values if component not in to.form.components]
     if foreign:
@@ -389,7 +389,7 @@ SAME_DOF = 1e-7
 
 @dataclass(frozen=True)
 class Stiffener:
-    """Beams on edges of a sheet, as a part of their own."""
+    """Beams on edges of a sheet, as a part with its own dofs."""
 
     mesh: Mesh
     form: WeakForm
@@ -401,7 +401,7 @@ class Stiffener:
     shared: PETSc.Mat
 
     def rows_of(self, columns: Array) -> Array:
-        """Beam dofs (rows of this rank, k) of dofs of the sheet (rows of this rank, k)."""
+        """Motions of the beam dofs (rows of this rank, k) for motions of the sheet's dofs."""
         return multiply(self.shared, columns)
 
 
@@ -443,7 +443,7 @@ SHEET_EDGES = {
 
 
 def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
-    """A mesh in space of some edges, with the curvature that they have in the sheet."""
+    """A mesh in space of some edges, curved as they are in the sheet."""
     topology = mesh.dolfinx.topology
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
@@ -471,7 +471,7 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
 
 
 def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
-    """T with beam dofs = T · shell dofs; the rows of fixed dofs are empty."""
+    """T with beam dofs = T · shell dofs; rows of fixed dofs are empty."""
     size = line.extent()
     rows, first = compat.local_size(form.space), form.space.dofmap.index_map.local_range[0]
     first *= form.space.dofmap.index_map_bs

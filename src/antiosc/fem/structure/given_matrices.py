@@ -52,7 +52,7 @@ NEGATIVE, NEGATIVE_STEPS = 1e-8, 30
 
 
 def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
-    """A square, finite matrix of the back-end from a SciPy sparse, dense or PETSc one, a copy."""
+    """A checked copy of a square matrix (SciPy, dense or PETSc) in the chosen library."""
     given = of_petsc(matrix)
     if backend == "petsc" or (backend == "auto" and (given or fem.missing is None)):
         copy = as_petsc(name, matrix)
@@ -64,7 +64,7 @@ def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
 
 
 def as_petsc(name: str, matrix: Matrix) -> PETSc.Mat:
-    """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
+    """A square, finite PETSc matrix from a SciPy, dense or PETSc one; always a copy."""
     with finite_element_packages():
         from antiosc.fem.linalg import petsc_algebra
     if of_petsc(matrix):
@@ -177,7 +177,7 @@ def matrices_of_pair(
 
 
 def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
-    """C without the rows of fixed dofs; InputError for one that is no damping matrix."""
+    """C without the rows of fixed dofs; InputError if it is not a damping matrix."""
     if algebra.size(C) != algebra.size(K) or algebra.row_range(C) != algebra.row_range(K):
         raise InputError(
             f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
@@ -191,7 +191,7 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 @dataclass(frozen=True)
 class _Entries:
-    """What is stored off the diagonal on this rank, and the whole diagonal."""
+    """Off-diagonal entries of this rank, and the whole diagonal."""
 
     row: IntArray
     column: IntArray
@@ -283,7 +283,7 @@ def _entries(matrix: Matrix, diagonal: Array, noise: float) -> _Entries:
 
 
 def _forbid(comm: MPI.Comm, entries: _Entries, bad: BoolArray, text: str) -> None:
-    """InputError on all ranks where entries are `bad`; `text` takes row, column, value, scale."""
+    """InputError on all ranks if entries are `bad`; `text` formats row, column, value, scale."""
     error = None
     if bad.any():
         k = int(np.argmax(bad))
@@ -293,7 +293,7 @@ def _forbid(comm: MPI.Comm, entries: _Entries, bad: BoolArray, text: str) -> Non
 
 
 def _typical(comm: MPI.Comm, entries: _Entries) -> float:
-    """The usual size of an entry off the diagonal, where penalties are few; 0 if there is none."""
+    """Typical size of an off-diagonal entry, where penalties are few; 0 if there is none."""
     size = np.abs(entries.value)
     least = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
     sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * least]))
@@ -314,7 +314,7 @@ def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
 
 
 def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -> None:
-    """Refuse entries off the diagonal beside which all others of both their rows are rounding."""
+    """InputError for a coupling so stiff that all other entries of both rows are rounding."""
     typical = _typical(comm, entries)
     large = np.abs(entries.value) > DROWNS * (typical or np.inf)
     large &= ~np.isin(entries.row, constrained) & ~np.isin(entries.column, constrained)
@@ -330,7 +330,7 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
 
 
 def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M") -> None:
-    """Refuse a matrix with negative eigenvalues that a few Lanczos steps find."""
+    """InputError for a matrix with negative eigenvalues, found by a few Lanczos steps."""
     first, last = algebra.row_range(M)
     weights = np.zeros(last - first)
     own = diagonal[first:last]

@@ -78,7 +78,7 @@ DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A part of an assembly in its position."""
+    """A part of an assembly at its placement."""
 
     name: str  # of the part in the assembly
     part: MeshedStructure  # the structure
@@ -87,17 +87,17 @@ class Member:
 
     @property
     def size(self) -> int:
-        """Number of dofs of this rank."""
+        """Number of dofs on this rank."""
         return int(self.part.K.getLocalSize()[0])
 
     @property
     def rows(self) -> slice:
-        """Its dofs in u."""
+        """Slice of its dofs in u."""
         return slice(self.first, self.first + self.size)
 
     @property
     def block(self) -> int:
-        """Dofs of a node."""
+        """Number of dofs of a node."""
         return int(self.part.form.space.dofmap.index_map_bs)
 
     @property
@@ -112,7 +112,7 @@ class Member:
 
     @cached_property
     def places(self) -> DofPlaces:
-        """Where its dofs of this rank are in the assembly."""
+        """Node, direction and kind of its dofs on this rank, in the assembly."""
         return self.part.places.placed(self.at)
 
     @cached_property
@@ -122,7 +122,7 @@ class Member:
 
     @cached_property
     def connected(self) -> IntArray:
-        """Number of the connected body of the mesh to which each node belongs (nodes,)."""
+        """Number of the connected body to which each node belongs (nodes,)."""
         space = self.part.form.space
         own = compat.cell_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
@@ -139,14 +139,14 @@ class Member:
         return closest_many(self.part.mesh, self.at.own(points))
 
     def nodes_of(self, where: str | NumberedNodes) -> IntArray:
-        """The nodes of the displacements in a group of the part, or on numbered nodes."""
+        """The displacement nodes in a group of the part, or with given numbers."""
         form, mesh = self.part.form, self.part.mesh
         parts = mesh.group(where) if isinstance(where, str) else where.entities(mesh)
         dofs = dofs_of_entities(mesh, form, parts, form.components["x"])
         return np.unique(np.asarray(dofs) // self.block)
 
     def points_of(self, group: str) -> Quadrature:
-        """Points of a rule on the entities of the largest dimension in a group, in the assembly."""
+        """Quadrature points on the highest-dimensional entities of a group, in the assembly."""
         mesh = self.part.mesh
         own = quadrature(mesh, *largest(mesh, group), DEGREE)
         return replace(own, x=self.at.placed(own.x))
@@ -197,7 +197,7 @@ class MeshedStructure(StructureMatrices):
     workers = comm
 
     def members(self, name: str | None = None) -> list[Member]:
-        """The structure as the only part; InputError for the name of a part."""
+        """The structure as its only part; InputError if another part is named."""
         if name is not None:
             raise InputError(
                 f"part={shown(name)} names a part of an assembly; {self.mesh.name} is one."
@@ -206,11 +206,11 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def places(self) -> DofPlaces:
-        """Where the dofs of u are, those of this rank."""
+        """Node, direction and kind of the dofs of u on this rank."""
         return support.places_of(self.form)
 
     def expanded(self, q: Array) -> Array:
-        """u of columns of q (rows of this rank, k)."""
+        """Motions u for columns q (rows of this rank, k): here the same."""
         return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
@@ -218,20 +218,20 @@ class MeshedStructure(StructureMatrices):
         return loads
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
-        """[(part, its dofs)] for `shapes` (rows of this rank, k)."""
+        """[(part, its rows)] of `shapes` (rows of this rank, k)."""
         return [(member, shapes) for member in self.members(name)]
 
     def decided(self, work: Callable[[], T]) -> T:
-        """The result of `work()`, which all ranks do."""
+        """The result of `work()`, which every rank computes alike."""
         return work()
 
     def own(self, rows: T) -> T:
-        """The rows of this rank of what `decided` work has found."""
+        """The rows of this rank of a result of `decided` work."""
         return rows
 
     @property
     def kind(self) -> Kind:
-        """The facts of the element family that all its materials are of."""
+        """The properties of the element family, which all materials share."""
         return self._material.kind
 
     @property
@@ -241,7 +241,7 @@ class MeshedStructure(StructureMatrices):
 
     @cached_property
     def faces(self) -> Faces:
-        """The faces of this rank at which impacts are possible."""
+        """The faces of this rank that can be struck."""
         return Faces(self.mesh, not self.kind.outside)
 
     @property
@@ -249,7 +249,7 @@ class MeshedStructure(StructureMatrices):
         return support.motions(self.form, self.K)
 
     def coarser(self) -> PETSc.Mat | None:
-        """Of a quadratic solid: its dofs from those of linear elements, fixed ones zero."""
+        """For quadratic solids the interpolation from linear elements, zero at fixed dofs."""
         if self.kind.name != "solid" or self.form.degree != 2:
             return None
         rows = compat.local_size(self.form.space)
@@ -298,7 +298,7 @@ class MeshedStructure(StructureMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def inertial_loads(self, motions: Array) -> Array:
-        """M times motions (rows of this rank, k) in which fixed dofs move with the body."""
+        """M times motions (rows of this rank, k), in which fixed dofs move too."""
         loads = multiply(self.M, motions)
         owned = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned)):
@@ -312,7 +312,7 @@ class MeshedStructure(StructureMatrices):
         return loads
 
     def unsupported(self) -> MeshedStructure:
-        """The same without its supports."""
+        """The matrices without supports."""
         with without_warnings():  # it was warned of when the structure was made
             return self.again(self.mesh, ())
 
@@ -342,7 +342,7 @@ class MeshedStructure(StructureMatrices):
 
     @property
     def owners(self) -> Sequence[int | str]:
-        """What tells the materials apart: their numbers; of a stiffener alone its edges."""
+        """The material of each cell, by number; of a stiffener its edges alone."""
         return [self.edges] if self.edges else range(len(self.parts))
 
     @cached_property
@@ -356,7 +356,7 @@ class MeshedStructure(StructureMatrices):
         return np.asarray(sum(own))
 
     def _stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """(owner, material, its share of K) of the materials in which `name` is set."""
+        """(owner, material, its contribution to K) of materials with the property `name`."""
         found: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
@@ -378,7 +378,7 @@ class MeshedStructure(StructureMatrices):
 
 
 def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
-    """The beams of a stiffener as a structure, for what is asked of its cells."""
+    """The beams of a stiffener as a structure, for results at its cells."""
     rows = compat.local_size(stiffener.form.space)
     return MeshedStructure(
         stiffener.K,
@@ -427,7 +427,7 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
 
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
-    """[(material, cells of this rank)], each cell once."""
+    """[(material, cells of this rank)]; every cell appears once."""
     imap = compat.cell_map(mesh.dolfinx)
     n_cells = imap.size_local + imap.num_ghosts
     if not isinstance(material, Mapping):
@@ -477,7 +477,7 @@ def assembled(
     attached: Sequence[Attachment],
     solver: Choice,
 ) -> MeshedStructure:
-    """The structure of a mesh; parameters and errors are those of `Structure`."""
+    """The matrices of a mesh; parameters and errors are those of `Structure`."""
     if not isinstance(mesh, Mesh):
         raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
     order = whole("order", order)
@@ -570,7 +570,7 @@ def assembled(
 
 
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `rest` to K, and let products with K be taken by S, its strains."""
+    """Add `rest` to K, and let products with K be computed from its strains S."""
     K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
     first, last = rest.getOwnershipRange()
     for dof in fixed[fixed < last - first]:
@@ -582,7 +582,7 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArra
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> float | None:
-    """The least thickness [m] of a sheet, None where it is held at points of one line alone.
+    """The least thickness [m] of a sheet; None for a cantilever, supported along one line only.
 
     Such a sheet bends as a cantilever does: large deflections hardly stretch it.
     """
@@ -597,7 +597,7 @@ def _stretched(
 
 
 def _of_section(material: Family, extent: float) -> str:
-    """What is implausible of the size of a section; "" for nothing."""
+    """Why the size of a section is implausible; "" if it is not."""
     section = getattr(material, "section", None)
     thickness = getattr(section, "thickness", None)
     if thickness is not None:

@@ -254,7 +254,7 @@ class Structure(ReprMixin):
         return self
 
     def _hold(self, matrices: StructureMatrices, started: float) -> None:
-        """Set the attributes of a structure whose assembly began at `started`."""
+        """Set the attributes from matrices whose assembly began at the time `started`."""
         self.matrices = matrices
         self.K, self.M = matrices.K, matrices.M
         algebra.free_when_dropped(self.K, self.M)
@@ -265,17 +265,17 @@ class Structure(ReprMixin):
 
     @property
     def comm(self) -> MPI.Comm:
-        """The MPI communicator that shares the matrices; a stand-in for SciPy's."""
+        """The MPI communicator that shares the matrices; `SERIAL` for SciPy matrices."""
         return algebra.communicator(self.K)
 
     @property
     def rows(self) -> int:
-        """Rows of this rank, those of fixed dofs included."""
+        """Number of rows of this rank, fixed dofs included."""
         return algebra.rows(self.K)
 
     @property
     def size(self) -> int:
-        """Rows of all ranks, those of fixed dofs included."""
+        """Number of rows of all ranks, fixed dofs included."""
         return algebra.size(self.K)
 
     def factorize(self) -> Solver:
@@ -292,12 +292,12 @@ class Structure(ReprMixin):
         return self._factored[0]
 
     def drop_factor(self) -> None:
-        """Free the memory of the factor; what needs it again makes it anew."""
+        """Free the memory of the factor; it is computed again when needed."""
         self._factored = None
 
     @property
     def shift(self) -> float:
-        """s of the factor of K + sM, rad²/s²: factorizes first where rigid-body modes are left."""
+        """s of the factor of K + sM, rad²/s²; factorizes if rigid-body modes remain."""
         if not self.rigid_modes.shape[1]:
             return 0.0
         self.factorize()
@@ -316,7 +316,7 @@ class Structure(ReprMixin):
         return self.matrices.uniform_inertia(direction)
 
     def describe(self) -> str:
-        """One line: what was modelled and with how many dofs."""
+        """One line: the kind of model and its number of dofs."""
         return self.matrices.describe(self.dofs)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -329,7 +329,7 @@ class Structure(ReprMixin):
 
     @property
     def prestress(self) -> antiosc.PrestressedState | None:
-        """What its prestress does before a blow; None without one."""
+        """The static state under its prestress; None without one."""
         if self._prestressed is None and self.matrices.preload is not None:
             self._prestressed = antiosc.PrestressedState(self)  # public, it reads a structure
         return self._prestressed
@@ -352,7 +352,9 @@ NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
 
 
 def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
-    """The matrices of `structure` with their mesh; InputError that says `otherwise` without one."""
+    """The matrices of `structure` with their mesh; InputError with the sentence `otherwise`
+    without.
+    """
     if structure.matrices.assembled:
         raise InputError("this takes a structure of one mesh; an assembly has one for each part.")
     if not structure.matrices.meshed:
@@ -361,7 +363,7 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
 
 
 def refuse_prestress(structure: Structure, what: str) -> None:
-    """InputError for a structure with a prestress, of which `what` knows nothing."""
+    """InputError for a prestressed structure, which `what` does not support."""
     if structure.matrices.preload is not None:
         raise InputError(
             f"{what} does not take a structure with a prestress: leave prestress= out of it."
@@ -369,7 +371,7 @@ def refuse_prestress(structure: Structure, what: str) -> None:
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
-    """InputError for a structure with dampers, which `what` does not take."""
+    """InputError for a structure with dampers, which `what` does not support."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
             f"{what} does not take dampers, nor materials with loss= or prony=: leave them out;"

@@ -107,7 +107,7 @@ class Support(FieldsRepr):
         store(self, fix=names)
 
     def components(self, known: Iterable[str]) -> list[str]:
-        """The names that are fixed, of those that a structure has; InputError for others."""
+        """The fixed components among those of the structure; InputError for others."""
         names = list(known)
         if self.fix == "all":
             return names
@@ -120,7 +120,7 @@ class Support(FieldsRepr):
         return fixed
 
     def selected(self, x: Array, **size: float) -> BoolArray:
-        """Which of the points x (n, 3) the function `where` selects."""
+        """Mask of the points x (n, 3) that the function `where` selects."""
         assert callable(self.where)
         mask = np.asarray(self.where(x.T, **size), dtype=bool)
         if mask.shape != (len(x),):
@@ -143,7 +143,7 @@ class Support(FieldsRepr):
 def fixed_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
 ) -> dict[tuple[int, ...], IntArray]:
-    """Path of each component -> its fixed dofs of this rank, ghosts included."""
+    """Subspace path of each component -> its fixed dofs on this rank, ghosts included."""
     fixed: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
         count = 0
@@ -174,7 +174,7 @@ def _there(mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]) 
 def dofs_of_entities(
     mesh: Mesh, form: WeakForm, parts: Mapping[int, IntArray], path: tuple[int, ...]
 ) -> IntArray:
-    """Dofs of one component on entities by their dimension, of this rank, ghosts included."""
+    """Dofs of one component on entities, given by dimension; of this rank, ghosts included."""
     component = compat.subspace(form.space, path)
     found = [NO_DOFS]
     for dim in sorted(parts):
@@ -191,7 +191,7 @@ class NumberedNodes:
 
     @classmethod
     def of(cls, given: object) -> NumberedNodes:
-        """InputError for anything but whole numbers."""
+        """The selection of these node numbers; InputError unless they are whole numbers."""
         several = isinstance(given, list | tuple | range | np.ndarray) and len(given) > 0
         if not several:
             raise InputError(f"nodes must be a list of numbers of nodes; got {shown(given)}.")
@@ -199,12 +199,12 @@ class NumberedNodes:
 
     @property
     def words(self) -> str:
-        """Where it is, in a sentence."""
+        """The selected region in words."""
         shown_first = ", ".join(map(str, self.numbers[:6]))
         return f"on nodes {shown_first}{', …' * (len(self.numbers) > 6)}"
 
     def __call__(self, x: Array) -> BoolArray:
-        """InputError: the numbers are of a mesh, not of points x (3, n)."""
+        """InputError: node numbers belong to a mesh, not to points x (3, n)."""
         raise InputError("nodes= needs a mesh whose file has numbers of nodes.")
 
     def entities(self, mesh: Mesh) -> dict[int, IntArray]:
@@ -229,14 +229,14 @@ class Region:
     outside: Callable[[Array], Array]  # how far points x (3, n) lie outside of it [m] (n,)
 
     def __call__(self, x: Array, size: float | None = None) -> BoolArray:
-        """Which points x (3, n) belong to it; `size`: of the mesh, m."""
+        """Mask of the points x (3, n) in the region; `size`: of the mesh, m."""
         if size is None:
             size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
         return np.asarray(self.outside(x) <= AT_FACE * size)
 
 
 def ball(given: object) -> Region:
-    """near=(point, radius)."""
+    """The region near=(point, radius)."""
     point, radius = _pair("near", given, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
@@ -250,7 +250,7 @@ def _off_ball(centre: Array, radius: float, x: Array) -> Array:
 
 
 def _box(given: object) -> Region:
-    """box=(lower, upper)."""
+    """The region box=(lower, upper)."""
     pair = _pair("box", given, "(lower, upper), as box=((0, 0, 0), (0.1, 0.2, 0.05))")
     lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
     if (lower > upper).any():
@@ -267,7 +267,7 @@ def _off_box(lower: Array, upper: Array, x: Array) -> Array:
 
 
 def _plane(given: object) -> Region:
-    """plane=(point, normal)."""
+    """The region plane=(point, normal)."""
     pair = _pair("plane", given, "(point, normal), as plane=((0, 0, 0), (0, 0, 1))")
     point, normal = (
         in_space(coordinates(f"the {name} of plane", one))
@@ -328,7 +328,7 @@ def motions(form: WeakForm, K: PETSc.Mat) -> Array:
 
 
 def places_of(form: WeakForm) -> DofPlaces:
-    """Where the dofs of this rank are, in the axes of the mesh."""
+    """Node, direction and kind of the dofs of this rank, in the axes of the mesh."""
     rows, names = compat.local_size(form.space), list(form.components)  # in the order of a node
     nodes = form.space.tabulate_dof_coordinates()[: rows // len(names)]
     axes = np.eye(3)[["xyz".index(name[-1]) for name in names]]
@@ -338,7 +338,7 @@ def places_of(form: WeakForm) -> DofPlaces:
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
-    """The combinations of the columns that are zero on the fixed dofs and stretch no spring."""
+    """Combinations of the columns that vanish at the fixed dofs and elongate no spring."""
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
     owned = fixed[fixed < len(fields)]
@@ -355,7 +355,7 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
 def first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
+    """A Rayleigh–Ritz estimate of the lowest elastic ω²."""
     elastic = fields - motions @ dot(comm, motions, multiply(M, fields))
     before, after = (comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (fields, elastic))
     # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
@@ -368,7 +368,7 @@ def first_elastic(
 
 
 def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
-    """Polynomial fields on the dofs of this rank (rows, k), or the `rigid` ones alone."""
+    """Polynomial fields at the dofs of this rank (rows, k), or only the `rigid` ones."""
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     every = polynomials(3 if "z" in form.components else 2)
     kept = [field for moves, field in every if moves or not rigid]
@@ -377,7 +377,7 @@ def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
 
 
 def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
-    """(is rigid, s -> (displacement (3, n), rotation (3, n))): rigid motions, then the others."""
+    """(is rigid, function s -> (displacement (3, n), rotation (3, n))): rigid motions first."""
     axes = range(dim)
     for i in axes:
         yield True, _field(i, ())
@@ -391,7 +391,7 @@ def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
 
 
 def _field(component: int, powers: tuple[int, ...]) -> Field:
-    """u_component = Π s_j over `powers`, and half its curl."""
+    """u_component = Π s_j over `powers`, with half its curl as rotation."""
 
     def value(s: Array) -> tuple[Array, Array]:
         displacement, rotation = np.zeros((3, len(s))), np.zeros((3, len(s)))
@@ -427,7 +427,7 @@ MOTION_ROUNDING = 1e-6
 
 
 def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
-    """The motions spanned by rigid-body modes (rows of this rank, r): "translation along x, …".
+    """The rigid motions spanned by modes (rows of this rank, r) in words: "translation along x, …".
 
     Collective: every rank gets the same text.
     """
@@ -441,7 +441,7 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
 
 
 def of_body(motions: Array, centre: Array, size: float) -> str:
-    """The motions (6, m) of a body in words.
+    """The rigid motions (6, m) of a body in words.
 
     Their coefficients are of unit translations along x, y, z and of rotations about axes through
     `centre` (3,), scaled by 1/`size` [m].
@@ -454,7 +454,7 @@ def of_body(motions: Array, centre: Array, size: float) -> str:
 
 
 def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
-    """Translations (t, 3), and motions that turn as (velocity of the centre, spin) pairs."""
+    """Pure translations (t, 3), and rotating motions as (velocity of the centre, spin)."""
     _, values, right = np.linalg.svd(motions[3:])
     turning = int(np.sum(values > MOTION_ROUNDING))
     moves = _reduced((motions @ right[turning:].T)[:3].T)
@@ -467,7 +467,7 @@ def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
 
 
 def _reduced(rows: Array, columns: int | None = None) -> Array:
-    """The reduced echelon form of independent rows, pivots among the first `columns`."""
+    """Reduced echelon form of independent rows, with pivots among the first `columns`."""
     rows = np.array(rows, dtype=float)
     row = 0
     for column in range(rows.shape[1] if columns is None else columns):
@@ -485,7 +485,7 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
 
 
 def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
-    """One motion that rotates; `spin` in units of 1/size."""
+    """One rotating motion in words; `spin` in units of 1/size."""
     axis = spin / np.linalg.norm(spin)
     along = float(velocity @ axis)
     words = f"rotation about {_name(axis)}"
@@ -499,7 +499,7 @@ def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float
 
 
 def _name(direction: Array) -> str:
-    """x, y or z, or the direction in numbers."""
+    """ "x", "y" or "z", or the direction in numbers."""
     unit = direction / np.linalg.norm(direction)
     largest = int(np.argmax(np.abs(unit)))
     if abs(unit[largest]) > 1 - MOTION_ROUNDING:

@@ -117,7 +117,7 @@ class History(HistoryResults, OneContact):
 
     @property
     def details(self) -> list[str]:
-        """What was changed in laws of contacts: compliances that the bodies have already."""
+        """Changes of contact laws: compliances that the bodies contain already."""
         return list(self.assembly.notes)
 
     # -- of one contact: force and numbers are those of `OneContact`
@@ -148,7 +148,7 @@ class History(HistoryResults, OneContact):
 
     @property
     def step(self) -> float:
-        """The step used during contact [s]: the one given, or the mean."""
+        """Step during contact [s]: the given one, or the mean."""
         if self.given is not None:
             return self.given
         found = self._numbers
@@ -207,7 +207,7 @@ class History(HistoryResults, OneContact):
     # -- at any time
 
     def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
-        """The bodies by name at any times (n,) [s] of the run, exact between the nodes too.
+        """The bodies by name at times (n,) [s] of the run, exact also between the nodes.
 
         The nodes may lie far apart in flight: values are not to be interpolated between them.
         """
@@ -215,8 +215,7 @@ class History(HistoryResults, OneContact):
         return self._bodies(t, *self.states(t), forces(self.run, *locate(self.run, t)))
 
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Modal displacements and velocities (n, J) of all bodies, one after the other, at times
-        (n,); exact between the nodes too."""
+        """Modal displacements and velocities (n, J) of all bodies, concatenated, at times (n,)."""
         a = self.assembly
         return states(self.run, a.system, *self._located(t))
 
@@ -252,9 +251,9 @@ class History(HistoryResults, OneContact):
         return found + (more if np.ndim(t) else more[0])
 
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
-        """The model of a body, and its form in free modes.
+        """(model of a body, its form in free modes).
 
-        "structure", if no body has this name, is the one that has displacement shapes.
+        For "structure", if no body has this name, it is the body with displacement shapes.
         """
         placed = self.assembly.bodies[self.name_of(body)]
         if isinstance(placed.body, RigidBody):
@@ -262,7 +261,7 @@ class History(HistoryResults, OneContact):
         return placed.body, placed.modes
 
     def name_of(self, body: str) -> str:
-        """The name among `bodies` that `body` stands for, see `of`."""
+        """The key in `bodies` to which the name `body` refers; see `of`."""
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
         if body == "structure" and body not in bodies:
@@ -276,7 +275,8 @@ class History(HistoryResults, OneContact):
         return body
 
     def largest_rotation(self) -> tuple[str, float]:
-        """The free body that turned most by a step's end, and how far [rad]; ("", 0.0) without one.
+        """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0.0)
+        if none.
 
         Of bodies whose inertia in space is known.
         """
@@ -288,19 +288,19 @@ class History(HistoryResults, OneContact):
     # -- inside
 
     def _stretched(self, name: str) -> Stretch | None:
-        """The second-order forces that took part in the motion of a body; None of a linear one."""
+        """The second-order forces in the motion of a body; None for a linear motion."""
         return self.assembly.stretched.get(name)
 
     def _stretch_energy(self, name: str, q: Array) -> Array | float:
-        """Energy (n,) [J] of a body beyond its linear one, at its q (n, J)."""
+        """Second-order energy (n,) [J] of a body at modal displacements q (n, J)."""
         forces = self._stretched(name)
         return 0.0 if forces is None else forces.energy(q @ forces.modes)
 
     @cached_property
     def _record(self) -> Record:  # type: ignore[override]
-        """What its contacts share with it, and not the history itself: it goes without a cycle.
+        """The record that its contacts share, without a reference to the history itself.
 
-        The few flights of an impact have nodes for a picture; a scene may have many.
+        A single impact has few flights, which get nodes for pictures; a scene may have many.
         """
         return Record(self.assembly, self.run, not self.named)
 
@@ -310,7 +310,7 @@ class History(HistoryResults, OneContact):
 
     @property
     def _row(self) -> int:  # type: ignore[override]
-        """The row of the one contact in the system."""
+        """Row of the only contact in the system."""
         if len(self.assembly.laws) > 1:
             pairs = ", ".join(f"hit{list(c.ends)}" for c in self.contact_histories)
             raise SeveralContactsError(
@@ -320,13 +320,13 @@ class History(HistoryResults, OneContact):
 
     @property
     def _ends(self) -> list[SceneBody]:
-        """The bodies of the one contact."""
+        """Names of the bodies of the only contact."""
         contact = self.assembly.scene.contacts[self._row]
         return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
 
     @property
     def _free_structure(self) -> BodyHistory:
-        """The structure, if its momentum is known."""
+        """The structure, if its momentum is known; otherwise an error."""
         found = self.bodies[self._ends[0].name]
         if found.placed.inertia is None:
             raise InputError(
@@ -337,7 +337,7 @@ class History(HistoryResults, OneContact):
 
     @cached_property
     def _sites(self) -> Array:
-        """Displacement and velocity of both ends of the one contact along it, (4, n)."""
+        """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
         a, run = self.assembly, self._nodes
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
@@ -387,7 +387,7 @@ class History(HistoryResults, OneContact):
         return locate(self.run, self._times_in_run(t))
 
     def _times_in_run(self, t: ArrayLike) -> Array:
-        """Times (n,) of the run; InputError for others."""
+        """Checked times (n,) within the run; InputError for others."""
         times = checks.column("t", t)
         end = float(self.run.time[-1])
         outside = (times < 0) | (times > end * (1 + 1e-12))
@@ -409,7 +409,7 @@ class SceneHistory(History):
 
 
 def with_model(hit: History, model: object) -> History:
-    """Return the same history with another record of the structure's model."""
+    """The same history with another record of the structure's model."""
     own = hit._ends[0]
     bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
     return replace(
@@ -418,7 +418,7 @@ def with_model(hit: History, model: object) -> History:
 
 
 def no_field_message(model: object) -> str:
-    """Why a model has no displacement field, and the remedy."""
+    """Why a model has no displacement field, with the remedy."""
     name = type(getattr(model, "body", model)).__name__
     return (
         f"{name} has no displacement field: it has no shapes (model files do not store them); "
@@ -442,7 +442,7 @@ def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
 
 
 def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
-    """Times (n,) that a user asks for; the history's own for None."""
+    """Checked times (n,), by default those of the history."""
     if times is None:
         return history.time
     if isinstance(history, BodyHistory):
@@ -454,14 +454,14 @@ def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
 
 
 def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
-    """Motion of a body at `times`; a BodyHistory keeps its own times."""
+    """Motion of a body at `times`; a BodyHistory has its own times."""
     if isinstance(history, BodyHistory):
         return history
     return history.at(times)[history.name_of(body)]
 
 
 def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
-    """The second-order forces that took part in the motion of a body; None of a linear one."""
+    """The second-order forces in the motion of a body; None for a linear motion."""
     if isinstance(history, BodyHistory):
         return history.stretched
     return history.assembly.stretched.get(history.name_of(body))
@@ -494,28 +494,28 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
 
 
 def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
-    """Amplitudes (n, m) at times of the modes in which a body stretches."""
+    """Amplitudes (n, m), at times, of the modes with second-order forces."""
     forces = stretch_in(history, body)
     assert forces is not None
     return np.asarray(_motion_at(history, times, body).q @ forces.modes)
 
 
 def stretch_factors(history: AnyHistory, body: str) -> Array:
-    """Factors (m, B) of the body's shapes in the modes in which it stretches."""
+    """Factors (m, B) of the body's shapes for the modes with second-order forces."""
     own, forces = modes_of(history, body), stretch_in(history, body)
     assert forces is not None
     return _factors(own, forces.modes.T, np.zeros((forces.size, own.B.shape[1])))
 
 
 def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
-    """Factors (n, B) of the body's shapes in the spring of each Maxwell branch, at `times`."""
+    """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
     own, one = modes_of(history, body), _motion_at(history, times, body)
     none = np.zeros_like(one.forces)
     return [_factors(own, each, none) for each in one.springs]
 
 
 def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:
-    """Factors (2, B) of the body's shapes that make q'Kq, and q'Mq, of each elastic mode 1.
+    """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1.
 
     The second result is the number of elastic modes.
     """
@@ -532,7 +532,7 @@ def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
 def modal_amplitudes(
     history: AnyHistory, times: Array, body: str, derivative: int
 ) -> tuple[Array, Array, Array]:
-    """Frequencies (J,) of a body's modes, their factors (J, B), and their largest amplitudes (J,).
+    """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,).
 
     Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
     forces slowly; 0 of rigid-body modes.
@@ -548,7 +548,7 @@ def modal_amplitudes(
 
 
 def forces_of(history: AnyHistory, times: Array, body: str) -> Array:
-    """Forces (n, P) on the columns of the body's model: of contacts and of loads, N."""
+    """Forces (n, P) [N] of contacts and loads on the columns of the body's model."""
     modes_of(history, body)
     return _motion_at(history, times, body).forces
 
@@ -582,7 +582,7 @@ class BodyEnergy(ReprMixin):
 
 
 def body_energy(history: History, body: str) -> BodyEnergy:
-    """Energies of one body: "structure" or "impactor"; of a scene its name.
+    """Energies of one body by its name; of `simulate`: "structure" or "impactor".
 
     Raises
     ------
@@ -602,7 +602,7 @@ def body_energy(history: History, body: str) -> BodyEnergy:
 
 
 def vibration_share(history: History) -> float:
-    """Share of the kinetic energy at the start that vibrates in all bodies at the end.
+    """Share of the initial kinetic energy that remains as vibration of all bodies.
 
     After a contact without losses of its own it is Zener's loss, by which a sphere rebounds more
     slowly from a plate than it came (C. Zener, Phys. Rev. 59 (1941) 669-673).
@@ -663,7 +663,7 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Motions of bodies from rest, step by step: times, modal displacements (S, J), forces.
+    """Motions of bodies from rest: times, modal displacements (S, J), forces, step by step.
 
     At the times of each force [s] and at `samples` over the duration; the last one is repeated
     where a body has fewer than another. omega, b, decay : (S, J) of the modes.

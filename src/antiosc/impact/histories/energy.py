@@ -20,7 +20,7 @@ from antiosc.impact.states import blocks, contact_intervals, node_states, run_sl
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Energy(ReprMixin):
-    """Energies [J] at the nodes of a history, each (n,), and how well they balance.
+    """Energies [J] at the nodes of a history, each (n,), and the error of their balance.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Energy(ReprMixin):
 
     @property
     def total(self) -> Array:
-        """The energy balance, constant in exact arithmetic."""
+        """Sum of all energies, constant in exact arithmetic."""
         return self.kinetic + self.strain + self.contact + self.dissipated - self.gravity
 
     @property
@@ -58,7 +58,7 @@ def replay(
     speeds: Iterable[float],
     kept: Kept | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Energy that a contact can give back, its plastic loss up to each node [J], its damping force.
+    """Recoverable energy, accumulated plastic loss [J] and damping force at each node of a contact.
 
     Three arrays (n,). force, depth : (n,) at the nodes. spans, speeds : first and last node of each
     contact, and its closing speed [m/s]. kept : what goes on from a run before.
@@ -98,7 +98,7 @@ def replay(
 
 
 def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
-    """Stored energy (n,) of one contact of a law with memory, what each node loses, and its end.
+    """Stored energy (n,) of one contact by a law with memory, loss at each node, and final state.
 
     The state changes where the indentation exceeds its turning point and all before it, and is
     there the same whatever the nodes in between.
@@ -119,7 +119,9 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
 
 
 def path_work(force: Array, displacement: Array) -> Array:
-    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
+    """Work (n, k) of forces over displacements, at middle and end of every step; both are
+    parabolas.
+    """
     f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
     w0, w1, w2 = displacement[:-2:2], displacement[1:-1:2], displacement[2::2]
     b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
@@ -227,7 +229,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
 def _work_and_losses(
     a: Assembly, run: Run, mechanical: Array, work: Array, lost: Array
 ) -> tuple[Array, Array]:
-    """Work (n,) of all modal loads since the start, and what the damping took.
+    """Work (n,) of all modal loads since the start, and energy lost by damping.
 
     `work`, `lost` (n - 1,) from node to node. In flight the motion is exact and the steps are long:
     there both follow from the balance.
@@ -247,7 +249,7 @@ def _work_and_losses(
 
 
 def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
-    """What the damping of the modes takes from node to node, (n - 1,), however long the steps.
+    """Energy (n - 1,) that modal damping dissipates from node to node, at any step length.
 
     The work of a modal force that is a parabola in time, less the gain of the mode: by parts it
     needs the integrals of q and t q, which the equation of motion gives. They cancel for short
@@ -280,7 +282,7 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 
 
 def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
-    """Work of the modal loads from node to node, (n - 1,), however long the steps.
+    """Work (n - 1,) of the modal loads from node to node, at any step length.
 
     By parts: a load that is linear in time needs the integral of q, which an elastic mode's
     equation of motion gives.
@@ -300,7 +302,7 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 
 
 def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) -> Array:
-    """Work (n - 1,) of the modal loads over each step, without damping, from its ends alone.
+    """Work (n - 1,) of the modal loads over each step without damping, from its end states.
 
     By parts as in `_work`; the integral of a rigid motion is that of its acceleration, a parabola.
     """
@@ -326,7 +328,7 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
 
 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
-    """Recoverable energy of all contacts, and their losses, at the nodes."""
+    """Recoverable energy and losses of all contacts at the nodes."""
     stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
     system = a.system
     for c, law in enumerate(a.laws):

@@ -81,7 +81,7 @@ class ErrorBar:
 
     @property
     def numerical(self) -> float:
-        """Sum of all causes but model and law, which no finer mesh changes."""
+        """Sum of all causes but model and law, which no finer mesh reduces."""
         return sum(getattr(self, cause) for cause in CAUSES if cause not in ASSUMED)
 
     @property
@@ -126,7 +126,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return len(self.bars)
 
     def of_corrected(self, hit: object) -> ErrorBudget:
-        """The bars of `hit`, the same impact on the corrected model, for a `safety` of 2 or more.
+        """Error bars of `hit` on the corrected model, with a safety factor of 2 or more on the raw
+        one.
 
         With the difference d of both, an error of the raw model of at most S d is one of at most
         (S - 1) d of the corrected one: it is nearer by d, or beyond the truth by less than d.
@@ -140,29 +141,29 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The errors to print; noise, band and stretch only where they are, the law if known."""
+        """Causes of error to print; noise, band and stretch if present, the law if known."""
         bars, without = self.bars.values(), (*self.unknown, *(("law",) if self.law else ()))
         known = (c for c in CAUSES if c not in without)
         return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
 
     @property
     def worst(self) -> float | None:
-        """Largest total of the three quantities; None where the law's error is not known."""
+        """Largest total of the three quantities; None if the error of the law is unknown."""
         totals = [bar.total for bar in self.bars.values()]
         return None if None in totals else max(filter(None, totals), default=0.0)
 
     @property
     def without_law(self) -> float:
-        """Largest of the three without the share of the law."""
+        """Largest of the three sums of all causes but the law."""
         return max(bar.without_law for bar in self.bars.values())
 
     @property
     def numerical(self) -> float:
-        """Largest of the three without the shares of model and law."""
+        """Largest of the three sums of all causes but model and law."""
         return max(bar.numerical for bar in self.bars.values())
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """A quantity with its bar; "numerical" where the bar leaves the law out."""
+        """A quantity with its error as text; "numerical" if the error leaves the law out."""
         bar = self.bars[name]
         value = engineering(bar.value, QUANTITIES[name], digits)
         if self.law or bar.total is None:
@@ -182,12 +183,12 @@ FLOOR = 0.5
 
 
 def differences(one: object, other: object) -> dict[str, float]:
-    """Relative differences of the three quantities."""
+    """Relative differences of peak force, impulse and contact time."""
     return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """Errors of the three quantities, each at least `FLOOR` times the largest."""
+    """Errors of the three quantities, each raised to `FLOOR` times the largest."""
     worst = max(errors.values())
     return {name: max(error, FLOOR * worst) for name, error in errors.items()}
 
@@ -242,17 +243,19 @@ class OneContact:
 
     @property
     def law(self) -> ContactLaw:
-        """The law of the contact, as it was given or chosen; without the compliance of patches."""
+        """The law of the contact, given or chosen, without subtraction of patch compliances."""
         return self._record.assembly.scene.contacts[self._row].law
 
     @property
     def dent(self) -> Dent | None:
-        """The permanent indentation that is left; None of an elastic contact."""
+        """The permanent indentation; None for an elastic contact."""
         return dent_of(self.law, self.deepest)
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], with that of the patches that the law leaves to the bodies."""
+        """Largest indentation [m], those parts of it included that the law leaves to the bodies'
+        patches.
+        """
         own = self._record.assembly.laws[self._row]
         kept = own.compliance if self.law.compliance == 0.0 else 0.0
         return float(max(self.indentation.max(), 0.0)) + kept * self.peak_force
@@ -311,7 +314,7 @@ class OneContact:
 
     @cached_property
     def _numbers(self) -> library.Numbers:
-        """The numbers of the contact, and those of each touch."""
+        """The numbers of the contact, and those of each of its touches."""
         run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
         record, held = record_of(run)
         system, (m, size) = a.system, a.system.beta.shape
@@ -334,7 +337,7 @@ class OneContact:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactHistory(OneContact, ReprMixin):
-    """One contact of a history: its force at the nodes, and the numbers of its impacts.
+    """One contact of a history: its force at the nodes, and its numbers.
 
     Attributes
     ----------
@@ -347,12 +350,14 @@ class ContactHistory(OneContact, ReprMixin):
 
     @property
     def friction(self) -> Array:
-        """Tangential forces on b against a [N], (n, 1) or (n, 2); (n, 0) without friction."""
+        """Tangential contact forces on b [N], opposite on a, (n, 1) or (n, 2); (n, 0) without
+        friction.
+        """
         first, count = self._record.assembly.system.tangents[self._row]
         return self._record.nodes.force[:, first : first + count]
 
     def pulses(self) -> tuple[Array, Array]:
-        """Nodes [s] and forces [N] of the contacts, one after the other."""
+        """Nodes [s] and forces [N] of all touches, concatenated."""
         run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
         steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
@@ -403,7 +408,7 @@ class BodyHistory(ReprMixin):
         return np.asarray(self._columns @ self._row(site, direction))
 
     def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Velocity (n,) [m/s] of a site, of the part that has inertia."""
+        """Velocity (n,) [m/s] of a site, without its massless residual part."""
         return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
 
     def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:

@@ -49,14 +49,14 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Status and message of a run; `unusual`: warn although the status is 0."""
+    """Status and message of a run; `unusual`: warn even if the status is 0."""
 
     status: int
     message: str
     unusual: bool = False
 
     def with_shortage(self, shortage: str) -> CheckResult:
-        """The same result for a model with too few anti-oscillators."""
+        """The result with the status of a model that has too few anti-oscillators."""
         worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
         return CheckResult(worse, f"{self.message} {shortage}", self.unusual)
 
@@ -69,7 +69,7 @@ class CheckResult:
 
 
 class RunEnd(NamedTuple):
-    """How a run ended, as the check of a run needs it.
+    """How a run ended, as input of its check.
 
     `time` [s] reached, `touches` their number, `open` the contacts still closed, and the errors.
     """
@@ -102,7 +102,7 @@ def check_result(
     failure: str = "",
     gain: Callable[[], float] = lambda: 0.0,
 ) -> CheckResult:
-    """Check a run; `limits`: max_contacts, max_steps; `gain`: returns the relative energy gain."""
+    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: of energy."""
     failure = failure or stopped(ended.answer, ended.time, *limits)
     if failure:
         return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
@@ -117,7 +117,7 @@ def check_result(
 def inexact_message(
     ended: RunEnd | Converged, tol: float, max_steps: int, gain: Callable[[], float]
 ) -> str:
-    """Why a run that reached its end does not meet the tolerance; "" if it does."""
+    """Why a complete run does not meet the tolerance; "" if it does."""
     worst = max(ended.force, ended.peak)
     if worst == np.inf:
         if ended.certain > 0:
@@ -145,7 +145,7 @@ def inexact_message(
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
-    """Warning of contacts that are closed at the end of the run; "" if they were always closed."""
+    """Warning of contacts that are still closed at the end; "" without, or if they always were."""
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
@@ -158,7 +158,7 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
-    """Why no contact touched, which may come from a wrong sign; "" if one did."""
+    """Why nothing touched, perhaps by a wrong sign; "" if something did."""
     system = assembly.system
     if ended.touches or np.any(system.pressed):
         return ""
@@ -188,13 +188,13 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def _without_rounding(beta: Array, modal: Array) -> Array:
-    """beta modal (p,), 0 where it is rounding."""
+    """beta modal (p,), with 0 for values that are rounding."""
     felt = beta @ modal
     return np.where(abs(felt) > ROUNDING * (abs(beta) @ abs(modal)), felt, 0.0)
 
 
 def warn_large_rotation(name: str, angle: float) -> None:
-    """Warn of a body that turned so far that its rotation is not small."""
+    """Warn of a body whose rotation is not small."""
     if angle > SMALL_ROTATION:
         errors.warn(
             f"{name!r} turned by {angle:.2g} rad; rotations are taken as small, below"
@@ -204,7 +204,7 @@ def warn_large_rotation(name: str, angle: float) -> None:
 
 
 def warn_batch(results: Sequence[CheckResult]) -> None:
-    """One warning for each kind of failure in a batch of runs, with the scenes that have it."""
+    """Warn once of each kind of failure in a batch, with the scenes in which it occurred."""
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, one in enumerate(results):
         if one.status or one.unusual:
@@ -231,7 +231,7 @@ REMEDY = (
 
 
 def beyond_linear(name: str, deflection: float, thickness: float) -> str:
-    """What is wrong with the deflection [m] of a sheet that is held; "" for nothing."""
+    """Warning that the deflection [m] of a supported sheet exceeds linear theory; "" if not."""
     ratio = deflection / thickness
     if not ratio > SMALL_DEFLECTION:
         return ""
@@ -251,7 +251,7 @@ FAR = 0.8
 
 
 def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
-    """What is wrong with the deflection [m] of a sheet that stretches; "" for nothing."""
+    """Warning that the deflection [m] of a sheet exceeds second-order theory; "" if not."""
     ratio = deflection / thickness
     if not ratio > QUARTIC:
         return ""
@@ -263,7 +263,7 @@ def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
 
 
 def large_deflection_message(history: History) -> str:
-    """What is wrong with the deflection of a sheet that is held, the worst; "" for nothing."""
+    """Warning of the worst deflection of a supported sheet beyond linear theory; "" if none."""
     worst, message = 0.0, ""
     for name, body, h in _sheets(history):
         if not body.omega.all():  # it is free
@@ -289,7 +289,7 @@ SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
 
 
 def may_stretch(history: History) -> bool:
-    """Whether second-order strain may change a linear run of sheets by more than is negligible."""
+    """Whether second-order strain may change a linear run of sheets noticeably."""
     return any(
         deflection(history, name) > SLIGHT_DEFLECTION * h
         or abs(_worst_change(name, body, history)[0]) > SLIGHT_CHANGE
@@ -298,7 +298,7 @@ def may_stretch(history: History) -> bool:
 
 
 def _sheets(history: History) -> Iterator[tuple[str, SceneBody, float]]:
-    """Name, body and thickness [m] of each part of sheets that is no cantilever."""
+    """Name, body and thickness [m] of each part of sheets that is not a cantilever."""
     if not history.assembly.thin:
         return
     for name, body in history.assembly.bodies.items():
@@ -308,7 +308,7 @@ def _sheets(history: History) -> Iterator[tuple[str, SceneBody, float]]:
 
 
 def deflection(history: History, name: str, closely: bool = True) -> float:
-    """Largest displacement [m] of a body's sites by elastic modes, along the contacts.
+    """Largest displacement [m] of a body's sites along the contacts, by elastic modes alone.
 
     closely : at many times, or at the ends of steps alone.
     """
@@ -325,7 +325,7 @@ CURVED_CHANGE = 0.1
 
 
 def _beyond_linear_of_curved(name: str, body: SceneBody, thickness: float, history: History) -> str:
-    """What is wrong with the deflection of a curved sheet that is held, at its worst site."""
+    """Warning of the deflection of a curved, supported sheet at its worst site; "" if none."""
     change, w = _worst_change(name, body, history)
     if abs(change) <= CURVED_CHANGE:
         return ""
@@ -339,7 +339,7 @@ def _beyond_linear_of_curved(name: str, body: SceneBody, thickness: float, histo
 
 
 def _worst_change(name: str, body: SceneBody, history: History) -> tuple[float, float]:
-    """Largest change of the force on a curved sheet, a share of it, and the deflection [m]."""
+    """Largest relative change of the force on a curved sheet, and the deflection [m]."""
     changes = info_of(body.body).second_order or {}
     if not changes:
         return 0.0, 0.0
@@ -371,7 +371,7 @@ MOST_CONTACTS = 10_000
 
 
 class Results(ReprMixin):
-    """What a history can be written as.
+    """Base of histories that can be written as tables, numbers and files.
 
     `columns` and `numbers` say what it has.
     """
@@ -566,7 +566,7 @@ class HistoryResults(Results):
 
     @property
     def explanation(self) -> str:
-        """The message, with a note if the bodies of a single contact still approach at the end."""
+        """The message, with a note if the bodies of the only contact still approach at the end."""
         own = cast("History", self)
         e = own.restitution if own.status != STOPPED and len(own.contact_histories) == 1 else None
         if e is None or e >= 0:
@@ -579,7 +579,7 @@ class HistoryResults(Results):
 
     @property
     def verdict(self) -> str:
-        """Whether contacts yield, and what remains of them."""
+        """Whether contacts yield, and the permanent indentations, in words."""
         contacts = cast("History", self).contact_histories
         told = [(_contact_label(one), verdict.sentence(one)) for one in contacts]
         if not self.named:
@@ -623,7 +623,7 @@ class HistoryResults(Results):
 
     @property
     def stretch_texts(self) -> list[str]:
-        """Which bodies stretch, and in how many motions."""
+        """Sentences on bodies that stretch, with the number of their modes."""
         forces = cast("History", self).assembly.stretched
         return [
             f"{name!r} stretches: second-order forces of {one.modes.shape[1]} motions"
@@ -632,7 +632,7 @@ class HistoryResults(Results):
 
     @property
     def force_text(self) -> str:
-        """The peak force of one contact, with its bar once the error budget is known."""
+        """Peak force of a contact as text, with its error once the error budget is known."""
         own = cast("History", self)
         budget = vars(own).get("error_budget")
         return budget.shown("peak_force") if budget else engineering(own.peak_force, "N", 4)
@@ -669,7 +669,7 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
 
 
 def error_scope(history: History) -> str:
-    """What the `error` of a history covers, and where the mesh's stands."""
+    """What the `error` of a history covers, and where the error of the mesh is found."""
     bodies = [placed.body for placed in history.assembly.bodies.values()]
     facts = [info_of(one) for one in bodies]
     if not any(info.structure for info in facts):
@@ -682,7 +682,7 @@ def error_scope(history: History) -> str:
 
 
 def error_text(history: History) -> str:
-    """The error of the force of a history, with what it covers."""
+    """The error of the force of a history as text, with what it covers."""
     known = percent(history.error["force"]) if "force" in history.error else "not estimated"
     return f"{known} ({error_scope(history)})"
 
@@ -702,6 +702,6 @@ def history_sites(history: History) -> dict[str, tuple[float, ...]]:
 
 
 def _quoted(name: str) -> str:
-    """Quote a column name for CSV where it needs quotes."""
+    """A column name, quoted for CSV if necessary."""
     name = files.table_text(name)
     return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name

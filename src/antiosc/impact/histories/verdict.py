@@ -18,7 +18,7 @@ FAST = 300.0
 
 
 def choice_at(contact: OneContact) -> Choice | None:
-    """The law that the bodies of a contact need; None where they do not know it."""
+    """The law that the surfaces of a contact require; None if they are unknown."""
     scene = contact._record.assembly.scene
     one = scene.contacts[contact._row]
     ends = [end.partition(":") for end in (one.a, one.b)]
@@ -30,7 +30,7 @@ def choice_at(contact: OneContact) -> Choice | None:
 
 
 def yields(contact: OneContact) -> bool:
-    """Whether a contact yields, by its own law or by the one that it needs."""
+    """Whether a contact yields, by its law or by the law that its surfaces require."""
     law = contact.law
     if not isinstance(law, ElasticPlastic):
         choice = choice_at(contact) if isinstance(law, Hertz) else None
@@ -39,7 +39,7 @@ def yields(contact: OneContact) -> bool:
 
 
 def sentence(contact: OneContact) -> str:
-    """Whether the contact yields, and what remains; "" where nothing can be said."""
+    """Whether the contact yields, with its permanent indentation; "" if unknown."""
     if not contact.peak_force > 0:
         return ""
     choice, law = choice_at(contact), contact.law
@@ -59,7 +59,7 @@ def sentence(contact: OneContact) -> str:
 
 
 def law_text(contact: OneContact) -> str:
-    """The law of a contact, and why it was chosen."""
+    """The law of a contact in words, with the reason for its choice."""
     choice, law = choice_at(contact), contact.law
     name = type(law).__name__
     if choice is None or choice.law != law:
@@ -68,7 +68,7 @@ def law_text(contact: OneContact) -> str:
 
 
 def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
-    """The sentence of a contact by an elastoplastic law."""
+    """The sentence on a contact with an elastic-plastic law."""
     pressure = elastic_pressure(law, contact.deepest)
     strength = engineering(law.yield_strength, "Pa")
     mass = float(contact._record.assembly.system.mass[contact._row])

@@ -298,7 +298,7 @@ class UnitBeam:
 
     @property
     def segments(self) -> list[tuple[float, float]]:
-        """(start, length) of the one or two segments beside the site, in units of L."""
+        """(start, length) of the one or two segments that the site separates, in units of L."""
         a = self.site
         return [(s, length) for s, length in ((0.0, a), (a, 1 - a)) if length > 0]
 
@@ -314,7 +314,7 @@ class UnitBeam:
         return null_space(np.array(rows)) if rows else np.eye(2)
 
     def moved(self, x: Array, w: Array, theta: Array) -> Array:
-        """Momentum and angular momentum about mid-span at points x: (n, 2)."""
+        """Momentum and angular momentum about mid-span of shapes at points x: (n, 2)."""
         return np.column_stack((w, w * (x - 0.5) + self.alpha * theta))
 
     def _states(self, Omega: float, length: float, x: Array) -> Array:
@@ -324,7 +324,7 @@ class UnitBeam:
         return harmonic_states(Omega, alpha, eta, length, x)
 
     def solve(self, Omega: float, *, force: bool) -> tuple[list[Array], float]:
-        """Coefficients of each segment's solutions under F = 1, or w = 1, at the site; and F."""
+        """Coefficients of each segment's solutions for F = 1 or w = 1 at the site, and F."""
         segments = self.segments
         size = 4 * len(segments)
         ends = [
@@ -401,7 +401,7 @@ class UnitBeam:
         return Response(at_site if force else reaction, mass, moved, shape)
 
     def _count(self, Omega: Array, *, constrained: bool) -> NDArray[np.int64]:
-        """Number of eigenvalues below Ω, zero ones included (Wittrick-Williams)."""
+        """Number of eigenvalues below Ω, rigid-body ones included (Wittrick-Williams)."""
         alpha, eta = self.alpha, self.eta
         segments = self.segments
         nodes = len(segments) + 1
@@ -447,7 +447,7 @@ class UnitBeam:
         return ((lo + hi) / 2) ** 4
 
     def spectra(self, n: int) -> tuple[Array, Array]:
-        """The first n observable poles and zeros of Z, as Ω: the two spectra, common ones out."""
+        """The first n observable poles and zeros of Z, as Ω: two spectra without common values."""
         asked = 2 * n + 4
         while True:
             poles, zeros = (self.eigenvalues(asked, constrained=p) for p in (True, False))
@@ -459,7 +459,7 @@ class UnitBeam:
 
 
 def _unmatched(a: Array, b: Array) -> tuple[Array, Array]:
-    """Two ascending lists without the pairs they share (each entry pairs at most once)."""
+    """Two ascending lists without the values that both contain (each value cancels one)."""
     keep_a, keep_b = np.ones(len(a), dtype=bool), np.ones(len(b), dtype=bool)
     i = j = 0
     while i < len(a) and j < len(b):

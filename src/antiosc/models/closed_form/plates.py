@@ -139,7 +139,7 @@ class SupportedPlate:
 
     @checks.within_range
     def mindlin(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
-        """The same with shear deformation and rotary inertia (the lowest, flexural branch)."""
+        """As `kirchhoff`, with shear deformation and rotary inertia (lowest, flexural branch)."""
         q = self.wave_number_squared(m, n)
         G = self.E / (2 * (1 + self.nu))
         shear, inertia = SHEAR * G * self.thickness, self.rho * self.thickness**3 / 12
@@ -430,7 +430,7 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 
 @lru_cache(maxsize=64)
 def _compliance(nu: float) -> float:
-    """The integral for E = h = 1: what the plate moves more than the layer."""
+    """The compliance integral for E = h = 1: of the plate minus that of the layer."""
     G, D, a = 1 / (2 * (1 + nu)), 1 / (12 * (1 - nu**2)), sqrt(nu / (1 - nu))
 
     def difference(k: float) -> float:

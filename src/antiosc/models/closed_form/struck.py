@@ -35,7 +35,7 @@ MOST_FREQUENCIES = 10_000
 
 
 class _Static(NamedTuple):
-    """The static mode of the beam, or the rigid motion in its place."""
+    """The static mode of the beam, or its rigid motion if it is free."""
 
     stiffness: float  # k0 in N/m
     mass: float  # m_st in kg
@@ -239,12 +239,12 @@ class StruckBeam:
 
     @cached_property
     def _unit(self) -> UnitBeam:
-        """The same beam in units of its length."""
+        """The beam in units of its length."""
         beam = self.beam
         return UnitBeam(beam.alpha, beam.eta, self.left, self.right, self.site / beam.length)
 
     def _constraint_modes(self, n: int, x: Array) -> tuple[Array, Array, Array, Array]:
-        """ω_i (rad/s), m_i (kg), ψ_i at x (m) as rows, what ψ_i moves (n, 2) (kg)."""
+        """ω_i (rad/s), m_i (kg), rows ψ_i at x (m), and momenta (n, 2) (kg) of ψ_i."""
         omega, m, psi, moved = np.empty(n), np.empty(n), np.empty((n, len(x))), np.empty((n, 2))
         for i, pole in enumerate(self._unit.spectra(n)[0]):
             rough = self._unit.respond(pole, force=True)
@@ -289,7 +289,7 @@ class StruckBeam:
         return _Static(stiffness * unit, mass * self.beam.mass, moved * self.beam.mass)
 
     def _hidden_motions(self, x: Array) -> tuple[Array, Array]:
-        """Rigid motions of unit mass that leave the site at rest: (len(x), h) at x (m), (h, 2)."""
+        """(values (len(x), h) at x (m), momenta (h, 2)) of rigid motions, site at rest."""
         at_site = np.array([[1, self.site / self.beam.length]]) @ self._unit.rigid
         motions = self._unit.rigid @ (null_space(at_site) if at_site.size else np.zeros((0, 0)))
         mass = np.array([[1, 0.5], [0.5, 1 / 3 + self.beam.alpha]])
@@ -298,7 +298,7 @@ class StruckBeam:
         return p + np.multiply.outer(x / self.beam.length, q), self.beam.mass * moved
 
     def _inertia(self, moved: Array) -> Inertia | None:
-        """The inertia of a free beam on x that moves along y; None if it is supported.
+        """The inertia of a free beam along x that moves along y; None for a supported one.
 
         moved : (C, 2) momentum of each shape, and its moment over the length [kg].
         """

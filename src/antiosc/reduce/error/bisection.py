@@ -82,7 +82,7 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
 
 
 def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
-    """Number of cells with these ratios over the present one."""
+    """Ratio of the number of cells after a change of sizes by these ratios to the present one."""
     new, old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
     return float(new / old)
 
@@ -104,7 +104,7 @@ KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
 
 @dataclass(frozen=True)
 class Pieces:
-    """A whole mesh on one rank, and a number for each cell.
+    """A whole mesh on one rank with a value for each cell.
 
     Attributes
     ----------
@@ -121,12 +121,12 @@ class Pieces:
 
 
 def divisible(mesh: Mesh) -> bool:
-    """Whether the cells of the mesh can be divided: straight triangles and tetrahedra."""
+    """Whether the cells of the mesh can be bisected: straight triangles and tetrahedra."""
     return mesh.cell in KIND_OF and mesh.order == 1
 
 
 def refined(mesh: Mesh, ratio: Array) -> Mesh:
-    """The mesh with cells divided until their sizes are about `ratio` times the present ones.
+    """The mesh with cells bisected until their sizes are about `ratio` times the present ones.
 
     `ratio` (cells that this rank owns,). The refinement is made on one rank and distributed anew.
     """
@@ -143,7 +143,7 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
 
 
 def gathered(mesh: Mesh, values: Array) -> Pieces | None:
-    """The mesh and `values` of its cells on the first rank; None on the others."""
+    """The mesh and `values` of its cells on rank 0; None on other ranks."""
     geometry = mesh.dolfinx.geometry
     own = np.arange(len(geometry.x), dtype=np.int32)
     number = np.asarray(geometry.index_map().local_to_global(own))
@@ -216,14 +216,14 @@ def _normals(corners: Array) -> Array:
 
 
 def _sizes(pieces: Pieces) -> Array:
-    """Mean edge of each cell."""
+    """Mean edge length of each cell."""
     corners = _corners(pieces)
     one, other = np.triu_indices(corners.shape[1], 1)
     return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:
-    """The old points (n, 2) in the middle of which each new point lies; twice the same: on it."""
+    """Pairs (n, 2) of old points between which each new point lies; equal for an old point."""
     one, other = np.triu_indices(pieces.cells.shape[1], 1)
     edges = np.stack([pieces.cells[:, one].ravel(), pieces.cells[:, other].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -234,7 +234,7 @@ def _supports(pieces: Pieces, x: Array) -> IntArray:
 
 
 def _carriers(support: IntArray, entities: IntArray) -> IntArray:
-    """Old points on which each new entity (n, k) rests (n, k); -1 where they are more than k.
+    """Old points (n, k) that support each new entity (n, k); -1 if there are more than k.
 
     An entity lies in an old one of its own dimension exactly if it rests on as many points.
     """
@@ -249,7 +249,7 @@ def _carriers(support: IntArray, entities: IntArray) -> IntArray:
 
 
 def _positions(rows: IntArray, among: IntArray) -> IntArray:
-    """Position of each row among others, whatever the order of its entries; -1: none."""
+    """Index of each row among others, in any order of its entries; -1 if absent."""
     code = keys(among.astype(np.int64))
     order = np.argsort(code)
     asked = keys(rows.astype(np.int64))
@@ -260,7 +260,7 @@ def _positions(rows: IntArray, among: IntArray) -> IntArray:
 
 
 def _inside(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:
-    """Vertices of the entities of the new dolfinx mesh that lie in the old entities `group`."""
+    """Vertices of the entities of the new mesh that lie in the old entities `group`."""
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
     carriers = _carriers(support, entities)
     return entities[(carriers[:, 0] >= 0) & (_positions(carriers, group) >= 0)]
@@ -271,7 +271,7 @@ ROUNDING = 1e-12
 
 
 class HalvedBeams:
-    """The errors of models of a structure of beams, on one rank."""
+    """Estimator for structures of beams, on one rank."""
 
     def __init__(self, part: MeshedStructure) -> None:
         if part.comm.size > 1:
@@ -279,7 +279,7 @@ class HalvedBeams:
         self._coarse = part
 
     def gram(self, model: AntiOscillators, site: Functional) -> Array:
-        """Energies [N/m] that the mesh has in excess, of psi_0 ... psi_N: (N + 1, N + 1)."""
+        """Energies [N/m] by which the mesh is too stiff for psi_0 ... psi_N: (N + 1, N + 1)."""
         if site.point is None or site.direction is None:
             raise InputError("error='estimate' of beams needs a Site with a point and a direction.")
         place = site.point[None, :], site.direction[None, :], np.array([np.nan])
@@ -301,7 +301,7 @@ class HalvedBeams:
 
 
 def excess(lacks: Array) -> Array:
-    """The energies E in excess of shapes ψ whose loads Kψ have the flexibilities `lacks` too few.
+    """Excess energies E of shapes ψ whose loads Kψ have flexibilities `lacks` too small.
 
     These are E itself where a mesh lacks flexibility for every pattern of loads. Elements that are
     integrated with few points can have too much for some: the products of different shapes are then
@@ -317,7 +317,7 @@ def excess(lacks: Array) -> Array:
 
 
 def answers(part: MeshedStructure, forces: Array) -> Array:
-    """Displacements of self-equilibrated forces (rows, k), orthogonal to the rigid motions."""
+    """Displacements due to self-equilibrated forces (rows, k), orthogonal to the rigid motions."""
     free = np.setdiff1d(np.arange(compat.local_size(part.form.space)), part.fixed)
     K, R = csr(part.K)[free][:, free], (csr(part.M) @ part.rigid_modes)[free]
     if R.shape[1]:
@@ -329,7 +329,7 @@ def answers(part: MeshedStructure, forces: Array) -> Array:
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
-    """The matrix (rows of the fine structure, of the coarse) of displacements on both meshes."""
+    """Interpolation matrix (fine rows, coarse rows) of displacements from a mesh to a finer one."""
     parent = np.asarray(fine.mesh.dolfinx.topology.original_cell_index) // 2
     ends = part.mesh.geometry.nodes[parent]
     along = ends[:, 1] - ends[:, 0]
@@ -359,7 +359,7 @@ LEAST_ANGLE, MOST_ANGLE = 0.2, 23.0
 
 
 def halved(mesh: Mesh, point: Array | None = None) -> Mesh:
-    """The mesh of lines with two cells in place of each: of c the input cells 2c and 2c + 1.
+    """The mesh of lines with each cell c divided into two, the input cells 2c and 2c + 1.
 
     They meet in the middle, those nearest to `point` there, unless it lies close to a node.
     """
@@ -367,12 +367,12 @@ def halved(mesh: Mesh, point: Array | None = None) -> Mesh:
 
 
 def with_node(mesh: Mesh, point: Array) -> Mesh:
-    """The mesh of lines with a node at the place nearest to `point`."""
+    """The mesh of lines with a node at the point nearest to `point`."""
     return _divided(mesh, np.nan, point)
 
 
 def inside(mesh: Mesh, point: Array) -> bool:
-    """Whether a point lies inside an element, not at one of its nodes."""
+    """Whether a point lies within an element and not at a node."""
     ends = mesh.geometry.nodes[:, :2, : mesh.gdim]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     away = np.linalg.norm(ends - point[: mesh.gdim], axis=2) / lengths[:, None]
@@ -380,7 +380,7 @@ def inside(mesh: Mesh, point: Array) -> bool:
 
 
 def polygon(mesh: Mesh) -> str:
-    """A sentence if lines of the mesh look like the sides of a polygon in place of a curve."""
+    """A sentence if the lines of a mesh seem to approximate a curve by a polygon; else ""."""
     pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
     angle = 0.0 if pieces is None else _largest_angle(pieces)
     angle = mesh.comm.bcast(angle)
@@ -393,7 +393,7 @@ def polygon(mesh: Mesh) -> str:
 
 
 def _largest_angle(pieces: Pieces) -> float:
-    """Largest angle [degrees] between two cells that meet as parts of a curve; 0 if none do."""
+    """Largest angle [degrees] between two adjacent cells that approximate a curve; 0 if none do."""
     cells = pieces.cells
     ends, cell = cells.ravel(), np.repeat(np.arange(len(cells)), 2)
     two = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)
@@ -410,7 +410,7 @@ def _largest_angle(pieces: Pieces) -> float:
 
 
 def _divided(mesh: Mesh, usual: float, point: Array | None) -> Mesh:
-    """The mesh with each cell cut at the share `usual` of its length (NaN: not), one at `point`."""
+    """The mesh with each cell cut at the share `usual` of its length (NaN: whole) or at `point`."""
     pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
     raw: RawMesh | InputError | None = None
     if pieces is not None:
@@ -426,7 +426,7 @@ def _divided(mesh: Mesh, usual: float, point: Array | None) -> Mesh:
 
 
 def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
-    """Cut the cell nearest to the point there, unless it lies close to a node."""
+    """Cut the cell nearest to the point there, unless the point is close to a node."""
     ends = pieces.points[pieces.cells]
     along = ends[:, 1] - ends[:, 0]
     start = ends[:, 0] - point[: ends.shape[2]]
@@ -438,7 +438,7 @@ def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
 
 
 def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
-    """The mesh with its cells cut at these shares of their lengths, NaN where they are not."""
+    """The mesh with its cells cut at these shares of their lengths; NaN: whole."""
     cells = pieces.cells.astype(np.int64)
     known = keys(cells)
     if len(np.unique(known)) < len(known):
@@ -460,7 +460,7 @@ def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
 
 
 def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
-    """The cells in place of cells `which`, in their order; `middle`: -1 where they are whole."""
+    """The parts of cells `which`, in order; `middle` is -1 for whole cells."""
     ends, between = cells[which], middle[which]
     pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)
     pairs[between < 0, 0] = ends[between < 0]

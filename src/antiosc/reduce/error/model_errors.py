@@ -56,7 +56,7 @@ FACET_SIDES: dict[int, list[tuple[int, ...]]] = {
 
 
 def faceted(mesh: Mesh) -> str:
-    """A sentence if the exterior of a mesh of straight cells looks like facets of a curved one."""
+    """A sentence if straight cells seem to approximate a curved exterior; else ""."""
     if mesh.order > 1:
         return ""
     facets = compat.exterior_facets(mesh.dolfinx)
@@ -100,7 +100,7 @@ AROUND = {2: [0, 1], 3: [0, 1, 2], 4: [0, 1, 3, 2]}
 
 
 def mean_gaps(faces: Faces) -> tuple[Array, Array]:
-    """(mean gap [m], area [m²], in the plane length [m]) of the faces of this rank, (F,) each.
+    """(mean gap [m], area [m²] or, in the plane, length [m]) of this rank's faces, (F,) each.
 
     A gap is positive where the surface lies outside of the face (it is convex).
     """
@@ -131,7 +131,7 @@ def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
 
 
 def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
-    """The normal at each corner (C, 3): mean over its vertex's ones on the same smooth surface."""
+    """The normal at each corner (C, 3): mean over the vertex's faces on one smooth surface."""
     count = len(vertex)
     _, number = np.unique(vertex, return_inverse=True)
     at = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
@@ -144,7 +144,7 @@ def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
 
 
 def _areas(x: Array) -> Array:
-    """Areas of faces (F, v, 3), lengths of segments."""
+    """Areas of faces (F, v, 3); lengths of segments."""
     if x.shape[1] == 2:
         return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
     one, other = x[:, 1] - x[:, 0], x[:, -1] - x[:, 0]
@@ -172,7 +172,7 @@ UNKNOWN = "Not included: the error of the beam model itself, for {}."
 
 
 def beam_facts(part: MeshedStructure, site: Functional) -> BeamSection | str:
-    """What tells the model's share, JSON values, or a sentence why there is none.
+    """Data for the error of beam theory as JSON values, or a sentence why there are none.
 
     "compliance" is 1/(E √A) [m/N], "omega" the circular frequency at which the section deforms
     [rad/s], "clamps" the number of held ends times the larger side over the length.
@@ -184,7 +184,7 @@ def beam_facts(part: MeshedStructure, site: Functional) -> BeamSection | str:
 
 
 class _Unknown(Exception):
-    """Why there is no figure."""
+    """Raised with the reason why an error cannot be estimated."""
 
 
 def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
@@ -231,7 +231,7 @@ def _need(fact: bool, otherwise: str) -> None:
 
 
 def _line(part: MeshedStructure) -> tuple[Array, Array]:
-    """(unit vector along the beam, places of its ends along it); it must be one straight line."""
+    """(unit vector, places of the ends) along a beam; InputError unless it is one straight line."""
     x = part.mesh.dolfinx.geometry.x
     _, sizes, directions = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
     _need(sizes[1] <= STRAIGHT * sizes[0], "the beams are not one straight line (joints count)")
@@ -240,7 +240,7 @@ def _line(part: MeshedStructure) -> tuple[Array, Array]:
 
 
 def _along_height(part: MeshedStructure, beam: Beam, axis: Array, direction: Array) -> bool:
-    """Whether the height of the section lies along the impact; otherwise its width must."""
+    """Whether the section's height lies along the impact; otherwise its width must do so."""
     if part.mesh.gdim == 2 or beam.section.isotropic:
         return True
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[:1]
@@ -264,7 +264,7 @@ WHY = {
 
 
 def estimator(structure: Structure) -> SolidErrors | ShellErrors:
-    """The estimator of the structure's element family; InputError where there is none."""
+    """The estimator for the structure's element family; InputError if there is none."""
     matrices = on_mesh(structure, NO_MESH)
     if matrices.kind.name in WHY:
         raise InputError(
@@ -290,7 +290,7 @@ WHOLE_LOAD = 0.99
 
 
 def patch_of(structure: Structure, site: Functional) -> Patch | None:
-    """What a budget must know of a site's patch, JSON values; None for a point.
+    """Data of a site's patch for a budget, as JSON values; None for a point.
 
     "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
     that of a second patch [m], and "compliance" the change of the part's compliance beyond the
@@ -317,7 +317,7 @@ def patch_of(structure: Structure, site: Functional) -> Patch | None:
 
 
 class ModelErrors:
-    """The estimates of models of one structure; InputError where there are none."""
+    """The estimators for models of one structure; InputError if there are none."""
 
     def __init__(self, structure: Structure, named_sites: int = 0) -> None:
         if named_sites:
@@ -341,7 +341,7 @@ class ModelErrors:
                 self._layers, self._mass = layers(part)
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
-        """The model with its `strain_error`; `info` holds what the budget must know besides."""
+        """The model with its `strain_error`; `info` gets the further data of the budget."""
         started = time.perf_counter()
         misfit = None
         info = replace(model.info, not_included=self._not_included or None)
@@ -368,7 +368,9 @@ class ModelErrors:
         return replace(model, strain_error=E, strain_misfit=misfit, info=info)
 
     def _gaps(self, outside: Array, rigid: bool) -> FacetGaps | None:
-        """The energies `outside` of the layers; the first shape may be a rigid motion."""
+        """The energies `outside` of the layers; the first shape may be a rigid motion, without
+        energy.
+        """
         if not self._geometry:
             return None
         if rigid:
@@ -406,7 +408,7 @@ def _shapes(model: AntiOscillators) -> Array:
 
 
 def layers(part: MeshedStructure) -> tuple[Array, float]:
-    """What lies between the faces of this rank and the surface that they stand for.
+    """The layers between the faces of this rank and the curved surface that they approximate.
 
     (volumes (F,) [m³], in the plane areas, negative where the mesh has too much; their mass over
     that of the structure)
@@ -420,5 +422,5 @@ def layers(part: MeshedStructure) -> tuple[Array, float]:
 
 
 def depth(material: Material) -> float:
-    """Thickness of a plane part; 1 otherwise, for volumes hold it."""
+    """Thickness of a plane part; 1 for others, since volumes contain it."""
     return float(material.thickness) if getattr(material, "plane", None) else 1.0

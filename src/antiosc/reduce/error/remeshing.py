@@ -50,14 +50,14 @@ LINES = 8
 
 
 class Source(ABC):
-    """The source of ever finer meshes of one part; `coarsest` is the first of them."""
+    """Source of increasingly fine meshes of one part; `coarsest` is the first."""
 
     #: why there is only one mesh; "" if there are more
     fixed = ""
     coarsest: Mesh
 
     def thickness(self) -> float:
-        """Twice the volume over the surface of the part [m]: of a thin wall its thickness."""
+        """Twice the volume over the surface [m]: the thickness of a thin wall."""
         return thickness_of(self.coarsest)
 
     def extent(self) -> float:
@@ -66,7 +66,7 @@ class Source(ABC):
 
     @abstractmethod
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """A coarse mesh with elements of at most `size` [m], and smaller ones at points."""
+        """A coarse mesh with elements of at most `size` [m], smaller at the points of `refine`."""
 
     @abstractmethod
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
@@ -74,7 +74,7 @@ class Source(ABC):
 
 
 def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
-    """The source for a file or a mesh; `order`: of the faces of a geometry's cells."""
+    """The source for a file or a mesh; `order`: geometric order of the cells of a geometry."""
     if isinstance(given, Mesh):
         return OfLines(given) if given.tdim == 1 else OfMesh(given)
     path = Path(given)
@@ -86,7 +86,7 @@ def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
 
 
 class OfMesh(Source):
-    """A mesh, whose cells are divided if they are straight simplices."""
+    """A mesh as source: its cells are divided if they are straight simplices."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.coarsest = mesh
@@ -105,7 +105,7 @@ class OfMesh(Source):
         return float(np.min((high - low)[: self.coarsest.gdim]))
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """The mesh itself, divided around the points."""
+        """The mesh itself, divided near the points."""
         mesh = self.coarsest
         for _ in range(0 if self.fixed else MOST_DIVISIONS):
             ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
@@ -115,12 +115,12 @@ class OfMesh(Source):
         return mesh
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The mesh with cells divided."""
+        """The mesh with its cells divided."""
         return refined(mesh, ratio)
 
 
 class OfGeometry(Source):
-    """A geometry that gmsh meshes."""
+    """A geometry as source, meshed by gmsh."""
 
     def __init__(self, path: Path, order: int) -> None:
         self._path, self._order = path, order
@@ -128,7 +128,7 @@ class OfGeometry(Source):
 
     @cached_property
     def coarsest(self) -> Mesh:  # type: ignore[override]
-        """The mesh of the largest cells that the geometry allows."""
+        """The mesh of the largest cells that the geometry permits."""
         raw = self._read(None, 1, (), None, USUAL)
         for sentence in raw.told:
             warn(MPI.COMM_WORLD, sentence)
@@ -144,7 +144,7 @@ class OfGeometry(Source):
         return self._meshed(coarse, wished, FIRST_GRADING)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The geometry meshed anew, with about Σ 1 / ratio^d cells.
+        """The geometry meshed again, with about Σ 1 / ratio^d cells.
 
         The patch stays resolved.
         """
@@ -179,7 +179,7 @@ class OfGeometry(Source):
 
 
 class OfLines(Source):
-    """A mesh of lines, which are halved, or a geometry of them, which is meshed more finely.
+    """Lines as source: a mesh whose cells are halved, or a geometry.
 
     The site becomes a node.
     """
@@ -205,7 +205,7 @@ class OfLines(Source):
         return mesh
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """All cells halved, as often as it brings them to `ratio`, and at least once."""
+        """All cells halved, as often as `ratio` requires, at least once."""
         wanted = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
         for _ in range(max(1, round(-np.log2(wanted)))):
             self._size /= 2
@@ -237,7 +237,7 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """The field of sizes on the first rank: at each corner the least of its cells.
+    """Size field on rank 0: at each corner the smallest size of its cells.
 
     A mean would lose the small sizes of single cells, such as those under a patch.
     """
@@ -261,7 +261,7 @@ def thickness_of(mesh: Mesh) -> float:
 
 
 def measures(mesh: Mesh) -> tuple[float, float]:
-    """(volume, surface) of a mesh of simplices, by their corners; in the plane area, length."""
+    """(volume, surface) of a mesh of simplices; in the plane (area, length)."""
     x = mesh.dolfinx.geometry.x
     cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
     cells = cells[:, : mesh.tdim + 1]

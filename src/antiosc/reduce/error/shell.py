@@ -65,7 +65,7 @@ NEAR = 0.95
 
 @dataclass(frozen=True)
 class SmoothPieces:
-    """Pieces of the surface of a structure on one rank.
+    """Smooth pieces of the surface of a structure, on one rank.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class SmoothPieces:
 
 
 def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
-    """The pieces; InputError for a surface with one side only."""
+    """The smooth pieces; InputError for a one-sided surface."""
     mesh = part.mesh
     count = compat.cell_map(mesh.dolfinx).size_local
     corners = compat.geometry_nodes(mesh.dolfinx)[:, CORNERS_IN_TURN[mesh.cell]]
@@ -121,7 +121,7 @@ def edge_normals(part: MeshedStructure) -> Array:
 
 
 def neighbours(cell_edges: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """(edges (n,), the places of two of their cells (2, n), number of all of them (n,)).
+    """(edges (n,), indices of two of their cells (2, n), number of all edge uses (n,)).
 
     Places are among the edges of all cells in turn, those of an edge of one cell twice.
     """
@@ -132,13 +132,13 @@ def neighbours(cell_edges: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _tangents(axis: Array, normals: Array) -> Array:
-    """Unit vectors (n, 3): the axes along the surface."""
+    """Unit vectors (n, 3) along axes projected on the surface."""
     along = axis - np.einsum("ni,ni->n", axis, normals)[:, None] * normals
     return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
 def angles(vectors: Array, places: IntArray) -> Array:
-    """Angles in degrees (edges,), up to 90, between unit vectors (n, 3) at places (2, edges)."""
+    """Angles (edges,) in degrees, up to 90, between unit vectors (n, 3) with indices (2, edges)."""
     one, other = vectors[places]
     cosine = np.abs(np.einsum("ec,ec->e", one, other))
     sine = np.linalg.norm(np.cross(one, other), axis=1)
@@ -150,14 +150,14 @@ def _largest(values: Array) -> float:
 
 
 def _ahead(corners: IntArray, ends: IntArray) -> BoolArray:
-    """Whether cells with these corners around them go along an edge from its first end."""
+    """Whether cells with these corners traverse an edge from its first end."""
     at = np.argmax(corners == ends[:, :1], axis=1)
     after = (at + 1) % corners.shape[1]
     return np.asarray(corners[np.arange(len(at)), after] == ends[:, 1])
 
 
 def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: str) -> Array:
-    """±1 (cells,): the sign with which a cell's normal points to the same side of its piece.
+    """±1 (cells,): the sign that makes a cell's normal point to the same side of its piece.
 
     `turned` says of neighbours a and b whether their normals are opposite.
     """
@@ -175,13 +175,13 @@ def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: 
 
 
 def _connected(count: int, a: IntArray, b: IntArray) -> IntArray:
-    """Number of the connected part of each of `count` nodes, which edges from a to b connect."""
+    """Number of the connected component of each of `count` nodes; edges run from a to b."""
     graph = scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
 def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray]:
-    """(the coordinate axis (cells,) farthest from all normals of the piece, cells where none is).
+    """(coordinate axis (cells,) farthest from all normals of a piece, cells without such an axis).
 
     Where each axis comes near to a normal of the piece, cells get the one farthest from their own.
     `along` (cells, 3): cosines between the axes and the normals of a cell.
@@ -201,7 +201,7 @@ MEMBRANE, BENDING, SHEAR, DRILLING = slice(0, 3), slice(3, 6), slice(6, 8), 8
 
 
 class SheetStrains(NamedTuple):
-    """Strains of some cells at all their points (P,), in the axes of the cells' plane."""
+    """Strains of some cells at all quadrature points (P,), in the axes of the cell's plane."""
 
     #: (P, 9, k)
     own: Array
@@ -212,7 +212,7 @@ class SheetStrains(NamedTuple):
 
 
 class StrainsOfSheets:
-    """Strains of blocks of shapes (rows of this rank, k), on one rank."""
+    """Evaluates strains of blocks of shapes (rows of this rank, k), on one rank."""
 
     def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
         self._part, self._axes = part, pieces.axes
@@ -242,7 +242,7 @@ class StrainsOfSheets:
         u, turn = self._dofs(cells, "xyz"), self._dofs(cells, ("rx", "ry", "rz"))
 
         def slopes(dofs: Array, axes: Array) -> Array:
-            """Components along the axes of derivatives along e1, e2: (P, axes, 2, k)."""
+            """Derivatives (P, axes, 2, k), along e1 and e2, of the components along the axes."""
             found = (self._slopes @ dofs).reshape(len(every), 2, 3 * k)
             found = (np.swapaxes(along, 1, 2) @ found).reshape(len(every), 2, 3, k)
             found = axes @ np.swapaxes(found, 1, 2).reshape(len(every), 3, 2 * k)
@@ -266,7 +266,7 @@ class StrainsOfSheets:
         return SheetStrains(own, gap, area * np.tile(self._weights, len(cells)))
 
     def _dofs(self, cells: IntArray, names: str | tuple[str, ...]) -> Array:
-        """(cells, functions, components · k)."""
+        """Dof values (cells, functions, components · k)."""
         form = self._part.form
         numbers = [compat.cell_dofs(form.space, form.components[name], cells) for name in names]
         found = np.stack([self._shapes[each] for each in numbers], axis=2)
@@ -280,7 +280,7 @@ DEGREE = 2
 
 
 class Block(NamedTuple):
-    """Some of the cells, their strains at all points, and what was recovered there (P, 9, k)."""
+    """Some cells with strains at all points, and recovered strains (P, 9, k) there."""
 
     cells: slice
     strains: SheetStrains
@@ -364,7 +364,7 @@ ALONG = 1e-6
 
 
 class _Side(NamedTuple):
-    """Points of edges as one of their cells sees them."""
+    """Points of edges as parts of one of their cells."""
 
     #: normals of the sheet (P, 3), and of the edges (P, 3)
     n: Array
@@ -392,7 +392,7 @@ class Layers(NamedTuple):
 
 
 def layers_of(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery) -> Layers:
-    """The layers along all free edges, and where sections change."""
+    """The layers along all free edges, and along changes of section."""
     exterior, changes = _edges(part, pieces)
     m, weights = [np.zeros((0, found.count))], [np.zeros(0)]
     if exterior.size:
@@ -410,7 +410,7 @@ def layers_of(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery)
 
 
 def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntArray]:
-    """Places among the edges of all cells in turn: (of exterior ones (n,), of two cells (2, n)).
+    """(edge uses that are exterior (n,), pairs of uses at edges between two pieces (2, n)).
 
     The latter are edges of different pieces that meet at an angle of no fold. No beams stiffen
     either.
@@ -427,7 +427,7 @@ def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntAr
 def _side(
     part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery, places: IntArray
 ) -> _Side:
-    """Gauss's points of edges, in the order of the numbers of the corners."""
+    """Gauss points of edges, in the order of the numbers of their corners."""
     cells, edges = places // EDGES, places % EDGES
     ends = np.array(ENDS)[edges]
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[cells[:, None], ends]
@@ -460,7 +460,7 @@ def _side(
 
 
 def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
-    """Whether edges at these places may turn about their normals (n, 3)."""
+    """Mask of edges that may rotate about their normals (n, 3)."""
     form, cells = part.form, places // EDGES
     held = np.zeros(normal.shape, dtype=bool)
     for axis, name in enumerate(("rx", "ry", "rz")):
@@ -472,7 +472,7 @@ def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
 
 
 class ShellErrors:
-    """The estimator of shells of triangles, on one rank."""
+    """Estimator for shells of triangles, on one rank."""
 
     def __init__(self, part: MeshedStructure) -> None:
         if part.comm.size > 1:
@@ -489,7 +489,7 @@ class ShellErrors:
 
     @property
     def faceted(self) -> str:
-        """A sentence if flat cells stand for a curved surface."""
+        """A sentence if flat cells approximate a curved surface; else ""."""
         if self._part.mesh.order > 1 or self._pieces.bent < FLAT:
             return ""
         return (
@@ -498,7 +498,7 @@ class ShellErrors:
         )
 
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
-        """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each."""
+        """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each: errors e, misfits d."""
         found = SheetRecovery(self._part, shapes, self._pieces)
         E = layers_of(self._part, self._pieces, found).energies()
         work = np.zeros_like(E)
@@ -515,7 +515,7 @@ class ShellErrors:
         return self.gram_and_misfit(shapes)[0]
 
     def of_cells(self, shapes: Array) -> Array:
-        """Σ_j ∫ e_j:C:e_j over each cell, (cells,)."""
+        """Σ_j ∫ e_j:C:e_j over each cell: (cells,)."""
         found = SheetRecovery(self._part, shapes, self._pieces)
         layers = layers_of(self._part, self._pieces, found)
         along = layers.weights * (layers.m**2).sum(axis=1)

@@ -61,7 +61,7 @@ class Quadrature:
         self._width = max(1, BLOCK_NUMBERS // (numbers_per_cell * len(self.X)))
 
     def slices(self, cells: IntArray) -> Iterator[slice]:
-        """Slices of `cells` that are processed at once."""
+        """Slices of `cells` that are processed in one block."""
         width = max(self._width, -(-len(cells) // MOST_BLOCKS))
         return (slice(k, min(k + width, len(cells))) for k in range(0, len(cells), width))
 
@@ -80,7 +80,7 @@ def inverted(J: Array) -> tuple[Array, Array]:
 
 
 class CellStrains:
-    """Strains of blocks of shapes (rows of this rank, k) of a solid's displacements."""
+    """Evaluates strains of blocks of shapes (rows of this rank, k) of a solid."""
 
     def __init__(self, mesh: Mesh, form: WeakForm, shapes: Array) -> None:
         self.mesh, self._space = mesh, form.space
@@ -143,7 +143,7 @@ class Projection:
         self._inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)[:, None]
 
     def _at(self, numbers: Array, some: slice) -> scipy.sparse.csr_matrix:
-        """The rows of `numbers` at the points of the cells `some`, as a matrix."""
+        """The sparse matrix that evaluates corner values at the points of the cells `some`."""
         rows = slice(some.start * self._points, some.stop * self._points)
         data, columns = numbers[rows], self._columns[rows]
         starts = np.arange(len(data) + 1) * self._count
@@ -151,7 +151,7 @@ class Projection:
         return scipy.sparse.csr_matrix(whole, shape=(len(data), self.size))
 
     def add_loads(self, loads: Array, some: slice, fields: Array) -> None:
-        """Add ∫ f φ over the cells `some` of the given ones to loads (corners, m, k).
+        """Add ∫ f φ over the cells `some` to loads (corners, m, k).
 
         `fields` (m, points, k): values of f at all points of the cells.
         """
@@ -160,7 +160,7 @@ class Projection:
             loads[:, k] += gather @ field
 
     def owned(self, loads: Array) -> Array:
-        """Loads on this rank's corners, what other ranks' cells add included: (rows, fields)."""
+        """Loads (rows, fields) on this rank's corners, contributions of other ranks included."""
         return compat.ghosts_added(self._space, loads)
 
     def solve(self, loads: Array) -> Array:
@@ -177,11 +177,13 @@ class Projection:
         )
 
     def at_points(self, some: slice, values: Array) -> Array:
-        """Values (points, fields) in the cells `some`, of values with ghosts (corners, fields)."""
+        """Values (points, fields) in the cells `some`, from corner values with ghosts."""
         return np.asarray(self._at(self._values, some) @ values)
 
     def within(self, cells: IntArray, X: Array, values: Array) -> Array:
-        """Values (n, fields) at reference points X (n, tdim) of cells (n,); values: with ghosts."""
+        """Values (n, fields) at reference points X (n, tdim) of cells (n,), from values with
+        ghosts.
+        """
         if not len(cells):
             return np.zeros((0, values.shape[1]))
         table = compat.tabulate(self._space, (), X)
@@ -189,11 +191,11 @@ class Projection:
         return np.asarray(np.einsum("na,naf->nf", table, values[at]))
 
     def with_ghosts(self, values: Array) -> Array:
-        """Values at the corners of this rank, continued to its ghosts."""
+        """Corner values of this rank extended to its ghosts."""
         return compat.with_ghosts(self._space, values)
 
     def residual(self, loads: Array, x: Array) -> Array:
-        """What the mass matrix leaves of loads at values x, both (rows, fields)."""
+        """Loads minus the mass matrix times values x, (rows, fields)."""
         return np.asarray(loads - self._product(x))
 
     def _product(self, x: Array) -> Array:
@@ -211,7 +213,7 @@ LOCKING, LOCKED = 0.4, 0.48
 
 
 def refuse_locking(structure: MeshedStructure) -> None:
-    """InputError for linear elements of a nearly incompressible solid; a warning where it begins.
+    """InputError for linear elements of a nearly incompressible solid; a warning before that.
 
     Plane stress and displacements of degree 2 do not lock. Of a material with directions counts
     the Poisson's ratio of its mean stiffnesses in volume and in shear.
@@ -251,7 +253,8 @@ class SolidErrors:
         return self.gram_and_layers(shapes, np.zeros(0))[0]
 
     def gram_and_layers(self, shapes: Array, layers: Array) -> tuple[Array, Array]:
-        """E_ij = ∫ e_i:C:e_j (k, k), and energies ∫ ε*:C:ε* (k,) of layers on the outer faces.
+        """Energies E_ij = ∫ e_i:C:e_j (k, k) of errors, and ∫ ε*:C:ε* (k,) of layers on outer
+        faces.
 
         `layers` (F,) are the volumes [m³] (areas in the plane) on the faces of this rank, or none.
 
@@ -282,7 +285,7 @@ class SolidErrors:
     def _outside(
         self, projection: Projection, cells: IntArray, recovered: Array, layers: Array, count: int
     ) -> Array:
-        """Energies (count,) of layers on those faces that belong to `cells`."""
+        """Energies (count,) of layers on the faces of `cells`."""
         faces = self.structure.faces
         here = np.flatnonzero(np.isin(faces.cells, cells))
         X = faces.reference(here, faces.middle[here])
@@ -291,7 +294,7 @@ class SolidErrors:
         return np.asarray(np.einsum("fmk,fmk,f->k", values, values, layers[here]))
 
     def of_cells(self, shapes: Array) -> Array:
-        """Σ_j ∫ e_j:C:e_j over each cell that this rank owns, (cells,)."""
+        """Σ_j ∫ e_j:C:e_j over each cell that this rank owns: (cells,)."""
         strains = self._strains(shapes)
         energies = np.zeros(compat.cell_map(self.structure.mesh.dolfinx).size_local)
         for root, cells in self._regions():
@@ -312,7 +315,7 @@ class SolidErrors:
         return CellStrains(self.structure.mesh, self.structure.form, shapes)
 
     def _regions(self) -> Iterator[tuple[Array, IntArray]]:
-        """(root R of the stiffness RᵀR of the strains, cells of this rank) of every stiffness."""
+        """(root R of the stiffness RᵀR, cells of this rank) of each stiffness."""
         mesh = self.structure.mesh
         owned = compat.cell_map(mesh.dolfinx).size_local
         found: dict[bytes, tuple[Array, list[IntArray]]] = {}
@@ -327,14 +330,14 @@ class SolidErrors:
 def _scaled(
     strains: CellStrains, root: Array, cells: IntArray
 ) -> Iterator[tuple[slice, Array, Array]]:
-    """(some of the cells, strains times √stiffness (components, points, k), weights (points,))."""
+    """(some of the cells, strains (components, points, k) times R, weights (points,))."""
     for some in strains.quadrature.slices(cells):
         own, weights = strains.at(cells[some])
         yield some, (root @ own.reshape(len(own), -1)).reshape(own.shape), weights
 
 
 def stiffness(material: Material, dim: int) -> Array:
-    """Stresses, in the plane times the thickness, of unit strains as `CellStrains` orders them."""
+    """Stress, times thickness in the plane, for unit strains in the order of `CellStrains`."""
     C = np.asarray(material.voigt)
     if dim == 3:
         return C

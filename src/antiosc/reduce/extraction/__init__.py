@@ -112,7 +112,7 @@ class SiteShapes:
 
     @property
     def slide(self) -> Array:
-        """(p, h) the same in the rigid-body modes `nodal`: the weak ones."""
+        """(p, h) displacements of the sites in `nodal`, which move them weakly."""
         return np.asarray(np.linalg.solve(self.W.T, self.weak.T))
 
     @property
@@ -128,7 +128,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
 
 
 def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteShapes]:
-    """The same for the sites of several models, from one block of right-hand sides."""
+    """As `site_shapes` for several models, by one block of right-hand sides."""
     solved = structure.factorize().solve_checked(np.hstack(loads))
     parts = np.split(solved, np.cumsum([B.shape[1] for B in loads])[:-1], axis=1)
     return [_shapes(structure, B, Y) for B, Y in zip(loads, parts, strict=True)]
@@ -185,7 +185,7 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
 def _basis(
     structure: Structure, B: Array, Y: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
-    """(kept, dependence, W, A⁻¹BW, V, σ) of `SiteShapes` from Y = A⁻¹B; σ (p,), descending."""
+    """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of `SiteShapes`, Y = A⁻¹B."""
     comm, factor, R = structure.comm, structure.factorize(), structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
     C = dot(comm, B, Y)
@@ -232,7 +232,7 @@ def independent(C: Array) -> tuple[IntArray, Array]:
 
 
 def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
-    """Bound on the displacement of sites by the error of rigid-body modes R (rows, r): (p,).
+    """Bound (p,) on displacements of sites due to the error of the rigid-body modes R (rows, r).
 
     Such an error strains, and moves a site whose deflection under its load is y, a column of
     Y (rows, p), by yᵀKR. That is known to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
@@ -248,7 +248,7 @@ def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
-    """K y = b with y M-orthogonal to the rigid modes: conjugate gradients with the factor of A.
+    """Solve K y = b for y M-orthogonal to the rigid modes: conjugate gradients with A's factor.
 
     A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
     """
@@ -286,7 +286,7 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """The inertia of a body that can move as a whole, with the momentum of these shapes."""
+    """The inertia of a body that can move rigidly, with momenta of these shapes."""
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia
@@ -294,12 +294,12 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
 
 
 def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
-    """Me on the rows of this rank; None for matrices, which have no coordinates."""
+    """M e on the rows of this rank, e a unit uniform motion; None without coordinates."""
     return None if target.direction is None else structure.uniform_inertia(target.direction)
 
 
 def weights_of(structure: Structure, shapes: Array) -> Array | None:
-    """Generalised masses (k, 3) of unit uniform accelerations along x, y, z of shapes (rows, k).
+    """Generalised masses (k, 3) of shapes (rows, k) for unit uniform accelerations along x, y, z.
 
     None for matrices. A plane structure does not move along z.
     """

@@ -51,7 +51,7 @@ RESTARTS = 200
 
 @dataclass(frozen=True)
 class Search:
-    """The lowest modes of a structure beside those that are known."""
+    """A search for the lowest modes, known ones excluded."""
 
     structure: Structure
     #: the sites that are constrained; None for natural modes
@@ -68,7 +68,7 @@ class Search:
         return min(self.wanted + GUARD, self.limit)
 
     def inverse(self, r: Array) -> Array:
-        """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; A⁻¹r for natural modes."""
+        """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; for natural modes A⁻¹r."""
         x = self.structure.factorize().solve(r)
         return x if self.held is None else self.held.constrained(self.structure.comm, x)
 
@@ -86,7 +86,7 @@ def lowest(search: Search) -> tuple[Array, Array]:
 
 
 def _by_arpack(search: Search) -> tuple[Array, Array]:
-    """By ARPACK, for SciPy matrices."""
+    """The search by ARPACK, for SciPy matrices."""
     structure, known = search.structure, search.known
     known_loads = multiply(structure.M, known)
 
@@ -113,7 +113,7 @@ def _by_arpack(search: Search) -> tuple[Array, Array]:
 
 
 def _by_slepc(search: Search) -> tuple[Array, Array]:
-    """By SLEPc's Krylov–Schur method."""
+    """The search by SLEPc's Krylov–Schur method."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
@@ -209,7 +209,7 @@ class Modes:
 
 
 class ModeSolver:
-    """Finds the lowest elastic modes, in as many rounds as the caller wants.
+    """Finds the lowest elastic modes in several rounds.
 
     With the shapes of sites it finds the constraint modes, otherwise the natural modes.
     """
@@ -225,7 +225,7 @@ class ModeSolver:
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
     def lowest(self, count: int, reach: float = 0.0, most: float = math.inf) -> Modes:
-        """At least the `count` lowest modes and all up to `reach` rad/s, or all there are.
+        """At least the `count` lowest modes and all up to `reach` rad/s, or all that exist.
 
         The search up to `reach` ends at about `most` modes.
         """
@@ -289,8 +289,7 @@ class ModeSolver:
         return self._by_krylov(count)
 
     def _uneven(self) -> bool:
-        """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
-        it."""
+        """Whether rounding of K's entries spoils the lowest modes; products by strains avoid it."""
         K, M = self._structure.K, self._structure.M
         if not by_strains(K):
             return False
@@ -321,7 +320,7 @@ class ModeSolver:
         return _polished(structure, Modes(omega, _normalised(structure, phi), True))
 
     def _lowest(self) -> float:
-        """An ω² + shift of the size of the lowest, by inverse iteration."""
+        """An estimate of the lowest ω² + shift, by inverse iteration."""
         structure = self._structure
         x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
         for _ in range(4):
@@ -334,7 +333,7 @@ class ModeSolver:
 
 
 def _expected(omega: Array, reach: float) -> int:
-    """How many modes to seek, if as many as a power law of those known has up to `reach`.
+    """Number of modes expected up to `reach`, by a power law through the known ones.
 
     Modes are dense as ω^-1/2 in beams, ω^0 in plates and ω² in solids; each round of a search
     begins anew, and few of them are wanted.
@@ -351,7 +350,9 @@ def _expected(omega: Array, reach: float) -> int:
 def _dense_modes(
     K: Matrix, M: Matrix, free: IntArray, conditions: Array, sigma: float
 ) -> tuple[Array, Array]:
-    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions` (free, c)."""
+    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under the constraints
+    `conditions`.
+    """
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
     conditions = conditions / np.linalg.norm(conditions, axis=0)
     basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
@@ -368,7 +369,7 @@ def _dense_modes(
 
 
 def residuals(structure: Structure, modes: Modes, held: SiteShapes | None = None) -> Array:
-    """‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the forces that hold the sites."""
+    """‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the forces that constrain the sites."""
     forces = multiply(structure.K, modes.phi)
     rest = forces - multiply(structure.M, modes.phi) * modes.omega**2
     if held is not None:  # loadᵀΦ = 1 gives the reactions

@@ -91,7 +91,7 @@ UNNAMED = ""
 
 @dataclass(frozen=True)
 class ExtractOptions:
-    """What the caller asked for, checked."""
+    """The checked arguments of `extract`."""
 
     n: int
     method: Method
@@ -108,7 +108,7 @@ def models_of(
     spent: float,
     errors: ModelErrors | None,
 ) -> list[AntiOscillators]:
-    """The models of groups of sites. `spent`: seconds taken by the factorization for the sites."""
+    """The models of groups of sites; `spent`: seconds of the factorization."""
     started = time.perf_counter()
     terms = structure.matrices.dissipation()
     if terms and (options.method == "modes" or errors is not None):
@@ -174,8 +174,7 @@ def models_of(
 def _by_modes(
     structure: Structure, static: SiteShapes, n: int, options: ExtractOptions
 ) -> tuple[Modes, Remainder | None]:
-    """The lowest constraint modes until n of them are observable (or the error of Z meets the
-    bound)."""
+    """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
     solver = ModeSolver(structure, static)
     most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
     asked = n + 2 if n and options.band is None else min(n, DEFAULT_COUNT)
@@ -214,7 +213,7 @@ def _info(structure: Structure, known: Found, kept: Kept, options: ExtractOption
 def _at_one_site(
     structure: Structure, target: Functional, one: OneSite, elastic: int, info: ModelInfo
 ) -> AntiOscillators:
-    """The model of one site without a name."""
+    """The model of a single unnamed site."""
     info = replace(
         info,
         meshed=structure.matrices.meshed,
@@ -251,7 +250,7 @@ def _at_one_site(
 def surfaces(
     structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
 ) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites: what the law of a contact needs; None: of matrices.
+    """`ModelInfo.surfaces` of sites, from which laws of contact follow; None for matrices.
 
     Without `lengths` for balls alone: see `surface_at`.
     """
@@ -272,7 +271,7 @@ def surfaces(
 def _at_named_sites(
     structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: ModelInfo
 ) -> AntiOscillators:
-    """The model of several sites, and of one with a name."""
+    """The model of several sites, or of one site with a name."""
     ends = np.cumsum([len(own) for own in sites.values()])
     columns = {
         name: tuple(range(end - len(own), end))
@@ -317,7 +316,7 @@ def _at_named_sites(
 def with_second_order(
     structure: Structure, info: ModelInfo, sites: list[str], phi: Array, k0: Array
 ) -> ModelInfo:
-    """The record with the second-order change of the force on curved sheets that are held.
+    """The record with the second-order change of the force on supported curved sheets.
 
     phi (rows of this rank, p): shapes of unit displacements of p sites, k0 (p, p) their stiffness.
     """
@@ -337,20 +336,19 @@ def with_second_order(
 
 
 def _turned(W: Array, matrix: Array) -> Array:
-    """W matrix Wᵀ, positive semidefinite as `matrix` is."""
+    """W matrix Wᵀ, without negative eigenvalues by rounding."""
     values, vectors = np.linalg.eigh(matrix)
     factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     return np.asarray(factor @ factor.T)
 
 
 def _band(bottom: float, top: float, bound: float) -> Band:
-    """The record of a band whose ends are given in rad/s."""
+    """The record of a band from its ends in rad/s."""
     return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
-    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
-    too low."""
+    """Warn of too few modes, of unconverged frequencies, and of a band not reached or too low."""
     if options.band is None and model.n < options.n and not complete:
         warn(
             f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
@@ -542,7 +540,7 @@ def extract(
 
 
 def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
-    """The estimates of models; their modules need meshes, which given matrices do without."""
+    """The estimator of mesh errors, loaded only for meshes: its modules need dolfinx."""
     with finite_element_packages():
         from antiosc.reduce.error.model_errors import ModelErrors
 
@@ -550,7 +548,7 @@ def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
 
 
 def _together(structure: Structure, options: ExtractOptions) -> int:
-    """Number of models processed at once: as many as fit in SLICE bytes of basis vectors."""
+    """Number of models in one block of right-hand sides: as many as SLICE bytes of vectors hold."""
     if options.method == "modes":
         return 1
     columns = options.n + 2 if options.band is None else 2 * BASIS_STEP
@@ -565,7 +563,7 @@ def _checked_options(
     band: float | None,
     accuracy: float,
 ) -> ExtractOptions:
-    """The options; InputError for numbers out of range and vectors that memory cannot hold."""
+    """The checked options; InputError for invalid numbers, or vectors that memory cannot hold."""
     choice("method", method, get_args(Method))
     if n is None:
         n = min(DEFAULT_COUNT if band is None else MOST_FOR_BAND, structure.dofs - 1)
@@ -587,7 +585,7 @@ def _checked_options(
 
 
 def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
-    """(names, sites) of the argument of `extract`; no names but those of a mapping."""
+    """(names, sites) of the argument of `extract`; () for sites without names."""
     names: list[str] = []
     if isinstance(site, Mapping):
         names, site = list(site), list(site.values())

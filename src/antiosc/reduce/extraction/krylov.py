@@ -74,14 +74,14 @@ AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Reached:
-    """The bound on the relative error of the receptance that a damped model has in its band."""
+    """The bound that a damped model reaches on the relative error of the receptance in its band."""
 
     error: float
     bottom: float
 
 
 def every_mode(known: Found, n: int) -> Kept:
-    """The n lowest of all modes found, whether the sites see them or the dampers alone."""
+    """The n lowest of all modes, seen by the sites or only by the dampers."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
     P = known.P[order].copy()
@@ -103,8 +103,7 @@ def every_mode(known: Found, n: int) -> Kept:
 def with_damping(
     structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
 ) -> AntiOscillators:
-    """The model with the damping of the structure; InputError where it brakes a motion that the
-    model does not have."""
+    """The model with the structure's damping; InputError if it acts beyond the model's motions."""
     shapes = model.shapes
     assert shapes is not None
     V = (
@@ -128,7 +127,7 @@ def with_damping(
 def _with_losses(
     structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
 ) -> AntiOscillators:
-    """The model with this damping and the loss factors of the materials, by modal strain energy.
+    """The model with this damping, and with loss factors of the materials by modal strain energy.
 
     ζ_j = Σ η_m U_jm/(2 U_j) with the shares U_jm of the materials in the strain energy of mode j
     (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
@@ -165,7 +164,7 @@ def band_error(
     band: float,
     terms: Sequence[Dissipation],
 ) -> Reached:
-    """The bound of the module for the first n of the vectors V; H = VᵀMV and c = VᵀMΦ of all."""
+    """Error bound of the module for the first n of the vectors V, with H = VᵀMV and c = VᵀMΦ."""
     p, k = len(static.kept), vectors.shape[1]
     shift = structure.shift
     K, M = np.zeros((p + k, p + k)), np.zeros((p + k, p + k))
@@ -256,7 +255,8 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Orthogonalise w = A⁻¹ load and add it, or return the length of what is dropped.
+        """Orthogonalise w = A⁻¹ load and add it to the basis, or return the length of what is
+        dropped.
 
         `size`: what its energy wᵀ load is at least taken to be, where rounding may make it. The
         length is an upper bound; it is 0 if the space has no more dimensions.
@@ -291,7 +291,7 @@ class Lanczos:
         return self._static.constrained(self._comm, w)
 
     def _project(self) -> Array:
-        """M times the vectors that H does not contain yet, the next loads; then H contains them."""
+        """Extend H by M times the new vectors, which are the next loads."""
         first = len(self.H)
         loads = multiply(self._M, self.vectors[:, first:])
         column = dot(self._comm, self.vectors, loads)
@@ -323,7 +323,7 @@ class Lanczos:
         return theta[theta > 0], turn[:, theta > 0]
 
     def modes(self, n: int) -> Modes:
-        """The Ritz pairs of the first n vectors; M-orthonormal, and orthogonal through K too."""
+        """The Ritz pairs of the first n vectors, orthonormalised in M and orthogonal in K."""
         theta, turn = self.resolved(n)
         omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
         return Modes(omega, self.vectors[:, :n] @ (turn / np.sqrt(theta)), self.exhausted)
@@ -334,11 +334,11 @@ class Lanczos:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the basis spans all that the sites see."""
+        """Whether the basis spans the whole space that the sites excite."""
         return self.load.shape[1] == 0
 
     def advance(self, solutions: Array) -> None:
-        """Make the next basis vectors and the next `load` from A⁻¹ load."""
+        """Compute the next basis vectors and the next `load` from A⁻¹ load."""
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
             energy = float(dot(self._comm, w, load))
@@ -354,19 +354,19 @@ class Lanczos:
         self._c = np.vstack([self._c, dot(self._comm, new, self._static.m_phi)])
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
-        """(M0 (p, p) without cancellation below rounding, P (n, p), ω² (n,)) of the first n."""
+        """(M0 (p, p), P (n, p), ω² (n,)) of the first n vectors; M0 without cancellation."""
         theta, turn = self.resolved(n)
         P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
         return driving_point.semidefinite(self._static.mass - P.T @ P), P, poles
 
     def observable(self, n: int, tol: float) -> int:
-        """How many pairs of the first n vectors have more than the share `tol` in Z."""
+        """Number of pairs of the first n vectors with a share in Z above `tol`."""
         m0, P, poles = self.parameters(n)
         return int(np.sum(driving_point.shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def remainder(self, n: int) -> Remainder:
-        """Bound on ‖Z - Z_N‖₂ of the model of the first n <= `applied` vectors, at complex x."""
+        """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
         theta, turn = self.ritz(n)
         start, rest, shift = turn.T @ self._c[:n], self._c[n:], self._shift
         following = self.H[n:, :n] @ turn
@@ -407,7 +407,7 @@ def by_krylov(
     accuracy: float,
     terms: Sequence[Dissipation] = (),
 ) -> list[tuple[Modes, Remainder | Reached | None]]:
-    """(Ritz pairs, with a band the bound of their truncation error) of each model.
+    """(Ritz pairs; with a band the bound on their truncation error) of each model.
 
     Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
     if the structure has so many and the largest number of steps finds them. With a band, it is the
@@ -449,7 +449,7 @@ def by_krylov(
 def _enough(
     run: Lanczos, n: int, band: float | None, accuracy: float
 ) -> tuple[int | None, Reached | None]:
-    """How many vectors of a damped model to keep, or None to continue, and their bound."""
+    """(number of vectors of a damped model to keep, or None to continue, and the error bound)."""
     if band is None:
         return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
     tried = min(run.steps if run.exhausted else run.applied, n)
@@ -463,7 +463,7 @@ def _enough(
 def _finished(
     run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float
 ) -> int | None:
-    """How many vectors to keep, or None to continue; the last block added those after `before`."""
+    """Number of vectors to keep, or None to continue; the last block added those after `before`."""
     if band is not None:
         tried = min(run.applied, n)  # the truncation error of these is known only now
         enough = tried == n or run.exhausted

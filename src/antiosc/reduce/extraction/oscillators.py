@@ -49,7 +49,7 @@ Remainder = Callable[[ComplexArray], Array]
 
 @dataclass(frozen=True)
 class Found:
-    """All constraint modes φ_i that were found, and the static shapes Φ projected on them.
+    """All computed constraint modes φ_i, and the static shapes Φ projected on them.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Found:
         return self.modes.omega**2
 
     def stiffness(self, x: ComplexArray) -> Numbers:
-        """Z (W, p, p) with all modes found."""
+        """Z (W, p, p) with all computed modes."""
         real = self.poles > 0
         return driving_point.stiffness_at_sites(
             x, self.static.k0, self.m0, self.P[real], self.poles[real]
@@ -85,7 +85,7 @@ class Found:
 
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
-    """Residual masses and shapes: Φ without the M-orthonormal modes, free of cancellation."""
+    """Residual masses and shapes: Φ minus its projection on the modes, free of cancellation."""
     comm, phi = structure.comm, modes.phi
     k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
     residual, P = static.phi, np.zeros((phi.shape[1], static.phi.shape[1]))
@@ -126,7 +126,7 @@ def _forces_left(
 
 @dataclass(frozen=True)
 class Kept:
-    """The anti-oscillators of a model.
+    """The selected anti-oscillators of a model.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class Kept:
 
 
 def oscillators(known: Found, n: int, tol: float) -> Kept:
-    """The n lowest anti-oscillators with more than the share `tol` in Z.
+    """The n lowest anti-oscillators with a share in Z above `tol`.
 
     Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
     all others are added to m0.
@@ -177,7 +177,7 @@ def oscillators(known: Found, n: int, tol: float) -> Kept:
 
 
 def _told_apart(known: Found, group: IntArray) -> Array:
-    """Combinations (g, k) of the g modes of one frequency that the sites can distinguish."""
+    """Combinations (g, k) of g modes of one frequency that the sites can distinguish."""
     if len(group) < 2:
         return np.eye(len(group))
     scale = np.sqrt(known.static.mass.diagonal())
@@ -193,7 +193,7 @@ def _told_apart(known: Found, group: IntArray) -> Array:
 
 @dataclass(frozen=True)
 class OneSite:
-    """The parameters of a model of one site, in units of the site itself.
+    """The parameters of a model of one site, in units of its displacement.
 
     Attributes
     ----------
@@ -212,12 +212,12 @@ class OneSite:
 
 
 def elastic_count(static: SiteShapes, n: int) -> int:
-    """Number of elastic anti-oscillators of n at one site: a weak rigid-body mode takes one."""
+    """Number of elastic anti-oscillators among n: a weak rigid-body mode is one of the n."""
     return n - 1 if n and static.weak.any() else n
 
 
 def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
-    """The n anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
+    """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
 
     A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
     """
@@ -275,7 +275,7 @@ def error_bound(
 
 
 def left_out(known: Found) -> Remainder:
-    """Bound on the effect of the truncated modes on Z: their mass, on poles above the last.
+    """Bound on the effect of truncated modes on Z: their mass, at poles above the last one.
 
     Without them their mass is in m0.
     """
@@ -290,7 +290,7 @@ def left_out(known: Found) -> Remainder:
 
 
 def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
-    """Norm of the rounding error of Z at complex x = ω²: (W,).
+    """Norm (W,) of the rounding error of Z at complex x = ω².
 
     From the entries, the solves, and the measured orthogonality of the modes.
     """
@@ -341,7 +341,7 @@ CONVERGED = 1e-3
 
 
 def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
-    """Accept a measured error, warn of it, or refuse it."""
+    """Accept a measured error, warn of it, or raise AccuracyError, by `limit`."""
     if value <= limit:
         return
     why = (
@@ -362,7 +362,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 
 
 def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict[str, float], int]:
-    """Check constraint modes against their equations; AccuracyError far beyond CHECK.
+    """Check constraint modes in their equations; AccuracyError far beyond CHECK.
 
     Ritz pairs may have large residuals, but must be orthogonal in K and in M.
 
@@ -396,21 +396,21 @@ def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict
 
 
 def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
-    """Largest displacement of a site in a mode, over their sizes."""
+    """Largest displacement of a site in a mode, relative to the sizes of load and mode."""
     squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
     sizes = np.sqrt(np.outer(*squares))
     return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
 
 
 def _excess(mass: Array, P: Array) -> float:
-    """How much the masses of the modes exceed those of the shapes, relatively."""
+    """Relative excess of the masses of the modes over those of the shapes."""
     scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
     left = (mass - P.T @ P) * scale[:, None] * scale
     return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:
-    """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
+    """Measure the modes' M-orthogonality and residual; AccuracyError beyond CHECK."""
     gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),

@@ -43,7 +43,7 @@ AT_ONCE = 20_000
 
 
 def part_of(structure: Structure) -> MeshedStructure:
-    """The part that can stretch; InputError for others."""
+    """The meshed part, if it can stretch; InputError for others."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
         raise InputError(
@@ -62,7 +62,7 @@ def _check_model(model: AntiOscillators) -> None:
 
 
 def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> AntiOscillators:
-    """The model with the second-order forces of the modes that its sites move most.
+    """The model with second-order forces of the modes that its sites move most.
 
     count : how many an impact takes, or "auto". Two more are found, to compare with.
     """
@@ -78,7 +78,7 @@ def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> 
 def stretch_of_map(
     structure: Structure, omega: Array, phi: Array, b: Array, count: Count
 ) -> Stretch:
-    """The second-order forces in free modes phi (rows, J), for sites with b (P, J) in them.
+    """The second-order forces in free modes phi (rows, J) for sites with displacements b (P, J).
 
     Of several sites at most `MOST_OF_MAP` motions for all, the principal ones of Λ⁻¹b, Λ⁻²b and
     Λ⁻³b. Without `shapes`.
@@ -94,7 +94,7 @@ def stretch_of_map(
 
 
 def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
-    """The forces in combinations `modes` of the free modes, the motions phi (rows, m)."""
+    """The forces in the motions phi (rows, m), combinations `modes` of the free modes."""
     with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
         found = tensors(structure, _points(structure), phi)
     quadratic, cubic, shapes = found
@@ -110,7 +110,7 @@ def _points(structure: Structure) -> Points:
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
-    """Orthonormal combinations (J, m) of the free modes that forces on sites B move, m <= count.
+    """Orthonormal combinations (J, m) of the free modes that forces at sites B excite, m <= count.
 
     The Krylov space of the flexibility Λ⁻¹ from the static displacements Λ⁻¹b: the local dent of a
     sheet under its striker, which takes many modes, is the first, and the lowest modes follow.
@@ -133,7 +133,7 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
 
 
 def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Array, Array]:
-    """H (m, m, m), G (m, m, m, m) and the second-order displacements (dofs, pairs).
+    """Tensors H (m, m, m), G (m, m, m, m) and second-order displacements (dofs, pairs).
 
     phi : (dofs, m) motions.
     """
@@ -148,7 +148,7 @@ def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Ar
 
 
 def _pair_loads(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
-    """g_ij (dofs, pairs)."""
+    """Second-order loads g_ij (dofs, pairs) of pairs of motions."""
     stresses, loads = [points.stress(one) for one in slopes], []
     for i, j in pairs:
         strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
@@ -160,8 +160,8 @@ def _pair_loads(points: Points, slopes: list[Array], pairs: list[tuple[int, int]
 def work_on(
     structure: Structure, phi: Array, follows: Array, motions: Array
 ) -> tuple[Array, Array]:
-    """Work of second-order forces on motions w (dofs, R): of pairs (P, R), of a mode and a pair
-    (m, P, R).
+    """Work of second-order forces on motions w (dofs, R): (P, R) of pairs, (m, P, R) of mode and
+    pair.
 
     phi (dofs, m) and follows (dofs, P) as of `tensors`; to third order in the amplitudes
 
@@ -185,7 +185,7 @@ def work_on(
 
 
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
-    """K⁻¹g without its parts in the motions φ: φᵀK of it is 0."""
+    """K⁻¹g minus its components along the motions φ, so that φᵀK of the result is 0."""
     factor, rigid, k_phi = structure.factorize(), structure.rigid_modes, multiply(structure.K, phi)
     m_rigid = multiply(structure.M, rigid)
     g = g - m_rigid @ (rigid.T @ g)
@@ -198,7 +198,7 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
 
 
 def _quartic(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
-    """⅛ ∫η:C:η of all pairs of pairs."""
+    """⅛ ∫η:C:η for all pairs of pairs of motions."""
     total = np.zeros((len(pairs), len(pairs)))
     for begin in range(0, points.weight.size, AT_ONCE):
         own = slice(begin, begin + AT_ONCE)
@@ -210,7 +210,7 @@ def _quartic(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) 
 
 
 def _cubic_form(found: Array, pairs: list[tuple[int, int]], m: int) -> Array:
-    """H (m, m, m) of φ_kᵀg_ij (m, pairs), made symmetric to the last bit."""
+    """H (m, m, m) from φ_kᵀg_ij (m, pairs), exactly symmetric."""
     H = np.zeros((m, m, m))
     for n, (i, j) in enumerate(pairs):
         H[:, i, j] = H[:, j, i] = found[:, n]

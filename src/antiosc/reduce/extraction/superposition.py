@@ -191,7 +191,7 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
 
 
 def _multiplicity(omega: Array) -> IntArray:
-    """How many of the ascending frequencies (n,) are equal to each."""
+    """Multiplicity of each of the ascending frequencies (n,)."""
     group = np.cumsum(np.diff(omega, prepend=-1.0) > REPEATED * omega) if omega.size else omega
     _, inverse, count = np.unique(group, return_inverse=True, return_counts=True)
     return np.asarray(count[inverse.ravel()])
@@ -247,7 +247,8 @@ class NaturalModes(ReprMixin, Body):
         return self.radius
 
     def modal(self) -> ModalBody:
-        """As a body of an impact.
+        """As a body of an impact, with coordinates: hidden motions, modes, contact force (if
+        corrected).
 
         Its coordinates are those of the hidden motions, of the modes, and with static correction
         the contact force.
@@ -389,7 +390,7 @@ def _check_arguments(structure: Structure, site: Site) -> None:
 def _seen(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
 ) -> Modes:
-    """The modes that move the site, equal frequencies merged, the rigid-body one in front.
+    """The modes that move the site, equal frequencies merged, the rigid-body one first.
 
     `tol`: the share in the receptance that they exceed.
     """
@@ -410,7 +411,7 @@ def _seen(
 
 
 def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
-    """M-orthonormal rigid-body modes (rows, r), and the displacements >= 0 of the site in them.
+    """(M-orthonormal rigid-body modes (rows, r), displacements >= 0 of the site in them).
 
     At most one of them moves the site.
     """
@@ -459,8 +460,7 @@ def _model(
 def _left_out(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
 ) -> tuple[float, Array]:
-    """Static deflection under a unit force without that of the modes: at the site, and the
-    shape."""
+    """(at the site, shape) of the static deflection under a unit force, minus that of the modes."""
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
         elastic = beside_rigid(structure, structure.factorize(), where.b)

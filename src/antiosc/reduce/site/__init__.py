@@ -25,12 +25,12 @@ __all__ = [
 
 
 def functional(structure: Structure, site: Site) -> Functional:
-    """The vector b of `site` on `structure`; see `functionals`."""
+    """The load vector b of `site` on `structure`; see `functionals`."""
     return functionals(structure, [site])[0]
 
 
 def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
-    """The vectors b of sites on `structure`.
+    """The load vectors b of sites on `structure`.
 
     Raises
     ------

@@ -49,7 +49,7 @@ AS_NEAR = 1e-9
 
 
 def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
-    """b of sites at points, all at once; errors as in `functionals`."""
+    """Load vectors of sites at points, computed in one pass; errors as in `functionals`."""
 
     def work() -> list[Functional]:
         found = before_joining(structure, sites, lambda member: member.part)
@@ -59,13 +59,13 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
 
 
 def _each(change: Callable[[Array], Array], found: Functional) -> Functional:
-    """A site with `change` applied to b along and across its direction."""
+    """The site with `change` applied to its load vectors along and across the direction."""
     across = tuple(_each(change, side) for side in found.across)
     return replace(found, b=change(found.b), across=across)
 
 
 def _joined(structure: MeshedParts, site: Site, found: Functional) -> Functional:
-    """b of q, whole, of a site with b of u; InputError where joints and supports hold it."""
+    """The load vector on q from that on u; InputError if joints and supports hold the site."""
     joined, comm = _each(structure.joined, found), structure.workers
     if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, found.b):
         assert found.point is not None
@@ -77,7 +77,7 @@ def _joined(structure: MeshedParts, site: Site, found: Functional) -> Functional
 def before_joining(
     structure: MeshedParts, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """b of sites as functionals of the dofs of all parts before they are joined.
+    """Load vectors of sites on the dofs of all parts before joining.
 
     `part_of` gives the structure of a part: as it is, or without its supports.
     """
@@ -111,7 +111,7 @@ def before_joining(
 
 
 def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
-    """The part that is struck, and the site in its axes."""
+    """The struck part, and the site in the axes of this part."""
     snap = site.snap
     if isinstance(site.point, str):
         if site.part is not None and structure.assembled:
@@ -136,7 +136,7 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
 
 
 def _placed(structure: MeshedParts, member: Member, found: Functional) -> Functional:
-    """A site of a part as one of the structure, of all of its dofs."""
+    """A site of a part as a site of the structure, on all of its dofs."""
     assert found.point is not None
     assert found.direction is not None
     b = found.b
@@ -151,7 +151,7 @@ def _placed(structure: MeshedParts, member: Member, found: Functional) -> Functi
 def _without_mesh(
     structure: AssembledMatrices, site: Site, end: Motion, direction: Array
 ) -> Functional:
-    """b, of u, of a site of a superelement, or of a reference point."""
+    """Load vector on u of a site of a superelement, or of a reference point."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
     if layout.plane and direction[2]:
@@ -179,7 +179,7 @@ def _without_mesh(
 
 
 def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
-    """The part that an impactor strikes at each of the points (P, 3): the nearest.
+    """The part that is struck at each of the points (P, 3): the nearest one.
 
     Where parts touch, it is the one whose surface faces the impactor most.
     """
@@ -197,7 +197,7 @@ def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> li
 
 
 def _facing(member: Member, point: Array, direction: Array) -> float:
-    """Cosine between the direction of impact and the outward normal of the part at a point.
+    """Cosine between the direction of impact and the outward normal of a part at a point.
 
     0 for parts without an outside.
     """
@@ -221,7 +221,8 @@ def _facing(member: Member, point: Array, direction: Array) -> float:
 def _on_mesh(
     structure: MeshedStructure, sites: Sequence[Site], placed: Callable[[Array], Array]
 ) -> Sites:
-    """Sites at points of a mesh.
+    """Sites at points of a mesh; `placed` maps its points (n, 3) to the assembly for error
+    messages.
 
     `placed` moves points (n, 3) of the mesh to where an assembly has them: errors name these.
     """
@@ -247,7 +248,7 @@ def _beyond_seams(
     laid: Sites,
     part_of: Callable[[Member], MeshedStructure],
 ) -> list[tuple[Member, Array, Array]]:
-    """[(another sheet, share of each patch on it (P,), b of its dofs (P, rows))].
+    """[(neighbouring sheet, share of each patch on it (P,), load vectors on its dofs (P, rows))].
 
     Triangles beside quadrilaterals are a part of their own; a patch may lie on both.
     """
@@ -275,7 +276,7 @@ def _beyond_seams(
 
 
 def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -> list[Functional]:
-    """The data of sites one by one."""
+    """The data of each site."""
     columns = found.loads.toarray().T
     sides = _across(structure, sites, found)
     nearest = closest_many(structure.mesh, found.points)
@@ -330,7 +331,7 @@ def cell_and_waves(
 def _across(
     structure: MeshedStructure, sites: Sequence[Site], found: Sites
 ) -> list[tuple[Functional, ...]]:
-    """The tangential loads of each site; () for a site that asks for none."""
+    """The tangential load vectors of each site; () for sites without tangential directions."""
     sides: list[list[Functional]] = [[] for _ in sites]
     asked = [i for i, site in enumerate(sites) if site.tangential]
     if not asked or found.weighted is None:
@@ -347,7 +348,7 @@ def _across(
 
 
 def _check(found: Sites, placed: Callable[[Array], Array]) -> None:
-    """InputError for the first site without a surface under its patch, or that cannot move."""
+    """InputError for the first site that cannot move, or has no surface under its patch."""
     points = placed(found.points)
     for i, radius in enumerate(found.radii):
         if found.depth[i] > radius:
@@ -382,7 +383,7 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
 def _check_distance(
     mesh: Mesh, extent: float, site: Site, points: Array, nearest: ClosestPoint
 ) -> None:
-    """InputError for a site too far off; `points` (2, 3): the site and the nearest to it."""
+    """InputError for a site far from the mesh; `points` (2, 3): the site, the nearest point."""
     on = ON_STRUCTURE * extent
     if site.snap is False and nearest.distance <= on:
         return
@@ -402,7 +403,7 @@ INTERNAL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Element:
-    """A spring to the ground, or a term of the damping, on some rows of u.
+    """A grounded spring, or a term of the damping, on some rows of u.
 
     `name` and `point` (3,) [m]: of what acts on the ground; "" of others.
     """
@@ -427,7 +428,7 @@ class Element:
         return found
 
     def if_to_ground(self, comm: MPI.Comm, rigid: Array) -> Element:
-        """The element, without its name where rigid motions do not strain it."""
+        """The element; without its name if rigid motions do not strain it."""
         moved = np.abs(self.forces(comm, rigid)).max(initial=0.0)
         assert self.term.c is not None
         terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
@@ -436,13 +437,15 @@ class Element:
 
 
 class Released:
-    """The supports of a structure and of its parts, released one after the other.
+    """The reactions of supports and grounded springs, from motions in which one of them is
+    released.
 
-    The ground ends of springs are released likewise, after the supports. What acts on the ground
-    has the name of a support: of dampers alone no motion belongs to it.
+    The supports of the structure and of its parts are released one after the other, then the ground
+    ends of springs. Each element on the ground has the name of a support; dampers alone carry no
+    static force.
 
     Where a joint and supports hold the same motion, the constraints of the joint that follow from
-    the supports carry no force, as in the assembly itself, which leaves them out.
+    the supports carry no force, as in the assembly itself, which omits them.
 
     Attributes
     ----------
@@ -467,7 +470,7 @@ class Released:
         self.pulled: Array = matrices.own(pulled)
 
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
-        """(M g, M r), rows of this rank, of the motions g of the supports.
+        """(M g, M r), rows of this rank, for the motions g of the supports and rigid motions r.
 
         `following` (rows of this rank, 6 S) are the motions of the free dofs that follow them;
         `rigid` as in `applied`.
@@ -483,15 +486,15 @@ class Released:
 
     @property
     def motions(self) -> Array:
-        """The motions g (dofs, 6 S) on one rank, to be asked for after `inertia`."""
+        """The motions g (dofs, 6 S) on one rank; call `inertia` first."""
         return self._motions
 
     def rigid(self) -> Array:
-        """Unit translations (dofs of all parts before they are joined, 3) of the whole."""
+        """Unit translations (dofs of all parts before joining, 3) of the whole structure."""
         return self._of.places.rigid_motions(np.zeros(3))[:, :3]
 
     def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
-        """(bᵀg (P, 6 S), bᵀr (P, 3)) of the directions of contact of the sites."""
+        """(bᵀg (P, 6 S), bᵀr (P, 3)) for the load vectors b of the sites along their contacts."""
 
         def work() -> tuple[Array, Array]:
             with without_warnings():  # they were told of when the model was extracted
@@ -524,7 +527,7 @@ class Released:
         return found
 
     def _elements(self) -> tuple[list[Element], list[Element]]:
-        """The springs to the ground, and all terms of the damping in the order of the structure."""
+        """The grounded springs, and all terms of the damping in the order of the structure."""
         springs: list[Element] = []
         terms: list[Element] = []
         comm, rigid = self._of.workers, self._of.places.rigid_motions(np.zeros(3))
@@ -550,7 +553,7 @@ class Released:
         return algebraic(self._part(self._of.members()[0]), site)
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
-        """(centres, pulled)."""
+        """(centres, forces on the supports) of the motions in which each support is released."""
         centres: dict[str, Array] = {}
         places = self._of.places
         held: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
@@ -613,7 +616,7 @@ class Released:
         return self._parts[id(part)]
 
     def _forces(self, which: str, motions: Array) -> Array:
-        """K u or M u, on the dofs that are free, of motions of the parts' dofs."""
+        """K u or M u on the free dofs, for motions u of the parts' dofs."""
         forces = np.zeros(motions.shape)
         for member in self._of.members():
             matrix = getattr(self._part(member), which)
@@ -628,7 +631,7 @@ class Released:
         return np.asarray(free + more)
 
     def _on_free(self, forces: Array) -> Array:
-        """Forces on u (rows of this rank, k) as those on the dofs that are free."""
+        """Forces on u (rows of this rank, k) transferred to the free dofs."""
         if self._assembly is not None:
             return np.asarray(self._of.joined(forces))
         forces[self._of.fixed[self._of.fixed < len(forces)]] = 0.0
@@ -636,7 +639,7 @@ class Released:
 
 
 def _centre(member: Member, dofs: IntArray) -> Array:
-    """Mean (3,) of the places of dofs of a part, over all of its ranks."""
+    """Mean coordinates (3,) of dofs of a part, over all of its ranks."""
     there = member.nodes[dofs // member.block]
     comm = member.part.comm
     total, count = comm.allreduce(there.sum(axis=0)), comm.allreduce(len(there))
@@ -644,7 +647,7 @@ def _centre(member: Member, dofs: IntArray) -> Array:
 
 
 def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[str]:
-    """Names of supports: their groups, or "support 1" and on."""
+    """Names of supports: their groups, or "support 1", "support 2", …."""
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
         name = support.where if isinstance(support.where, str) else f"support {number}"
@@ -653,7 +656,7 @@ def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[st
 
 
 def held_dofs(part: MeshedStructure) -> dict[str, IntArray]:
-    """Support of a part -> its dofs of this rank that it is the first to hold."""
+    """Support of a part -> dofs of this rank that it fixes and no earlier support does."""
     rows, result = len(part.attached_inertia), {}
     taken = np.zeros(0, dtype=int)
     for name, support in zip(names_of(part.supports), part.supports, strict=True):

@@ -29,7 +29,7 @@ def curvature_at(
     direction: Sequence[float] | None = None,
     lengths: bool = True,
 ) -> Curvature:
-    """Principal curvatures of the outer surface of a structure at its point next to `point`.
+    """Principal curvatures of the outer surface of a structure at its point nearest to `point`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def curvature_at(
 
 
 def _flat(point: Array, along: Array | None) -> Curvature:
-    """The face of a sheet in the plane z = 0, on the side of a blow."""
+    """The face of a sheet in the plane z = 0 on the side of the impactor."""
     normal = np.array([0.0, 0.0, -1.0 if along is not None and along[2] > 0 else 1.0])
     on_sheet = point * [1.0, 1.0, 0.0]
     return Curvature(PLANE, np.zeros(2), 0.0, np.eye(3)[:2], on_sheet, normal)
@@ -79,7 +79,7 @@ def _flat(point: Array, along: Array | None) -> Curvature:
 def material_at(
     structure: Structure, point: ArrayLike, direction: Sequence[float] | None = None
 ) -> Any:
-    """The material of a structure of meshes at its point next to `point` [m]; as `curvature_at`."""
+    """The material of a meshed structure at its point nearest to `point` [m]."""
     matrices = with_parts(structure, NO_SURFACE)
     x, way = _checked(point, direction)
 
@@ -101,7 +101,7 @@ def _checked(point: ArrayLike, direction: Sequence[float] | None) -> tuple[Array
 
 
 def _material(part: MeshedStructure, point: Array) -> Any:
-    """The material of a part at its point next to `point` (3,)."""
+    """The material of a part at its point nearest to `point` (3,)."""
     if len(part.parts) == 1:
         return part.parts[0][0]
     nearest, comm = closest(part.mesh, point), part.mesh.comm

@@ -29,7 +29,7 @@ LEAST_FREE_SHARE_ON_MAP = 0.05
 
 @dataclass(frozen=True, eq=False)
 class MapSites:
-    """Sites of a map.
+    """Sites of a map, with the elements between them.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class MapSites:
     dimension: int
 
     def only(self, keep: BoolArray) -> MapSites:
-        """Some of the sites, with the elements that lie between them."""
+        """Some of the sites, with the elements whose corners are all among them."""
         number = np.cumsum(keep) - 1
         elements = self.elements
         if len(elements):
@@ -56,7 +56,7 @@ class MapSites:
         return replace(self.taken(np.flatnonzero(keep)), elements=elements)
 
     def taken(self, which: IntArray) -> MapSites:
-        """Sites by their numbers (n,), without elements."""
+        """The sites with these numbers (n,), without elements."""
         of_all = ("loads", "weighted", "contact")
         rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
         rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
@@ -67,7 +67,7 @@ class MapSites:
 
 
 def targets(where: object) -> Sequence[str] | None:
-    """Names of the surfaces of a map; None where `where` is None or lists points."""
+    """Names of the surfaces of a map; None if `where` is None or a list of points."""
     if where is None or isinstance(where, str):
         return None if where is None else [where]
     listed = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
@@ -86,7 +86,7 @@ def targets(where: object) -> Sequence[str] | None:
 
 
 def joined(found: Sequence[MapSites]) -> MapSites:
-    """The sites of several surfaces, one surface after the other.
+    """The sites of several surfaces, concatenated.
 
     Triangles have no segments of lines beside them: the sites of those stand alone.
     """
@@ -119,7 +119,7 @@ def joined(found: Sequence[MapSites]) -> MapSites:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSample:
-    """Points of a surface, equal on all ranks.
+    """Sample points of a surface, equal on all ranks.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def sites_of(
 
 
 def movable(found: MapSites, where: object) -> MapSites:
-    """The sites, or InputError if there are none."""
+    """The sites that can move; InputError if there are none."""
     if not len(found.sites):
         on = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
@@ -174,7 +174,7 @@ def movable(found: MapSites, where: object) -> MapSites:
 
 
 def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
-    """The part and the group of a group of one mesh, of "part:group", or of "part"."""
+    """(part, group) for the name of a group of one mesh, "part:group", or "part"."""
     if not isinstance(structure, AssembledMatrices):
         return structure.members()[0], name
     return (
@@ -187,7 +187,7 @@ def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
 def _at_points(
     structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
-    """Sites at points, each on the part that a `Site` there would strike."""
+    """Sites at points, each on the part that a `Site` there would be on."""
     points = points_given(where, direction)
     assert direction is not None  # points_given has seen to that
     members = structure.members()
@@ -214,7 +214,7 @@ def _on_part(
     radius: float | None,
     name: str,
 ) -> MapSites:
-    """Sites of a part, chosen in its own axes, returned in those of the assembly; perhaps none."""
+    """Sites of a part in the axes of the assembly; perhaps none."""
     if direction is None and not member.part.kind.outside:
         which = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
@@ -249,7 +249,7 @@ def sites_on(
     direction: Sequence[float] | None,
     radius: float | None,
 ) -> MapSites:
-    """The sites of one surface (a group, or None for all), or at points: perhaps none."""
+    """The sites on one surface (a group, or None for all), or at points; perhaps none."""
     along = None if direction is None else _in_space(direction)
     if along is not None:
         along = along / np.linalg.norm(along)
@@ -276,7 +276,7 @@ def sites_on(
 
 
 def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
-    """The vertices of a group of facets (of cells on shells and beams); None: all there are."""
+    """The vertices of a group of facets (of cells, for shells and beams); None: of all."""
     mesh, outside = structure.mesh, structure.kind.outside
     faces = Faces(mesh, not outside)
     own = np.ones(len(faces.facets), dtype=bool)
@@ -306,7 +306,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
 
 
 def points_given(points: object, direction: object) -> Array:
-    """Points (P, 3) of a map, or InputError."""
+    """Checked points (P, 3) of a map."""
     if direction is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
     at = array("where, if no group's name, the points,", points, None)
@@ -318,7 +318,7 @@ def points_given(points: object, direction: object) -> Array:
 
 
 def _in_space(direction: Sequence[float]) -> Array:
-    """A direction with three components, or InputError."""
+    """A checked direction with three components."""
     given = coordinates("direction", direction, "")
     if not np.linalg.norm(given):
         raise InputError("direction must not be the zero vector.")
@@ -326,7 +326,7 @@ def _in_space(direction: Sequence[float]) -> Array:
 
 
 def _given(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
-    """Points of the structure that the caller gave."""
+    """A sample of the points that the caller gave."""
     at = points_given(points, along)
     mesh = structure.mesh
     nearest = closest_many(mesh, at)
@@ -335,7 +335,7 @@ def _given(structure: MeshedStructure, points: object, along: Array | None) -> S
 
 
 def on_structure(points: Array, distance: Array, size: float) -> None:
-    """InputError where points (P, 3) of a map are not on a structure of this size [m]."""
+    """InputError if points (P, 3) of a map are not on a structure of this size [m]."""
     off = np.flatnonzero(distance > ON_STRUCTURE * size)
     if len(off):
         at_point = ", ".join(f"{c:.6g}" for c in points[off[0]])

@@ -34,7 +34,7 @@ MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
 def point_of(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, Motion | None]:
-    """(coordinates (3,) [m], the part on which it lies or None, its motion if it has no mesh).
+    """(coordinates (3,) [m], part or None, motion if the point has no mesh) of a named point.
 
     `point`: coordinates; a text is a group ("part:group" of an assembly), a reference point of an
     assembly, or "part:site" of a superelement.
@@ -66,7 +66,7 @@ def point_of(
 
 
 def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
-    """(part, centroid (3,) of a group in the axes of the part [m]).
+    """(part, centroid (3,) of a group [m]) in the axes of the part.
 
     `name`: the group of one mesh, or "part:group".
     """
@@ -77,7 +77,7 @@ def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
 
 
 def on_face(matrices: MeshedParts, site: Site) -> Site:
-    """A site on a face as one at a point of it, with its direction."""
+    """A site on a face as a site at a point of the face, with its direction."""
     from antiosc.fem.mesh.surface import struck_point  # needs dolfinx
 
     assert site.face is not None
@@ -91,7 +91,7 @@ def on_face(matrices: MeshedParts, site: Site) -> Site:
 
 
 def at_node(matrices: MeshedParts, site: Site) -> Site:
-    """A site at a numbered node as one at a point."""
+    """A site at a node number as a site at a point."""
     assert site.node is not None
     member, own = node_of(matrices, site.node, site.part)
     point = member.at.placed(own[None])[0][: len(site.direction or (0, 0, 0))]
@@ -100,7 +100,7 @@ def at_node(matrices: MeshedParts, site: Site) -> Site:
 
 
 def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tuple[Member, Array]:
-    """(part, coordinates (3,) in its axes [m]) of a numbered node, in the first part that has it.
+    """(part, coordinates (3,) in its axes [m]) of a node number, in the first part with this node.
 
     InputError if there is none.
     """
@@ -113,7 +113,7 @@ def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tupl
 
 
 def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
-    """(part, group in it) of the group of one mesh, or "part:group"."""
+    """(part, group) for the name of a group of one mesh, or "part:group"."""
     (member, *_), group = matrices.members(), name
     if matrices.assembled:
         from antiosc.fem.assembly.joint import group_end
@@ -124,7 +124,7 @@ def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
 
 
 def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
-    """The motion of a reference point or of a site of a superelement; None for "part:group".
+    """The motion of a reference point, or of a site of a superelement; None for "part:group".
 
     InputError for a name without a colon that is no reference point.
     """
@@ -146,7 +146,7 @@ def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
 def motions_without_mesh(
     structure: Structure, shapes: Array, name: str, end: Motion, quantity: str
 ) -> Array:
-    """Displacement or rotation (gdim, columns) of a point that no cell has, for all shapes."""
+    """Displacement or rotation (gdim, columns) for all shapes, at a point outside all cells."""
     if quantity not in MOTIONS:
         raise InputError(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def algebraic(structure: StructureMatrices, site: Site) -> Functional:
-    """b of a site that is given by a dof or a vector."""
+    """The load vector of a site that is given by a dof or a vector."""
     first, last = algebra.row_range(structure.K)
     n, comm = algebra.size(structure.K), algebra.communicator(structure.K)
     if site.node is not None:
@@ -67,7 +67,7 @@ COVERS = 0.75
 
 
 def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
-    """b of a site at a node or a point; None for one that is given by a row or a vector.
+    """The load vector of a site at a node or point; None for a site given by a row or a vector.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
 
 
 def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: Array) -> Array:
-    """b of weighted nodes along a direction, fixed dofs included."""
+    """Load vector of weighted nodes along a direction, fixed dofs included."""
     b = np.zeros(len(matrices.map.node))
     order = np.argsort(nodes)
     index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
@@ -142,7 +142,7 @@ def _checked(
 
 
 def _position(matrices: NodalMatrices, row: int) -> Array | None:
-    """The point of the node of a row, where it is known."""
+    """Coordinates of the node of a row; None if unknown."""
     point = matrices.map.points[row]
     return point if np.isfinite(point).all() else None
 
@@ -150,7 +150,7 @@ def _position(matrices: NodalMatrices, row: int) -> Array | None:
 def _at_point(
     matrices: NodalMatrices, site: Site, direction: Array
 ) -> tuple[IntArray, Array, Array]:
-    """(nodes, weights of sum 1, point) of a point of the matrices' nodes."""
+    """(nodes, weights of sum 1, point) for a point among the nodes of the matrices."""
     if not matrices.located:
         raise InputError(
             "the coordinates of the nodes are not known: give them in the map, or use "
@@ -196,7 +196,7 @@ def _at_point(
 
 
 def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
-    """Whether each point lies behind another one, seen against the direction of impact."""
+    """Mask of the points that lie behind another one, seen along the direction of impact."""
     covered = np.zeros(len(points), dtype=bool)
     for k, point in enumerate(points):
         to = points - point
@@ -207,7 +207,7 @@ def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
 
 
 def _hertz(radius: float, direction: Array) -> Array:
-    """Points (n, 3) across `direction` on which equal forces make Hertz's pressure."""
+    """Points (n, 3) perpendicular to `direction`: equal forces approximate Hertz's pressure."""
     basis = np.linalg.svd(direction[None, :])[2][1:]
     # the load within r is 1 - (1 - r²/a²)^(3/2) of the whole
     share = (np.arange(CIRCLE_RINGS) + 0.5) / CIRCLE_RINGS

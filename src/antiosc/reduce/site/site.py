@@ -165,7 +165,7 @@ class Functional:
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
-    """Unit vectors (P, 3) across the directions (P, 3): two of each, in a plane structure one."""
+    """Unit vectors (P, 3) perpendicular to the directions (P, 3): two each, one in a plane."""
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
     # between axes that are equally oblique rounding must not decide
@@ -176,7 +176,7 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
 
 
 def constrained(label: str) -> str:
-    """Message for a site that cannot move."""
+    """Message that a site cannot move."""
     return (
         f"{label} is fixed by supports along the direction of impact: it cannot move; choose "
         "another point."

@@ -48,7 +48,7 @@ class Points:
 
     @classmethod
     def joined(cls, parts: Sequence[Points]) -> Points:
-        """All points of several sets."""
+        """The points of several sets, concatenated."""
         columns = [[p.site, p.cell, p.X, p.weight] for p in parts]
         return cls(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
@@ -77,7 +77,7 @@ def segment(count: int) -> tuple[Array, Array]:
 def patches(
     faces: Faces, points: Array, radii: Array, contact: Contact, taken: Sequence[Faces] = ()
 ) -> tuple[Points, Array]:
-    """The weighted points of patches on this rank, and the share of each patch on its face (P,).
+    """The weighted points of patches on this rank, and the share of each patch on its faces (P,).
 
     The rules resolve the smaller of the patch and the faces under it. If an edge cuts a patch, its
     weights are scaled to a unit force. What lies on faces that are `taken` does not count.
@@ -110,7 +110,7 @@ def _laid(
     rise: float,
     taken: Sequence[Faces],
 ) -> tuple[Points, Array]:
-    """One rule laid on some of the sites; see `patches`."""
+    """The points of one quadrature rule projected on the faces at some sites; see `patches`."""
     comm = faces.mesh.comm
     normal = normals[part]
     # between axes that are equally oblique rounding must not decide how the rule is oriented
@@ -138,7 +138,7 @@ def _laid(
 
 
 def loads(structure: MeshedStructure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
-    """b of P sites as columns (rows of this rank, P), fixed dofs included: Σ w φ(X)·d.
+    """Load vectors of P sites as columns (rows of this rank, P), fixed dofs included: Σ w φ(X)·d.
 
     `directions` (P, 3) are the unit directions of the forces.
     """
@@ -171,7 +171,7 @@ def _columns(
     values: list[Array],
     count: int,
 ) -> scipy.sparse.csr_matrix:
-    """The sparse matrix of entries at dofs of this rank, ghosts included, sent to their owners."""
+    """Sparse matrix from entries at dofs of this rank; those of ghosts are sent to their owners."""
     size = algebra.rows(structure.K)
     row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
     site = np.concatenate([np.zeros(0, dtype=int), *sites])
@@ -203,7 +203,7 @@ ALONG_SURFACE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Sites:
-    """P sites; all data except `loads` are equal on all ranks.
+    """P sites with their load vectors; all data except `loads` are equal on all ranks.
 
     Attributes
     ----------
@@ -292,21 +292,21 @@ def located(
 
 
 def on_free_dofs(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-    """Loads (rows of this rank, P) without their parts on fixed dofs."""
+    """Loads (rows of this rank, P) with zeros on fixed dofs."""
     free = np.ones(B.shape[0])
     free[structure.fixed[structure.fixed < len(free)]] = 0.0
     return (scipy.sparse.diags(free) @ B).tocsr()
 
 
 def sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
-    """Sum (P,) of each load's parts over all ranks, all taken as positive."""
+    """Sum (P,) of the absolute entries of each load over all ranks."""
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
 
 def _points(
     structure: MeshedStructure, points: Array, which: IntArray, nearest: ClosestPoints | None
 ) -> Points:
-    """The sites that are points, as points of this rank's cells."""
+    """The sites without a patch, as weighted points in cells of this rank."""
     at: IntArray = which
     if nearest is None:
         nearest = closest_many(structure.mesh, points[which])
@@ -317,7 +317,7 @@ def _points(
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
-    """Warn, on rank 0, of sites whose compliance is doubtful."""
+    """Warn, on rank 0, of sites with an uncertain compliance."""
     mesh, kind = structure.mesh, structure.kind
     if not kind.point_load and np.isnan(sites.radii).any():
         first = np.flatnonzero(np.isnan(sites.radii))[0]
@@ -377,7 +377,7 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
 
 
 def doubtful_patches(sites: Sites) -> BoolArray:
-    """Sites (P,) whose half-space compliance does not hold: `warn_of_doubts` warns of them."""
+    """Mask of sites (P,) for whose patches the half-space compliance is not valid."""
     return _cut(sites) | _held(sites)
 
 
@@ -390,13 +390,13 @@ def _held(sites: Sites) -> BoolArray:
 
 
 def rounded_up(value: float) -> float:
-    """A positive value with two digits, not less than it."""
+    """A positive value rounded up to two digits."""
     step = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{ceil(value / step - ROUNDING) * step:.2g}")
 
 
 def _at(which: BoolArray) -> str:
-    """ " at 3 of 10 sites" where there are several."""
+    """ " at 3 of 10 sites" if there are several; otherwise ""."""
     return "" if len(which) == 1 else f" at {int(which.sum())} of {len(which)} sites"
 
 

@@ -29,9 +29,9 @@ def surface_at(
     radius: float | None = None,
     lengths: bool = True,
 ) -> Surface:
-    """The surface at a point (3,), struck along a direction (3,) on a patch of this radius [m].
+    """The surface of a structure at a point (3,), struck along a direction on a patch [m].
 
-    Without `lengths` those of lines are infinite: a ball does not need them.
+    Without `lengths` line contacts have infinite length: a ball does not need it.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def surface_at(
 
 
 class PlaneOf(Body):
-    """What a striker meets at a surface of a structure; by default a flat face of its material."""
+    """The surface that an impactor meets on a structure; by default a flat face of its material."""
 
     def __init__(self, structure: Structure, surface: Surface | None = None) -> None:
         self._surface = surface or flat_face(structure)
@@ -62,7 +62,7 @@ class PlaneOf(Body):
 
 
 def flat_face(structure: Structure) -> Surface | None:
-    """A flat face of the first material of a structure; None where it is not known."""
+    """A flat face of the first material of a structure; None if the material is unknown."""
     try:
         member = with_parts(structure, "matrices have no material.").members()[0]
     except InputError:
@@ -72,12 +72,12 @@ def flat_face(structure: Structure) -> Surface | None:
 
 
 def corner_radius(structure: Structure) -> float:
-    """The radius that sharp edges of a structure are taken with [m]."""
+    """The radius that is assumed for sharp edges of a structure [m]."""
     return float(min(CORNER, structure.dimensions[2] / 4))
 
 
 def placed(found: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
-    """The surface of a curvature and a material; `corner`: radius of sharp edges [m]."""
+    """The surface with this curvature and material; `corner`: radius of sharp edges [m]."""
     if found.kind in SHARP:
         return Surface(matter, (1 / corner, 1 / corner), kind=found.kind, radius=radius)
     low, high = found.values.tolist()
@@ -87,7 +87,7 @@ def placed(found: Curvature, matter: Matter, corner: float, radius: float | None
 
 
 def _matter(material: Any) -> Matter | None:
-    """What a contact needs of a material; None of one with directions, or of a plane part."""
+    """The properties of a material that a contact needs; None for anisotropic or plane ones."""
     if getattr(material, "plane", None) is not None:
         return None
     if isinstance(material, Laminate):
@@ -102,7 +102,7 @@ def _matter(material: Any) -> Matter | None:
 
 
 def _of_bar(bar: Beam, matter: Matter, radius: float | None) -> Surface:
-    """A bar struck from the side: round ones are cylinders, others flat."""
+    """The surface of a bar struck from the side: a cylinder for round sections, otherwise flat."""
     section = bar.section
     if not section.isotropic or len(section.outline) <= 4:
         return Surface(matter, radius=radius)
