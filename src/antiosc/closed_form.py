@@ -1,4 +1,4 @@
-"""Structures with exact solutions, by name: `antiosc.closed_form.cantilever`."""
+"""Structures with exact solutions, by name: `antiosc.models.closed_form.cantilever`."""
 
 from antiosc.models.closed_form import (
     BeamModes,
