@@ -50,7 +50,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 9 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 10 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -471,29 +471,27 @@ AOM_API int aom_arrow_modes(double k0, double m0, int n, const double *m, const 
 
 /* ---- Batches --------------------------------------------------------------------------------- */
 
-/* Two bodies with one contact, in one row, undeformed at the start. */
-typedef struct aom_impact {
-    int n_modes, n_turning;              /* n_turning: bodies whose rotation is asked for */
-    const double *omega, *decay, *beta;  /* [n_modes] as of aom_system */
-    const double *v, *load;              /* [n_modes] at the start; constant */
-    const double *turning;               /* [n_turning][3][n_modes] rotation vectors by q */
-    aom_law law;
-    double residual, gap, mass, duration; /* mass: inertia behind the contact, roughly */
-    double rel_tol;
-    int64_t max_contacts, max_steps;
-} aom_impact;
-
 typedef struct aom_expected {
     double depth, speed, time; /* largest indentation, closing speed, time of the contact, roughly */
 } aom_expected;
 
-/* What is expected of an impact; NaN where its law is none, or one of the caller's fails. */
-AOM_API aom_expected aom_expect(const aom_impact *impact);
+/* What is expected of a contact in a run so long, by its law and mass, beta, and the motion, the loads
+ * and the offset at the start alone; NaN where its law is none, or one of the caller's fails. */
+AOM_API aom_expected aom_expect(const aom_system *system, int contact, double duration);
 
 /* Indentation, at most `high`, that absorbs an energy and the work of a force `push`, of a new contact
  * that closes at a speed; `close` is its relative error. aom_law_check passed the law. */
 AOM_API double aom_law_deepest(const aom_law *law, double speed, double energy, double push,
                                double high, double close);
+
+/* A system of one contact that is open at the start, with a gap >= 0, one row and one time of loads.
+ * The batch finds the scales of the contact, and the resolution. */
+typedef struct aom_impact {
+    aom_system system;
+    aom_options options;
+    int n_turning;         /* bodies whose rotation is asked for */
+    const double *turning; /* [n_turning][3][n_modes] rotation vectors by q */
+} aom_impact;
 
 typedef struct aom_outcome {
     int64_t status; /* of the best run; AOM_FULL: it is too long for a batch */

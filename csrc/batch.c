@@ -3,7 +3,6 @@
 
 #define BATCH_STEPS 20000 /* that the record of a run holds, at most: a longer one is left to the caller */
 #define BATCH_BYTES 5e7 /* of all records, about */
-#define AT_REST 1e-4 /* what closes more slowly than so of what is expected begins at that speed */
 #define FINE 200.0  /* touches closer than the expected contact time over this may count as one */
 
 typedef enum batch_stage { BEGIN, GO_ON, WRITE } batch_stage;
@@ -12,7 +11,6 @@ struct aom_batch {
     int n_modes;
     batch_stage stage;
     double *omega, *decay; /* [n_modes] that the stepper's responses are of */
-    double *zero;          /* [n_modes + 1] */
     aom_stepper *stepper;
     bool made;
     void *memory;
@@ -26,11 +24,6 @@ struct aom_batch {
     aom_expected expected;
 };
 
-static aom_system system_of(const aom_batch *b, const aom_impact *s, const aom_contact *contact) {
-    return (aom_system){s->n_modes, 1, 1, 1, s->omega, s->decay, s->beta, &s->residual, b->zero,
-                        s->load, &s->gap, contact, b->zero, s->v, 0.0, NULL, 0, NULL, NULL};
-}
-
 static int64_t room(int n_modes) {
     double each = 3.0 * (6.0 + 2.0 * n_modes + 4.0) * sizeof(double);
     return (int64_t)within(BATCH_BYTES / each, 256.0, BATCH_STEPS);
@@ -43,7 +36,6 @@ static size_t lay_out_batch(aom_batch *b, int n_modes, void *memory) {
     to = b == NULL ? &unused : b;
     to->omega = take(&a, J, sizeof(double));
     to->decay = take(&a, J, sizeof(double));
-    to->zero = take(&a, J + 1, sizeof(double));
     aom_system sizes = {.n_modes = n_modes, .n_rows = 1, .n_contacts = 1, .n_breaks = 1};
     to->bytes = aom_memory_size(&sizes);
     to->memory = take(&a, to->bytes, 1);
@@ -79,7 +71,6 @@ int aom_batch_create(int n_modes, void *memory, size_t bytes, aom_batch **made) 
     memset(b, 0, sizeof *b);
     lay_out_batch(b, n_modes, memory);
     b->n_modes = n_modes;
-    memset(b->zero, 0, ((size_t)n_modes + 1) * sizeof(double));
     return AOM_DONE;
 }
 
@@ -91,33 +82,40 @@ static void renew_rows(aom_stepper *st, const aom_system *system) {
         st->slots[k].has_rows = false, st->slots[k].local_kind = NO_LOCAL;
 }
 
+/* Whether a batch takes such a system; `begin` looks at its numbers. */
+static bool is_impact(const aom_system *s, int n_modes) {
+    return s->n_modes == n_modes && s->n_rows == 1 && s->n_contacts == 1 && s->n_breaks == 1 &&
+           s->gamma == NULL && s->n_stretch == 0;
+}
+
 /* Have the stepper ready for an impact; what depends on the frequencies alone is kept. */
-static int begin(aom_batch *b, const aom_impact *s) {
+static int begin(aom_batch *b, const aom_impact *impact) {
     size_t size = (size_t)b->n_modes * sizeof(double);
-    if (s->n_modes != b->n_modes)
+    const aom_system *s = &b->system;
+    const aom_user_law *user;
+    if (!is_impact(&impact->system, b->n_modes))
         return AOM_BAD_SIZE;
-    if (!(s->duration > 0.0 && s->duration < INFINITY && s->mass > 0.0 && s->gap >= 0.0))
+    b->system = impact->system;
+    b->contact = *s->contacts;
+    b->system.contacts = &b->contact;
+    b->options = impact->options;
+    user = b->contact.law.user;
+    if (!(b->options.duration > 0.0 && b->options.duration < INFINITY && s->offsets[0] >= 0.0))
         return AOM_BAD_OPTIONS;
-    if (aom_law_check(&s->law) != AOM_DONE || (s->law.user != NULL && s->law.user->work == NULL))
+    if (!(b->contact.mass > 0.0) || b->contact.preload > 0.0 || b->contact.state != NULL)
+        return AOM_BAD_CONTACT;
+    if (aom_law_check(&b->contact.law) != AOM_DONE || (user != NULL && user->work == NULL))
         return AOM_BAD_LAW;
-    b->expected = aom_expect(s);
-    b->contact = (aom_contact){.law = s->law,
-                               .first_tangential = 1,
-                               .mass = s->mass,
-                               .expected_depth = b->expected.depth,
-                               .expected_speed = b->expected.speed,
-                               .slowest = AT_REST * b->expected.speed};
-    b->system = system_of(b, s, &b->contact);
-    b->options = (aom_options){s->duration,     s->rel_tol,   0.0, 0.0, b->expected.time / FINE,
-                               s->max_contacts, s->max_steps, 0};
+    b->expected = scale_contact(s, &b->contact, b->options.duration);
+    b->options.resolution = b->expected.time / FINE;
     b->solution = (aom_solution){0};
     if (b->made && memcmp(b->omega, s->omega, size) == 0 && memcmp(b->decay, s->decay, size) == 0) {
-        renew_rows(b->stepper, &b->system);
+        renew_rows(b->stepper, s);
         return AOM_DONE;
     }
     memcpy(b->omega, s->omega, size);
     memcpy(b->decay, s->decay, size);
-    int status = aom_create(&b->system, b->memory, b->bytes, &b->stepper);
+    int status = aom_create(s, b->memory, b->bytes, &b->stepper);
     b->made = status == AOM_DONE;
     return status;
 }
@@ -125,7 +123,7 @@ static int begin(aom_batch *b, const aom_impact *s) {
 /* The largest angle by which a body has turned at the ends of the steps. */
 static double turned(const aom_impact *s, const aom_record *run, int *body) {
     double most = 0.0;
-    int J = s->n_modes;
+    int J = s->system.n_modes;
     for (int64_t k = 0; k < run->n_states; k++)
         for (int n = 0; n < s->n_turning; n++) {
             double square = 0.0;

@@ -1,7 +1,8 @@
 /* What is expected of a contact before it is integrated, roughly: its depth, speed and length. */
 #include "internal.h"
 
-#define CLOSE 0.1 /* relative error of the depth */
+#define CLOSE 0.1    /* relative error of the depth */
+#define AT_REST 1e-4 /* what closes more slowly than so of what is expected begins at that speed */
 
 /* Work of loading a new contact that closes at a speed up to delta, less that of a force. */
 static double excess(const aom_law *law, double speed, double delta, double push) {
@@ -46,17 +47,28 @@ static double approach(int n, const double *beta, const double *modal) {
     return fabs(total);
 }
 
-aom_expected aom_expect(const aom_impact *s) {
-    if (aom_law_check(&s->law) != AOM_DONE || (s->law.user != NULL && s->law.user->work == NULL))
+aom_expected aom_expect(const aom_system *s, int contact, double duration) {
+    const aom_contact *c = s->contacts + contact;
+    const aom_user_law *user = c->law.user;
+    if (aom_law_check(&c->law) != AOM_DONE || (user != NULL && user->work == NULL))
         return (aom_expected){NAN, NAN, NAN};
-    double push = s->mass * approach(s->n_modes, s->beta, s->load);
-    double speed = approach(s->n_modes, s->beta, s->v), T = s->duration;
-    speed = sqrt(speed * speed + 2.0 * push / s->mass * s->gap);
+    const double *beta = s->beta + (ptrdiff_t)contact * s->n_modes;
+    double push = c->mass * approach(s->n_modes, beta, s->loads);
+    double speed = approach(s->n_modes, beta, s->v);
+    speed = sqrt(speed * speed + 2.0 * push / c->mass * s->offsets[contact]);
     if (speed == 0.0 && push == 0.0)
-        return (aom_expected){1e-300, 1e-300, T / 16.0};
-    double farthest = speed * T + push / s->mass * T * T;
-    double depth = aom_law_deepest(&s->law, speed, 0.5 * s->mass * speed * speed, push, farthest,
-                                   CLOSE);
-    double pace = speed + sqrt(2.0 * push / s->mass * depth);
-    return (aom_expected){depth, pace, smaller(3.0 * depth / pace, 0.5 * T)};
+        return (aom_expected){1e-300, 1e-300, duration / 16.0};
+    double farthest = speed * duration + push / c->mass * duration * duration;
+    double energy = 0.5 * c->mass * speed * speed;
+    double depth = aom_law_deepest(&c->law, speed, energy, push, farthest, CLOSE);
+    double pace = speed + sqrt(2.0 * push / c->mass * depth);
+    return (aom_expected){depth, pace, smaller(3.0 * depth / pace, 0.5 * duration)};
+}
+
+aom_expected scale_contact(const aom_system *s, aom_contact *only, double duration) {
+    aom_expected expected = aom_expect(s, 0, duration);
+    only->expected_depth = expected.depth;
+    only->expected_speed = expected.speed;
+    only->slowest = AT_REST * expected.speed;
+    return expected;
 }

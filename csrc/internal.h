@@ -249,6 +249,10 @@ static void user_advance(aom_stepper *st, const aom_user_law *user, double delta
                   double *memory);
 
 #ifndef AOM_RUN_ONLY
+/* ---- expected.c */
+/* Give the only contact of a system the scales that are expected of it. */
+static aom_expected scale_contact(const aom_system *s, aom_contact *only, double duration);
+
 /* ---- law_slopes.c */
 
 /* Derivatives by the first parameters of a law, and by the first numbers that it remembers. */

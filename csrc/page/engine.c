@@ -152,10 +152,8 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
     found.restitution = NAN;
     __builtin_memset(few, 0, numbers * sizeof *few);
     few[0] = residual, few[m * m] = gap;
-    aom_impact given = {.n_modes = n_modes, .beta = beta, .load = load, .v = v, .gap = gap,
-                        .law = {kind, n_params, params, NULL}, .duration = duration};
-    given.mass = mobility > 0.0 ? 1.0 / mobility : 1.0;
-    contact = (aom_contact){.law = given.law, .first_tangential = 1, .mass = given.mass};
+    contact = (aom_contact){.law = {kind, n_params, params, NULL}, .first_tangential = 1,
+                            .mass = mobility > 0.0 ? 1.0 / mobility : 1.0};
     posed = (aom_system){.n_modes = n_modes, .n_rows = (int)m, .n_contacts = 1, .n_breaks = 1,
                          .n_stretch = n_stretch, .quadratic = quadratic, .cubic = cubic,
                          .omega = omega, .decay = decay, .beta = beta, .residual = few,
@@ -165,11 +163,7 @@ double *page_strike(int n_modes, const double *omega, const double *decay, const
     if (found.answer != AOM_DONE)
         return &found.answer;
     found.reach = aom_law_reach(&contact.law);
-    aom_expected expected = aom_expect(&given);
-    found.lasting = expected.time;
-    contact.expected_depth = expected.depth;
-    contact.expected_speed = expected.speed;
-    contact.slowest = AT_REST * expected.speed;
+    found.lasting = scale_contact(&posed, &contact, duration).time;
     found.answer = solve(duration, rel_tol, found.lasting, max_steps);
     const aom_record *best = records + (solution.best > 0 ? solution.best : 0);
     if (found.answer > AOM_LAW_FAILED || best->n_nodes < 3)

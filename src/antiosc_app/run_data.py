@@ -15,7 +15,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
 from antiosc.engine.contact.base import is_compiled
 from antiosc.engine.convergence import FINE
-from antiosc.engine.system import Given, System
+from antiosc.engine.system import BodyModes, Given, System, posed
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
 from antiosc.impact.histories import SceneHistory
@@ -241,14 +241,8 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
 
 def _body_system(body: SceneBody) -> System:
     """A body alone as a system: a row a site, no contact."""
-    count, size = body.B.shape[1], body.omega.size
-    none = np.zeros(0)
-    return System(
-        omega=body.omega, decay=body.decay, beta=np.ascontiguousarray(body.B.T), R=body.r,
-        breaks=np.zeros(1), loads=np.zeros((1, size)), offsets=np.zeros((1, count)), laws=(),
-        slip=np.zeros((0, 2)), tangents=np.zeros((0, 2), dtype=np.int64), q=np.zeros(size),
-        v=np.zeros(size), mass=none, depth=none, speed=none, pressed=none,
-    )  # fmt: skip
+    modes = BodyModes(body.omega, body.modes.decay, body.B.T, np.zeros(body.omega.size))
+    return posed([modes], (), body.r)
 
 
 def _column_names(body: SceneBody, prefix: str = "") -> list[str]:

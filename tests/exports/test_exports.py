@@ -250,8 +250,11 @@ def test_nothing_is_expected_of_a_law_that_is_none():
     one = (ctypes.c_double * 1)(1.0)
     law = library.Law(library.TABLE, 2, ctypes.addressof(values), None)
     at = ctypes.addressof(one)
-    blow = library.Impact(1, 0, at, at, at, at, at, None, law, 0.0, 0.0, 1.0, 1.0, 1e-3, 10, 1000)
-    found = library.library.aom_expect(ctypes.byref(blow))
+    contact = library.Contact(law, mass=1.0)
+    blow = library.System(
+        n_modes=1, beta=at, loads=at, offsets=at, contacts=ctypes.addressof(contact), v=at
+    )
+    found = library.library.aom_expect(ctypes.byref(blow), 0, 1.0)
     assert np.isnan([found.depth, found.speed, found.time]).all()
 
 

@@ -137,18 +137,22 @@ static void batch(const aom_system *s, const aom_options *options) {
     static double times[NODES], forces[NODES], turning[3 * MODES], x[MODES + 1];
     static double shape[(MODES + 1) * (MODES + 1)];
     const aom_contact *c = s->contacts;
-    aom_impact impacts[3] = {{s->n_modes, 1, s->omega, s->decay, s->beta, s->v, s->loads, turning,
-                              c->law, s->residual[0], s->offsets[0], c->mass, options->duration,
-                              options->rel_tol, options->max_contacts, options->max_steps}};
+    aom_contact alone = {.law = c->law, .first_tangential = 1, .mass = c->mass};
+    aom_impact impacts[3] = {{*s, *options, 1, turning}};
+    aom_system *one = &impacts[0].system;
     aom_outcome outcomes[3];
     aom_pulse_nodes nodes = {NODES, 0, times, forces};
     int64_t done = 0;
     size_t size = aom_batch_size(s->n_modes);
     void *memory = malloc(size);
     aom_batch *made;
+    one->n_rows = one->n_contacts = one->n_breaks = 1;
+    one->n_stretch = 0;
+    one->gamma = NULL;
+    one->contacts = &alone;
     impacts[1] = impacts[2] = impacts[0];
-    impacts[1].omega = s->decay;
-    impacts[2].beta = s->beta + (s->n_rows > 1 ? s->n_modes : 0);
+    impacts[1].system.omega = s->decay;
+    impacts[2].system.beta = s->beta + (s->n_rows > 1 ? s->n_modes : 0);
     if (aom_batch_nodes(s->n_modes) > NODES || aom_batch_create(s->n_modes, memory, size, &made))
         abort();
     for (int status = AOM_PAUSED; status == AOM_PAUSED || status == AOM_FULL;) {

@@ -33,7 +33,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 9
+VERSION = 10
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
@@ -180,9 +180,8 @@ class Impact(Structure):
     """`aom_impact`"""
 
     _fields_ = [
-        *_fields("int n_modes, n_turning; pointer omega, decay, beta, v, load, turning"),
-        ("law", Law),
-        *_fields("double residual, gap, mass, duration, rel_tol; int64 max_contacts, max_steps"),
+        *(("system", System), ("options", Options)),
+        *_fields("int n_turning; pointer turning"),
     ]
 
 
@@ -285,7 +284,7 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     ),
     "aom_arrow_modes": (c_int, c_double, c_double, c_int, c_void_p, c_void_p, c_void_p, c_void_p),
     "aom_main_impact": (c_double, c_int64, c_void_p),
-    "aom_expect": (Expected, c_void_p),
+    "aom_expect": (Expected, c_void_p, c_int, c_double),
     "aom_law_deepest": (c_double, c_void_p, c_double, c_double, c_double, c_double, c_double),
     "aom_batch_size": (c_size_t, c_int),
     "aom_batch_nodes": (c_int64, c_int),

@@ -1,11 +1,16 @@
-"""What the march integrates: modes, rows and contacts, and their state at the start."""
+"""What the march integrates: modes, rows and contacts, and their state at the start.
+
+`posed` makes a `System` of bodies side by side, `Given` the C structure of a `System`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from ctypes import addressof
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import accumulate, pairwise, starmap
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +27,7 @@ Array = NDArray[np.float64]
 _ONE = (
     library.Contact * 1
 )  # ctypes keeps this type as long as it is held, and takes 50 µs to make it
+_AT_START = np.zeros(1)  # the one time of loads that are constant
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
 
@@ -58,7 +64,7 @@ class System:
     first : first-order modes of all bodies, where damping couples modes of one.
     gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
     quadratic, cubic : (s, s, s), (s, s, s, s) forces of the last s rows: of sheets that stretch.
-    block : omega to v in one array, where they already stand so.
+    block : memory of the arrays of `numbers`, one behind the other, where they stand so.
     """
 
     omega: Array
@@ -85,6 +91,24 @@ class System:
     quadratic: Array | None = None
     cubic: Array | None = None
     block: Array | None = field(default=None, init=False)
+
+    @property
+    def numbers(self) -> tuple[Array, ...]:
+        """The arrays of the bodies and the rows in the order of their memory."""
+        rows = self.omega, self.decay, self.beta, self.R
+        return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
+
+    def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
+        """The system with rows beta (s, J) behind the others, whose forces are the polynomials."""
+        more = len(beta)
+        return replace(
+            self,
+            beta=np.vstack([self.beta, beta]),
+            R=np.pad(self.R, (0, more)),
+            offsets=np.pad(self.offsets, ((0, 0), (0, more))),
+            quadratic=quadratic,
+            cubic=cubic,
+        )
 
     @property
     def closed(self) -> NDArray[np.bool_]:
@@ -165,6 +189,81 @@ class System:
         return {name: value for name, value in self.__dict__.items() if name not in left}
 
 
+class BodyModes(NamedTuple):
+    """The modes (J,) of one body in a system.
+
+    Frequencies and decay, displacements (m, J) in the rows, or (J,) in the only one, the state at
+    the start, and the loads (K, J); None: zeros.
+    """
+
+    omega: Array
+    decay: Array | None
+    beta: Array
+    v: Array
+    q: Array | None = None
+    loads: Array | None = None
+
+
+def side_by_side(sizes: Iterable[int]) -> list[slice]:
+    """The places of parts of these sizes, one behind the other."""
+    return list(starmap(slice, pairwise(accumulate(sizes, initial=0))))
+
+
+def posed(
+    bodies: Sequence[BodyModes],
+    laws: Sequence[ContactLaw],
+    R: Array,
+    offsets: Array | float = 0.0,
+    breaks: Array = _AT_START,
+    tangents: Sequence[tuple[int, int]] | None = None,
+    first: StackedModes | None = None,
+) -> System:
+    """Bodies side by side in m rows, the first p of which are contacts.
+
+    R : (m, m); offsets : (K, m); breaks : (K,); tangents : (p, 2), none without friction. What is
+    expected of the contacts is 0 at first, their mass too.
+    """
+    spans = side_by_side([body.omega.size for body in bodies])
+    places = _places(spans[-1].stop, len(R), breaks.size)
+    block = np.zeros(places[-1][0].stop)
+    numbers = [block[own].reshape(shape) for own, shape in places]
+    omega, decay, beta, residual, times, loads, gaps, q, v = numbers
+    residual[...] = R
+    times[...] = breaks
+    gaps[...] = offsets
+    for body, own in zip(bodies, spans, strict=True):
+        omega[own] = body.omega
+        beta[:, own] = body.beta
+        v[own] = body.v
+        if body.decay is not None:
+            decay[own] = body.decay
+        if body.q is not None:
+            q[own] = body.q
+        if body.loads is not None:
+            loads[:, own] = body.loads
+    p = len(laws)
+    friction = np.zeros((p, 2), dtype=np.int64)
+    friction[:, 0] = len(R)
+    if tangents is not None:
+        friction[...] = tangents
+    system = System(
+        omega, decay, beta, residual, times, loads, gaps, laws, np.zeros((p, 2)),
+        friction, q, v, *np.zeros((4, p)), first=first,
+    )  # fmt: skip
+    system.block = block
+    return system
+
+
+@lru_cache(maxsize=256)
+def _places(size: int, m: int, times: int) -> list[tuple[slice, tuple[int, ...]]]:
+    """Where the arrays of `System.numbers` stand in a block, and their shapes."""
+    modes = (size,)
+    rows = [(m, size), (m, m)]
+    given = [(times,), (times, size), (times, m)]
+    shapes = [modes, modes, *rows, *given, modes, modes]
+    return list(zip(side_by_side(map(prod, shapes)), shapes, strict=True))
+
+
 class Given:
     """A system as the march takes it: all its arrays in one block of memory.
 
@@ -174,10 +273,9 @@ class Given:
     def __init__(self, system: System) -> None:
         s = system
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
-        block = s.block if s.q.base is s.v.base is s.block else None  # else another start
-        if block is None:
-            parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
-            block = np.concatenate([each.ravel() for each in parts], dtype=float)
+        block, numbers = s.block, s.numbers
+        if block is None or any([each.base is not block for each in numbers]):
+            block = np.concatenate([each.ravel() for each in numbers], dtype=float)
         self.block: Array = block
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
         gamma = None if s.gamma is None else library.address(s.gamma)
@@ -186,13 +284,8 @@ class Given:
             self.gamma = s.gamma  # it lasts as long as the block
         if s.cubic is not None:  # the memory of the march is laid out for them
             self.bodies += len(s.cubic).to_bytes(2, "little")
-        row, at = 8 * size, library.address(self.block)
-        R = at + (2 + m) * row
-        times = R + 8 * m * m
-        loads = times + 8 * breaks
-        offsets = loads + 8 * s.loads.size
-        q = offsets + 8 * breaks * m
-        arrays, v = (at, at + row, at + 2 * row, R, times, loads, offsets), q + row
+        ends = accumulate([8 * each.size for each in numbers], initial=library.address(block))
+        *arrays, q, v, _ = ends
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
             self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),

@@ -8,7 +8,7 @@ the depth is found accurately.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from ctypes import byref
+from ctypes import addressof, byref
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import isfinite, sqrt
@@ -21,10 +21,10 @@ from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.law_tables import packed, raise_error
-from antiosc.engine.system import System
+from antiosc.engine.system import BodyModes, System, posed
 from antiosc.impact import scene_parts
 from antiosc.impact.bodies import SceneBody, may_rotate, scene_body, stacked_first_order
-from antiosc.impact.scene_parts import SceneParts
+from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.impact.states import modal_loads
 from antiosc.models.body import is_thin
 from antiosc.models.stretch import Stretch, refuse_stretch
@@ -32,31 +32,27 @@ from antiosc.models.stretch import Stretch, refuse_stretch
 DEPTH_TOL = 0.1  # relative error of a depth
 
 
-def expected_contact(
-    law: ContactLaw,
-    mass: float,
-    beta: Array,
-    v: Array,
-    load: Array,
-    gap: float,
-    duration: float,
-) -> tuple[float, float, float]:
-    """Depth [m], speed [m/s] and contact time [s] that are expected of one contact.
+def expect_only_contact(system: System, mass: float, duration: float) -> float:
+    """Find what is expected of the one contact of a system; returns its contact time [s].
 
-    mass : inertia [kg] behind the contact, of the slowest motion of each body. beta, v, load : (J,)
-    displacement of the contact in the modes, their velocities and forces at the start.
+    mass : inertia [kg] behind the contact, of the slowest motion of each body.
     """
-    kernel, own = packed(law)
-    at = map(library.address, (beta, v, load))
-    impact = library.Impact(
-        beta.size, 0, None, None, *at, None, kernel, 0.0, gap, mass, duration, 0.0, 0, 0
+    kernel, own = packed(system.laws[0])
+    contact = library.Contact(kernel, mass=mass)
+    beta, loads, offsets, v = map(
+        library.address, (system.beta, system.loads, system.offsets, system.v)
     )
-    found = library.library.aom_expect(byref(impact))
+    bodies = library.System(
+        n_modes=system.omega.size, beta=beta, loads=loads, offsets=offsets, v=v,
+        contacts=addressof(contact),
+    )  # fmt: skip
+    found = library.library.aom_expect(byref(bodies), 0, duration)
     raise_error(own)
     depth, speed, time = found.depth, found.speed, found.time
     if not isfinite(depth + speed + time):
         raise OverflowError("the depth of the contact")
-    return depth, speed, time
+    system.mass[0], system.depth[0], system.speed[0] = mass, depth, speed
+    return float(time)
 
 
 def largest_indentation(
@@ -85,66 +81,62 @@ DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken 
 LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider's spring
 
 
-class ContactScales(NamedTuple):
-    """What is expected of the contacts of a scene.
+def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
+    """Find what is expected of the contacts, from their motion and loads at the start.
 
-    depth [m], speed [m/s] : (p,). friction : (p, 2) its coefficient and tangential stiffness [N/m].
-    contact_time : the shortest [s].
+    Returns the shortest expected time [s] of a contact. local : compliance [m/N] of the patches of
+    each contact.
     """
-
-    depth: Array
-    speed: Array
-    friction: Array
-    contact_time: float
-
-
-def contact_scales(
-    scene: SceneParts,
-    laws: list[ContactLaw],
-    mass: Array,
-    beta: Array,
-    v: Array,
-    loads: Array,
-    gaps: Array,
-    local: Array,
-    duration: float,
-) -> ContactScales:
-    """Estimate the scales of the contacts from their motion and loads at the start."""
-    p = len(laws)
-    push, speed = np.zeros(p), _largest_component(beta[:p], v[None])
-    if loads.any():
+    p, gaps = len(system.laws), system.offsets[0]
+    modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
+    system.mass[:] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
+    push, speed = np.zeros(p), _largest_component(system.beta[:p], modal[None])
+    if system.loads.any():
         # what is at rest is set in motion by the others, at their speed, or by the loads
-        push = _largest_component(beta[:p], loads)
-        falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
+        push = _largest_component(system.beta[:p], system.loads)
+        falling = np.sqrt(2 * push * np.maximum(gaps[:p], 1e-3 * duration**2 * push))
         speed = np.maximum(speed, np.minimum(falling, push * duration))
     most = float(speed.max())
     if most == 0.0:
-        nothing = np.full(p, 1e-300)
-        rubbing = np.array(
-            [(one.friction, one.tangential_stiffness or 1.0) for one in scene.contacts]
-        )
-        rubbing[rubbing[:, 0] == 0.0] = 0.0
-        return ContactScales(nothing, nothing.copy(), rubbing, duration / 16)
-    speed = np.where(speed > 1e-6 * most, speed, most)
-    depth, friction, contact_time = np.zeros(p), np.zeros((p, 2)), duration / 2
-    for c, law in enumerate(laws):
-        state = law.touch(float(speed[c]))
-        energy = 0.5 * mass[c] * speed[c] ** 2
-        farthest = float(speed[c] * duration + push[c] * duration**2)
-        impact = float(speed[c]), float(energy), float(push[c] * mass[c]), farthest
-        depth[c] = largest_indentation(law, *impact)
-        mean_speed = speed[c] + sqrt(2 * push[c] * depth[c])
-        contact_time = min(contact_time, 3 * depth[c] / mean_speed)
-        contact = scene.contacts[c]
-        if contact.friction > 0:
-            stiffness, patches = contact.tangential_stiffness, local[c]
-            if stiffness is None:
-                most = largest_indentation(contact.law, *impact, close=DEPTH_ERROR)
-                stiffness = MINDLIN * _mean_stiffness(contact.law, most, state)
-                if law is contact.law:  # the patches give way besides, normally and so sideways
-                    patches = 0.0
-            friction[c] = contact.friction, _without_patches(stiffness, patches)
-    return ContactScales(depth, speed, friction, contact_time)
+        system.depth[:] = system.speed[:] = 1e-300
+        rubbing = [c for c, contact in enumerate(scene.contacts) if contact.friction]
+        for c in rubbing:
+            contact = scene.contacts[c]
+            system.slip[c] = contact.friction, contact.tangential_stiffness or 1.0
+        return duration / 16
+    system.speed[:] = np.where(speed > 1e-6 * most, speed, most)
+    contact_time = duration / 2
+    for c, law in enumerate(system.laws):
+        speed, mass = float(system.speed[c]), float(system.mass[c])
+        farthest = float(system.speed[c] * duration + push[c] * duration**2)
+        blow = _Blow(speed, 0.5 * mass * speed**2, float(push[c] * mass), farthest)
+        depth = largest_indentation(law, *blow)
+        mean_speed = speed + sqrt(2 * push[c] * depth)
+        contact_time = min(contact_time, 3 * depth / mean_speed)
+        system.depth[c] = depth
+        if scene.contacts[c].friction > 0:
+            system.slip[c] = _friction(scene.contacts[c], law, blow, local[c])
+    return contact_time
+
+
+class _Blow(NamedTuple):
+    """Closing speed [m/s], energy [J], push [N] and the farthest way [m] of a contact."""
+
+    speed: float
+    energy: float
+    push: float
+    farthest: float
+
+
+def _friction(contact: Contact, law: ContactLaw, blow: _Blow, local: float) -> tuple[float, float]:
+    """Coefficient and tangential stiffness [N/m] of a contact, freed of its patches."""
+    stiffness = contact.tangential_stiffness
+    if stiffness is None:
+        deepest = largest_indentation(contact.law, *blow, close=DEPTH_ERROR)
+        stiffness = MINDLIN * _mean_stiffness(contact.law, deepest, law.touch(blow.speed))
+        if law is contact.law:  # the patches give way besides, normally and so sideways
+            local = 0.0
+    return contact.friction, _without_patches(stiffness, local)
 
 
 def _without_patches(stiffness: float, local: float) -> float:
@@ -322,37 +314,20 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     breaks, loads, offsets = scene_parts.load_series(scene, bodies, stacked, G, gaps, duration)
     local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
     laws, notes = _laws(scene, local)
-    omega = np.concatenate([b.omega for b in bodies.values()])
-    if not omega.size:
+    if not len(stacked.B):
         raise InputError("nothing in the scene can move: every body is an obstacle.")
-    beta = np.ascontiguousarray(G @ stacked.B.T)
-    mass = np.array([effective_mass(beta[c], omega) for c in range(len(laws))])
-    v = np.concatenate([b.start for b in bodies.values()])
-    q = np.concatenate([b.initial_displacements for b in bodies.values()])
-    gaps = offsets[0, : len(laws)]
-    speeds = v if v.any() else omega * q  # of what is let go
-    expected = contact_scales(scene, laws, mass, beta, speeds, loads, gaps, local, duration)
-    system = System(
-        omega=omega,
-        decay=np.concatenate([b.decay for b in bodies.values()]),
-        beta=beta,
-        R=G @ stacked.r @ G.T,
-        breaks=breaks,
-        loads=loads,
-        offsets=offsets,
-        laws=laws,
-        slip=expected.friction,
-        tangents=np.array(tangents, dtype=np.int64),
-        q=q,
-        v=v,
-        mass=mass,
-        depth=expected.depth,
-        speed=expected.speed,
-        pressed=np.zeros(len(laws)),
-        first=stacked_first_order(bodies.values()),
-    )
+    beta, R = G @ stacked.B.T, G @ stacked.r @ G.T
+    modes = [
+        BodyModes(
+            body.omega, body.modes.decay, beta[:, own], body.start, body.initial_displacements,
+            loads[:, own],
+        )
+        for body, own in zip(bodies.values(), stacked.spans.values(), strict=True)
+    ]  # fmt: skip
+    first = stacked_first_order(bodies.values())
+    system = posed(modes, laws, R, offsets, breaks, tangents, first)
+    time = expect_contacts(scene, system, local, duration)
     turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
-    time = expected.contact_time
     return Assembly(given_parts(scene, bodies), G, laws, notes, system, time, turns, thin)
 
 

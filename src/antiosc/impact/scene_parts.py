@@ -28,6 +28,7 @@ from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import ContactLaw
+from antiosc.engine.system import side_by_side
 from antiosc.impact.auto_contact import AUTO, LAW, chosen, is_auto
 from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -269,11 +270,11 @@ class StackedBodies(NamedTuple):
 
 def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     """Put the modes and columns of all bodies side by side."""
-    spans, columns, j, k = {}, {}, 0, 0
-    for name, body in bodies.items():
-        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
-        j, k = spans[name].stop, columns[name].stop
-    B, r = np.zeros((j, k)), np.zeros((k, k))
+    modes = side_by_side([body.omega.size for body in bodies.values()])
+    sites = side_by_side([body.B.shape[1] for body in bodies.values()])
+    spans, columns = (dict(zip(bodies, each, strict=True)) for each in (modes, sites))
+    total = sites[-1].stop
+    B, r = np.zeros((modes[-1].stop, total)), np.zeros((total, total))
     for name, body in bodies.items():
         B[spans[name], columns[name]] = body.B
         r[columns[name], columns[name]] = body.r

@@ -58,22 +58,8 @@ def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
         quadratic[np.ix_(part, part, part)] = one.quadratic / scale**3
         cubic[np.ix_(part, part, part, part)] = one.cubic / scale**4
         begin += one.size
-
-    def padded(values: Array, axes: tuple[int, ...]) -> Array:
-        shape = [size + count * (axis in axes) for axis, size in enumerate(values.shape)]
-        larger = np.zeros(shape)
-        larger[tuple(map(slice, values.shape))] = values
-        return larger
-
-    stretched = replace(
-        system,
-        beta=np.vstack([system.beta, rows]),
-        R=padded(system.R, (0, 1)),
-        offsets=padded(system.offsets, (1,)),
-        quadratic=quadratic,
-        cubic=cubic,
-    )
-    return replace(a, G=padded(a.G, (0,)), system=stretched, stretched=dict(taken))
+    G = np.pad(a.G, ((0, count), (0, 0)))
+    return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(taken))
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from antiosc.base.errors import AccuracyError, AntioscError, InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.engine.system import System
-from antiosc.impact.assembly import Assembly, Parts, expected_contact, without_patch
+from antiosc.engine.system import BodyModes, System, posed, side_by_side
+from antiosc.impact.assembly import Assembly, Parts, expect_only_contact, without_patch
 from antiosc.impact.auto_contact import AUTO, LAW, AnyLaw, law_of
 from antiosc.impact.bodies import (
     Obstacle,
@@ -43,7 +43,6 @@ from antiosc.models.stretch import refuse_stretch, stretch_of
 LARGEST_PHASE = 1e15
 #: The row of the one contact in the displacements of both bodies along their pushes.
 _ROW = np.array([[-1.0, -1.0]])
-_NO_FRICTION, _NO_TANGENTS = np.zeros((1, 2)), np.array([[1, 0]], dtype=np.int64)
 
 
 @dataclass(eq=False)
@@ -53,56 +52,61 @@ class Pair:
     Attributes
     ----------
     given, checked, modes : the structure and the impactor, as given and as they are read.
-    block : omega, decay, beta, r, the time 0, load, the gap, q and v as a `System` has them.
-    omega, decay, beta, v, load : (J,) of both, in the block; `r` [m/N] the residual compliance.
-    mobilities : inverse [1/kg] of the inertia that each puts behind the contact.
+    start : (J,) velocities of the modes of each; `pull` the forces of gravity, None without.
     local : half-space compliance [m/N] of the patches.
     """
 
     given: tuple[LinearBody, LinearBody]
     checked: tuple[Body, Body]
     modes: tuple[ModalBody, ModalBody]
-    block: Array
-    omega: Array
-    decay: Array
-    beta: Array
-    v: Array
-    load: Array
-    r: float
-    mobilities: tuple[float, float]
+    start: tuple[Array, Array]
+    pull: Sequence[Array | None]
     local: float
 
     @property
     def bodies(self) -> tuple[SceneBody, SceneBody]:
         """The structure and the impactor as a scene has them, with their motion at the start."""
-        count = self.modes[0].omega.size
-        structure, striker = zip(self.given, self.checked, self.modes, strict=True)
-        return (
-            single_site_body("structure", *structure, self.v[:count]),
-            single_site_body("impactor", *striker, self.v[count:]),
-        )
+        structure, striker = zip(self.given, self.checked, self.modes, self.start, strict=True)
+        return single_site_body("structure", *structure), single_site_body("impactor", *striker)
 
     @property
     def mass(self) -> float:
         """Inertia [kg] behind the contact."""
-        mobility = sum(self.mobilities)
+        mobility = self.modes[0].mobility + self.modes[1].mobility
         return 1 / mobility if mobility > 0 else 1.0
 
-    def check_span(self, duration: float) -> None:
-        """InputError if nothing can move, AccuracyError if rounding destroys the phase in a
-        `duration` [s]."""
-        if not self.omega.size:
-            raise InputError(
-                "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
-                " or an impactor with a mass."
-            )
-        fastest = float(self.omega[self.omega.argmax()])
-        if fastest * duration > LARGEST_PHASE:
-            raise AccuracyError(
-                f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
-                f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g}"
-                " s, or take fewer anti-oscillators."
-            )
+    def gap(self, given: float | None) -> float:
+        """Distance [m] at the start; None: that of the obstacle."""
+        return self.checked[1].gap if given is None else checks.nonnegative("gap", given, "m")
+
+    def posed(self, law: ContactLaw, gap: float) -> System:
+        """The system of both with a contact."""
+        one, other = self.modes
+        bodies = [
+            BodyModes(body.omega, body.decay, body.closing, start, None, pull)
+            for body, start, pull in zip(self.modes, self.start, self.pull, strict=True)
+        ]
+        coupled = one.damping is not None or other.damping is not None
+        first = stacked_first_order(self.bodies) if coupled else None
+        return posed(bodies, [law], np.array([[one.r + other.r]]), gap, first=first)
+
+
+def check_span(system: System, duration: float) -> None:
+    """InputError if nothing can move, AccuracyError if rounding destroys the phase in a
+    `duration` [s]."""
+    omega = system.omega
+    if not omega.size:
+        raise InputError(
+            "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0,"
+            " or an impactor with a mass."
+        )
+    fastest = float(omega[omega.argmax()])
+    if fastest * duration > LARGEST_PHASE:
+        raise AccuracyError(
+            f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
+            f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g}"
+            " s, or take fewer anti-oscillators."
+        )
 
 
 class Impact(NamedTuple):
@@ -146,31 +150,12 @@ def modal_pair(impact: Impact) -> Pair:
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
     start, strike = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
-    loads = _gravity_loads(structure, striker, gravity)
-    count = structure.omega.size
-    size, r = count + striker.omega.size, structure.r + striker.r
-    block = np.zeros(6 * size + 3)
-    rows = block[: 3 * size].reshape(3, size)
-    rows[:, :count], rows[:, count:] = structure.closing, striker.closing
-    omega, decay, beta = rows
-    load, v = block[3 * size + 2 : 4 * size + 2], block[5 * size + 3 :]
-    v[:count], v[count:] = start, strike if isinstance(other.velocity, Motion) else -strike
-    for own, pull in zip((load[:count], load[count:]), loads, strict=True):
-        if pull is not None:
-            own[...] = pull
-    block[3 * size] = r
     return Pair(
         given=(model, impactor),
         checked=(one, other),
         modes=(structure, striker),
-        block=block,
-        omega=omega,
-        decay=decay,
-        beta=beta,
-        v=v,
-        load=load,
-        r=r,
-        mobilities=(structure.mobility, striker.mobility),
+        start=(start, strike if isinstance(other.velocity, Motion) else -strike),
+        pull=_gravity_loads(structure, striker, gravity),
         local=one.local_compliance + other.local_compliance,
     )
 
@@ -183,43 +168,16 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     if not stretch:
         refuse_stretch({"structure": impact.model, "impactor": impact.impactor})
     model, impactor, contact, duration, _, gravity, gap = impact
-    made = modal_pair(impact)
-    made.check_span(duration)
+    pair = modal_pair(impact)
     checks.instance("contact", contact, ContactLaw, LAW)
-    law, notes = without_patch(contact, made.local, "structure", "impactor")
-    gap = made.checked[1].gap if gap is None else checks.nonnegative("gap", gap, "m")
-    mass = made.mass
-    depth, speed, contact_time_estimate = expected_contact(
-        law, mass, made.beta, made.v, made.load, gap, duration
-    )
-    parts = partial(_parts, contact, gap, gravity, made)
-    one, other = made.modes
-    coupled = one.damping is not None or other.damping is not None
-    block, size = made.block, made.omega.size
-    block[4 * size + 2] = gap
-    scales = np.array([mass, depth, speed, 0.0])
-    system = System(
-        omega=made.omega,
-        decay=made.decay,
-        beta=made.beta[None],
-        R=block[3 * size : 3 * size + 1, None],
-        breaks=block[3 * size + 1 : 3 * size + 2],
-        loads=made.load[None],
-        offsets=block[4 * size + 2 : 4 * size + 3, None],
-        laws=[law],
-        slip=_NO_FRICTION,
-        tangents=_NO_TANGENTS,
-        q=block[4 * size + 3 : 5 * size + 3],
-        v=made.v,
-        mass=scales[:1],
-        depth=scales[1:2],
-        speed=scales[2:3],
-        pressed=scales[3:],
-        first=stacked_first_order(made.bodies) if coupled else None,
-    )
-    system.block = block
+    law, notes = without_patch(contact, pair.local, "structure", "impactor")
+    gap = pair.gap(gap)
+    system = pair.posed(law, gap)
+    check_span(system, duration)
+    contact_time = expect_only_contact(system, pair.mass, duration)
+    parts, (one, other) = partial(_parts, contact, gap, gravity, pair), pair.modes
     turns, thin = may_rotate(one) or may_rotate(other), is_thin(model) or is_thin(impactor)
-    return Assembly(parts, _ROW, [law], notes, system, contact_time_estimate, turns, thin)
+    return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin)
 
 
 def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pair: Pair) -> Parts:
@@ -300,6 +258,7 @@ def impact_band(
     return BAND_OVER_PULSE / (2 * pulse)
 
 
+CONTACT = cast("np.dtype[np.void]", np.dtype(library.Contact))
 IMPACT = cast("np.dtype[np.void]", np.dtype(library.Impact))
 OUTCOME = cast("np.dtype[np.void]", np.dtype(library.Outcome))
 
@@ -332,41 +291,41 @@ class ImpactRows:
     def __init__(
         self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
     ) -> None:
-        first = impacts[0].impactor
-        self.pair = made = modal_pair(impacts[0])
-        count, size = len(impacts), made.omega.size
-        beta, v = np.tile(made.beta, (count, 1)), np.tile(made.v, (count, 1))
-        mobility = np.full(count, sum(made.mobilities))
-        if any(each.impactor is not first for each in impacts):  # rigid ones, see `group`
-            strikers = [cast("RigidMass | Sphere", each.impactor) for each in impacts]
-            b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
-            beta[:, -1] = -b
-            v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
-            mobility = made.mobilities[0] + b * b
-        self.laws = cast(
-            "list[Compiled]", _laws_without_patch([each.contact for each in impacts], made.local)
-        )
-        self.given = given = np.zeros(count, IMPACT)
-        self._held = [made.omega, made.decay, beta, v, made.load, *_rotation_rows(made)]
-        omega, decay, rows, speeds, load, *turning = map(library.address, self._held)
-        each = 8 * size * np.arange(count, dtype=np.uintp)
-        given["n_modes"], given["omega"], given["decay"] = size, omega, decay
-        given["beta"], given["v"], given["load"] = rows + each, speeds + each, load
-        if turning:
-            given["n_turning"], given["turning"] = len(self._held[-1]), turning[0]
-        kernels = [law.kernel[0] for law in self.laws]
-        for name in ("kind", "n_params", "params"):
-            given["law"][name] = [getattr(kernel, name) for kernel in kernels]
-        given["residual"] = made.r
-        given["mass"] = np.where(mobility > 0, 1 / np.where(mobility > 0, mobility, 1.0), 1.0)
-        own = made.checked[1].gap
-        given["gap"] = [
-            own if each.gap is None else checks.nonnegative("gap", each.gap, "m")
-            for each in impacts
-        ]
-        given["duration"] = [checks.positive("duration", each.duration, "s") for each in impacts]
-        made.check_span(float(given["duration"].max()))
-        given["rel_tol"], given["max_contacts"], given["max_steps"] = tol, max_contacts, max_steps
+        self.pair, count = modal_pair(impacts[0]), len(impacts)
+        self.laws = _laws_without_patch([each.contact for each in impacts], self.pair.local)
+        gaps = np.array([self.pair.gap(each.gap) for each in impacts])
+        durations = [checks.positive("duration", each.duration, "s") for each in impacts]
+        system = self.pair.posed(self.laws[0], gaps[0])
+        check_span(system, max(durations))
+        contacts = np.repeat(np.frombuffer(system.packed.contacts, CONTACT), count)
+        contacts["mass"] = self.pair.mass
+        if any(law is not self.laws[0] for law in self.laws):
+            kernels = [law.kernel[0] for law in self.laws]
+            for name in ("kind", "n_params", "params"):
+                contacts["law"][name] = [getattr(kernel, name) for kernel in kernels]
+        rows = {"offsets": gaps, "contacts": contacts}
+        if any(each.impactor is not impacts[0].impactor for each in impacts):
+            rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
+        turning = _rotation_rows(self.pair)
+        options = library.Options(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
+        turns = len(turning), library.address(turning) if len(turning) else None
+        one = library.Impact(system.packed.system, options, *turns)
+        self.given = np.repeat(np.frombuffer(one, IMPACT), count)
+        self.given["options"]["duration"] = durations
+        bodies, number = self.given["system"], np.arange(count)
+        for name, values in rows.items():
+            bodies[name] = library.address(values) + values.strides[0] * number
+        self._held = system, turning, rows
+
+    def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
+        """Of each rigid impactor (`Impact.group`) the displacements and velocities (S, J) of the
+        modes, and the inertia (S,) [kg] behind its contact."""
+        count, strikers = len(impacts), [cast("RigidMass", each.impactor) for each in impacts]
+        beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
+        b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
+        beta[:, -1] = -b
+        v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
+        return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solved(
         self, done: Callable[[int], None]
@@ -375,7 +334,7 @@ class ImpactRows:
 
         `done` is told how many are solved, now and then.
         """
-        given, size = self.given, self.pair.omega.size
+        given, size = self.given, self._held[0].omega.size
         space = _workspace(size)
         outcomes, count = np.zeros(len(given), OUTCOME), c_int64()
         pulses: list[tuple[Array, Array]] = []
@@ -392,7 +351,7 @@ class ImpactRows:
         return outcomes, pulses
 
 
-def _laws_without_patch(contacts: Iterable[ContactLaw], local: float) -> list[ContactLaw]:
+def _laws_without_patch(contacts: Iterable[ContactLaw], local: float) -> list[Compiled]:
     """The laws as the march takes them."""
     found: dict[int, ContactLaw] = {}
     laws = []
@@ -401,20 +360,21 @@ def _laws_without_patch(contacts: Iterable[ContactLaw], local: float) -> list[Co
             checks.instance("contact", contact, ContactLaw, LAW)
             found[id(contact)] = without_patch(contact, local, "structure", "impactor")[0]
         laws.append(found[id(contact)])
-    return laws
+    return cast("list[Compiled]", laws)
 
 
-def _rotation_rows(made: Pair) -> list[Array]:
-    """Rotation vectors (n, 3, J) by the modes of the bodies that may turn, [] without one."""
-    found, begin = [], 0
-    for body in made.bodies:
-        span = slice(begin, begin + body.omega.size)
-        begin = span.stop
+def _rotation_rows(pair: Pair) -> Array:
+    """Rotation vectors (n, 3, J) by the modes of the n bodies that may turn."""
+    turning: list[Array] = []
+    if not any(map(may_rotate, pair.modes)):
+        return np.array(turning)
+    spans = side_by_side([body.omega.size for body in pair.modes])
+    for body, own in zip(pair.bodies, spans, strict=True):
         if may_rotate(body):
-            turning = np.zeros((3, made.omega.size))
-            turning[:, span] = body.rotation(np.eye(body.omega.size)).T
-            found.append(turning)
-    return [np.array(found)] if found else []
+            rows = np.zeros((3, spans[-1].stop))
+            rows[:, own] = body.rotation(np.eye(body.omega.size)).T
+            turning.append(rows)
+    return np.array(turning)
 
 
 class _Workspace:

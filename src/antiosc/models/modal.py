@@ -99,7 +99,7 @@ class Damping(FieldsRepr):
 
 
 def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | None:
-    """A Damping from a Damping, one ratio or a ratio for each mode; None for None."""
+    """A Damping of itself, of one ratio or of the ratios of the modes; None for None."""
     if value is None or isinstance(value, Damping):
         return value
     return Damping(ratio=value)
@@ -125,7 +125,7 @@ class FreeModes(ReprMixin):
     damping: DampingMatrix | None = None
 
     def _check_modes(self, *points: int | None) -> None:
-        """Check and store the common attributes; `points` is the axis of the contact points."""
+        """Check and store what both have; `points` is the axis of the contact points."""
         omega = checks.array("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
@@ -168,7 +168,7 @@ class FreeModes(ReprMixin):
 
     @property
     def _size(self) -> int:
-        """Number of the body's coordinates."""
+        """Number of the body's own coordinates."""
         return len(self.omega) if self.shape is None else len(self.shape)
 
     @property
@@ -183,7 +183,7 @@ class FreeModes(ReprMixin):
 
     @property
     def columns(self) -> dict[str, tuple[int, ...]]:
-        """Columns of each contact point; "" names the one of a `ModalBody`."""
+        """Columns of each contact point; the one of a `ModalBody` has the name ""."""
         return {"": (0,)}
 
     @property
@@ -192,8 +192,7 @@ class FreeModes(ReprMixin):
         raise NotImplementedError
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Coordinates (..., C) from modal displacements (..., J) and forces (..., P) on the
-        columns.
+        """Own coordinates (..., C) for modal ones (..., J) and forces (..., P) on the columns.
 
         Of one contact point the forces may be (...,) too, or one number for all.
         """
@@ -214,14 +213,14 @@ class FreeModes(ReprMixin):
         return np.asarray(x + force @ self.residual.reshape(-1, points).T)
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
-        """Amplitudes (..., B) of the columns of `basis` for coordinates (..., C)."""
+        """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
         x = checks.array("coordinates", coordinates, None)
         if x.ndim == 0 or x.shape[-1] != self._size:
             raise InputError(f"coordinates must have shape (..., {self._size}); got {x.shape}.")
         return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
 
     def field(self, coordinates: ArrayLike) -> Array:
-        """Displacements (..., n) of the whole body for coordinates (..., C)."""
+        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
         if self.basis is None:
             raise InputError(NO_SHAPES)
         return superposed(self.basis, self.amplitudes(coordinates))
@@ -240,7 +239,7 @@ class FreeModes(ReprMixin):
 
     @cached_property
     def _rigid_mobility(self) -> tuple[Array, float]:
-        """Displacements (J,) of the only column in rigid-body modes, and its mobility [1/kg]."""
+        """Rigid-body part (J,) of the displacements of the one column, and its mobility [1/kg]."""
         along = np.where(self.omega == 0, self.B[:, 0], 0.0)
         return along, float(along @ along)
 
@@ -300,7 +299,7 @@ class FreeModes(ReprMixin):
         return start
 
     def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """Modal velocities of a rigid motion (6,), and its share of energy outside the modes."""
+        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         whole = float(motion @ inertia.matrix @ motion)
         if not np.any(motion):
@@ -354,7 +353,7 @@ class ModalBody(FreeModes):
 
     @property
     def axes(self) -> Array | None:
-        """The direction of the contact point, (1, 3)."""
+        """The direction, (1, 3)."""
         return None if self.direction is None else self.direction[None]
 
     @cached_property
@@ -370,13 +369,12 @@ class ModalBody(FreeModes):
 
     @cached_property
     def closing(self) -> Array:
-        """Frequencies, decays, and closing displacements (3, J) of the modes."""
-        decay = np.zeros(self.omega.size) if self.decay is None else self.decay
-        return np.array([self.omega, decay, -self.b])
+        """Displacements (J,) of the modes that close a contact."""
+        return -self.b
 
 
 def unchecked_body(**known: object) -> ModalBody:
-    """A `ModalBody` without checks, from values derived from checked ones."""
+    """Create a `ModalBody` without checks, from numbers that follow from checked ones."""
     body = ModalBody.__new__(ModalBody)
     vars(body).update(known)
     return body

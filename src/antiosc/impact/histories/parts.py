@@ -317,13 +317,10 @@ class OneContact:
         """The numbers of the contact, and those of each of its touches."""
         run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
         record, held = record_of(run)
-        system, (m, size) = a.system, a.system.beta.shape
-        lost = (~system.undamped).astype(float)  # of a mode it counts alone whether it is damped
-        arrays = [
-            np.ascontiguousarray(each) for each in (system.omega, lost, system.beta, system.loads)
-        ]
-        *modes, loads = map(library.address, arrays)
-        bodies = library.System(size, m, len(a.laws), system.breaks.size, *modes, None, None, loads)
+        system = posed = a.system
+        size = system.omega.size
+        if system.first is not None:  # of a mode it counts alone whether it is damped
+            posed = replace(system, decay=(~system.undamped).astype(float), first=None)
         if run.states is not None and run.every == 1 and system.first is None:
             held.append(np.ascontiguousarray(run.states))
             velocities, stride = library.address(held[-1]) + 8 * size, 2 * size
@@ -332,7 +329,8 @@ class OneContact:
             held.append(starts(run, system, steps)[1])
             velocities, stride = library.address(held[-1]), 0
         given = self._row, goes_on, found.size, library.address(found), velocities, stride
-        return library.library.aom_read_contact(byref(bodies), byref(record), *given)
+        bodies = byref(posed.packed.system)
+        return library.library.aom_read_contact(bodies, byref(record), *given)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
