@@ -246,9 +246,10 @@ def posed(
     friction[:, 0] = len(R)
     if tangents is not None:
         friction[...] = tangents
+    mass, depth, speed, pressed = np.zeros((4, p))
     system = System(
-        omega, decay, beta, residual, times, loads, gaps, laws, np.zeros((p, 2)),
-        friction, q, v, *np.zeros((4, p)), first=first,
+        omega, decay, beta, residual, times, loads, gaps, laws, np.zeros((p, 2)), friction, q, v,
+        mass, depth, speed, pressed, first=first,
     )  # fmt: skip
     system.block = block
     return system

@@ -87,36 +87,36 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     Returns the shortest expected time [s] of a contact. local : compliance [m/N] of the patches of
     each contact.
     """
-    p, gaps = len(system.laws), system.offsets[0]
+    p = len(system.laws)
+    gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
     system.mass[:] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
-    push, speed = np.zeros(p), _largest_component(system.beta[:p], modal[None])
+    push, closing = np.zeros(p), _largest_component(system.beta[:p], modal[None])
     if system.loads.any():
         # what is at rest is set in motion by the others, at their speed, or by the loads
         push = _largest_component(system.beta[:p], system.loads)
-        falling = np.sqrt(2 * push * np.maximum(gaps[:p], 1e-3 * duration**2 * push))
-        speed = np.maximum(speed, np.minimum(falling, push * duration))
-    most = float(speed.max())
+        falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
+        closing = np.maximum(closing, np.minimum(falling, push * duration))
+    most = float(closing.max())
     if most == 0.0:
         system.depth[:] = system.speed[:] = 1e-300
-        rubbing = [c for c, contact in enumerate(scene.contacts) if contact.friction]
-        for c in rubbing:
-            contact = scene.contacts[c]
-            system.slip[c] = contact.friction, contact.tangential_stiffness or 1.0
+        for c, contact in enumerate(scene.contacts):
+            if contact.friction > 0:
+                system.slip[c] = contact.friction, contact.tangential_stiffness or 1.0
         return duration / 16
-    system.speed[:] = np.where(speed > 1e-6 * most, speed, most)
-    contact_time = duration / 2
+    system.speed[:] = np.where(closing > 1e-6 * most, closing, most)
+    shortest = duration / 2
     for c, law in enumerate(system.laws):
-        speed, mass = float(system.speed[c]), float(system.mass[c])
-        farthest = float(system.speed[c] * duration + push[c] * duration**2)
-        blow = _Blow(speed, 0.5 * mass * speed**2, float(push[c] * mass), farthest)
+        speed, mass, pushed = float(system.speed[c]), float(system.mass[c]), float(push[c])
+        farthest = speed * duration + pushed * duration**2
+        blow = _Blow(speed, 0.5 * mass * speed**2, pushed * mass, farthest)
         depth = largest_indentation(law, *blow)
-        mean_speed = speed + sqrt(2 * push[c] * depth)
-        contact_time = min(contact_time, 3 * depth / mean_speed)
+        mean_speed = speed + sqrt(2 * pushed * depth)
+        shortest = min(shortest, 3 * depth / mean_speed)
         system.depth[c] = depth
         if scene.contacts[c].friction > 0:
-            system.slip[c] = _friction(scene.contacts[c], law, blow, local[c])
-    return contact_time
+            system.slip[c] = _friction(scene.contacts[c], law, blow, float(local[c]))
+    return shortest
 
 
 class _Blow(NamedTuple):

@@ -278,6 +278,11 @@ def _has_coupled_damping(body: LinearBody) -> bool:
         return False
 
 
+def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
+    """A C structure so many times."""
+    return np.repeat(np.frombuffer(cast("bytes", structure), kind), count)
+
+
 class ImpactRows:
     """Impacts of one group: the two bodies of the first, and what the march takes.
 
@@ -297,7 +302,7 @@ class ImpactRows:
         durations = [checks.positive("duration", each.duration, "s") for each in impacts]
         system = self.pair.posed(self.laws[0], gaps[0])
         check_span(system, max(durations))
-        contacts = np.repeat(np.frombuffer(system.packed.contacts, CONTACT), count)
+        contacts = _copies(system.packed.contacts, CONTACT, count)
         contacts["mass"] = self.pair.mass
         if any(law is not self.laws[0] for law in self.laws):
             kernels = [law.kernel[0] for law in self.laws]
@@ -310,7 +315,7 @@ class ImpactRows:
         options = library.Options(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
         turns = len(turning), library.address(turning) if len(turning) else None
         one = library.Impact(system.packed.system, options, *turns)
-        self.given = np.repeat(np.frombuffer(one, IMPACT), count)
+        self.given = _copies(one, IMPACT, count)
         self.given["options"]["duration"] = durations
         bodies, number = self.given["system"], np.arange(count)
         for name, values in rows.items():
