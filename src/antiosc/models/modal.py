@@ -99,7 +99,7 @@ class Damping(FieldsRepr):
 
 
 def as_damping(value: float | Sequence[float] | Damping | None) -> Damping | None:
-    """A Damping of itself, of one ratio or of the ratios of the modes; None for None."""
+    """A Damping from a Damping, one ratio or a ratio for each mode; None for None."""
     if value is None or isinstance(value, Damping):
         return value
     return Damping(ratio=value)
@@ -125,7 +125,7 @@ class FreeModes(ReprMixin):
     damping: DampingMatrix | None = None
 
     def _check_modes(self, *points: int | None) -> None:
-        """Check and store what both have; `points` is the axis of the contact points."""
+        """Check and store the common attributes; `points` is the axis of the contact points."""
         omega = checks.array("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
@@ -168,7 +168,7 @@ class FreeModes(ReprMixin):
 
     @property
     def _size(self) -> int:
-        """Number of the body's own coordinates."""
+        """Number of the body's coordinates."""
         return len(self.omega) if self.shape is None else len(self.shape)
 
     @property
@@ -183,7 +183,7 @@ class FreeModes(ReprMixin):
 
     @property
     def columns(self) -> dict[str, tuple[int, ...]]:
-        """Columns of each contact point; the one of a `ModalBody` has the name ""."""
+        """Columns of each contact point; "" names the one of a `ModalBody`."""
         return {"": (0,)}
 
     @property
@@ -192,7 +192,8 @@ class FreeModes(ReprMixin):
         raise NotImplementedError
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Own coordinates (..., C) for modal ones (..., J) and forces (..., P) on the columns.
+        """Coordinates (..., C) from modal displacements (..., J) and forces (..., P) on the
+        columns.
 
         Of one contact point the forces may be (...,) too, or one number for all.
         """
@@ -213,14 +214,14 @@ class FreeModes(ReprMixin):
         return np.asarray(x + force @ self.residual.reshape(-1, points).T)
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
-        """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
+        """Amplitudes (..., B) of the columns of `basis` for coordinates (..., C)."""
         x = checks.array("coordinates", coordinates, None)
         if x.ndim == 0 or x.shape[-1] != self._size:
             raise InputError(f"coordinates must have shape (..., {self._size}); got {x.shape}.")
         return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
 
     def field(self, coordinates: ArrayLike) -> Array:
-        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
+        """Displacements (..., n) of the whole body for coordinates (..., C)."""
         if self.basis is None:
             raise InputError(NO_SHAPES)
         return superposed(self.basis, self.amplitudes(coordinates))
@@ -239,7 +240,7 @@ class FreeModes(ReprMixin):
 
     @cached_property
     def _rigid_mobility(self) -> tuple[Array, float]:
-        """Rigid-body part (J,) of the displacements of the one column, and its mobility [1/kg]."""
+        """Displacements (J,) of the only column in rigid-body modes, and its mobility [1/kg]."""
         along = np.where(self.omega == 0, self.B[:, 0], 0.0)
         return along, float(along @ along)
 
@@ -299,7 +300,7 @@ class FreeModes(ReprMixin):
         return start
 
     def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
+        """Modal velocities of a rigid motion (6,), and its share of energy outside the modes."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         whole = float(motion @ inertia.matrix @ motion)
         if not np.any(motion):
@@ -353,7 +354,7 @@ class ModalBody(FreeModes):
 
     @property
     def axes(self) -> Array | None:
-        """The direction, (1, 3)."""
+        """The direction of the contact point, (1, 3)."""
         return None if self.direction is None else self.direction[None]
 
     @cached_property
@@ -374,7 +375,7 @@ class ModalBody(FreeModes):
 
 
 def unchecked_body(**known: object) -> ModalBody:
-    """Create a `ModalBody` without checks, from numbers that follow from checked ones."""
+    """A `ModalBody` without checks, from values derived from checked ones."""
     body = ModalBody.__new__(ModalBody)
     vars(body).update(known)
     return body
