@@ -19,7 +19,7 @@ from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight
-from antiosc_studies.drops.trajectory import hung
+from antiosc_studies.drops.trajectory import initial_state
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "support"))
 from falling import G, bar, block, floating, landed, setting, started
@@ -62,7 +62,7 @@ def block_off(friction: float, rounded: float) -> float:
     body.balls[:] = rounded
     where = setting(ao.Hertz(k), friction, impacts=1)
     spin = np.array([9.0, -14.0, 26.0])
-    start = hung(body, where, tilted(np.array([30.0, 40.0, 5.0])), spin, np.zeros(3))
+    start = initial_state(body, where, tilted(np.array([30.0, 40.0, 5.0])), spin, np.zeros(3))
     one = fall_of(body, start, where).episodes[0]
     _, v, L, peak = landed(body, one, k, friction)
     force = one.forces()[1].sum(axis=1).max() / peak - 1

@@ -99,9 +99,9 @@ class Whole:
     def element_labels(self) -> IntArray:
         """Numbers of the elements that are cells, of all instances, in the order of the deck's."""
         labels = np.zeros(self.deck.n_elements, dtype=np.int64)
-        for one in self.instances.values():
-            known = one.mesh.elements
-            rows = one.placed("ELSET", known.order)
+        for instance in self.instances.values():
+            known = instance.mesh.elements
+            rows = instance.placed("ELSET", known.order)
             labels[rows[rows < OTHER]] = known.labels[rows < OTHER]
         return labels
 

@@ -294,7 +294,7 @@ class Sections:
                 return
             rows = [Row(f"{thickness!r},,{material.name},0", card, card.place)]
         layers, axes = self._laminate(card, elements, rows)
-        thickness = sum(one["thickness"] for one in layers) / self.builder.units.length
+        thickness = sum(layer["thickness"] for layer in layers) / self.builder.units.length
         family = Family("Laminate", {"layers": layers}, card.place)
         self.builder.add_shells(name, elements, family, -share * thickness, axes)
         nodes = self.whole.deck.nodes_of(elements)

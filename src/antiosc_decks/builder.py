@@ -311,7 +311,7 @@ def add_total(
 def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
     """Rows: dimension, thickness or area across it, density of elements, in the deck's units."""
     place.needs(len(elements), "the nonstructural mass is on no element with a section.")
-    return np.array([_section(builder, int(one), place) for one in elements], dtype=float).T
+    return np.array([_section(builder, int(element), place) for element in elements], dtype=float).T
 
 
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:

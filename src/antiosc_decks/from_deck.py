@@ -21,7 +21,7 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.assemble import put_together
+from antiosc.fem.assembly.assemble import assemble_checked
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.elements import Layer, Section
 from antiosc.fem.elements.beam import Beam, Truss
@@ -83,7 +83,7 @@ def joined(
             for group, fix in model["supports"]
             if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
         ]
-    return put_together(
+    return assemble_checked(
         parts,
         made,
         points=points,

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.joint import Held, Joint, Rows, Stiffness, following
+from antiosc.fem.assembly.joint import HeldDofs, Joint, Rows, Stiffness, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.mesh import projected
 from antiosc.fem.platform import compat
@@ -396,7 +396,7 @@ def _in_one_body(
         own = dependent.get(motion, {})
         followers.append({n for n in numbers if n in own})
         leaders |= {term[0] for n in followers[-1] for term in equations[own[n]][1:]}
-    alike = all(one == followers[0] for one in followers)
+    alike = all(follower == followers[0] for follower in followers)
     return alike and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
 
 
@@ -457,7 +457,7 @@ class SharedNodes(Joint):
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
         ordered = sorted(
             layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
@@ -567,7 +567,7 @@ class NodeConstraints(Joint):
     dampers: Sequence[tuple[Sequence[Term], float]] = ()
     name: str | None = "constraints of the deck"
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """One row for each constraint, those between its nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
         own = nodes.functionals(self.equations)
@@ -575,9 +575,9 @@ class NodeConstraints(Joint):
         dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
         rows = [Rows(own, dependent, label)] if own.shape[0] else []
         nodes.fixed = held.fixed.copy()
-        for one in held.rows:
-            alone = np.diff(one.matrix.indptr) == 1
-            nodes.fixed[one.matrix[alone].indices] = True
+        for row in held.rows:
+            alone = np.diff(row.matrix.indptr) == 1
+            nodes.fixed[row.matrix[alone].indices] = True
         between = between_nodes(nodes, self.equations, own, self.among)
         if between.shape[0]:
             rows.append(Rows.free(between, label))

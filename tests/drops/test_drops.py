@@ -21,7 +21,7 @@ from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight, State, free_rotation, most, ringing
 from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.layer import with_layer_contact
-from antiosc_studies.drops.trajectory import hung
+from antiosc_studies.drops.trajectory import initial_state
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
@@ -286,7 +286,7 @@ def test_what_a_hand_over_keeps(friction: float) -> None:
     body = bar()
     body.decay = np.zeros(2)
     where = setting(ao.Hertz(1e9), friction, impacts=3, tol=1e-4 if friction else 1e-5)
-    start = hung(
+    start = initial_state(
         body, where, tilted(np.array([8.0, 14.0, 5.0])), np.array([9.0, -4.0, 6.0]), np.zeros(3)
     )
     fall = fall_of(body, start, where)
@@ -355,7 +355,7 @@ def test_a_spinning_block_lands_as_eulers_equations_say(friction: float, rounded
     body, k = free_body(block(), 0, None, None), 1e6
     body.balls[:] = rounded
     where = setting(ao.Hertz(k), friction, impacts=1)
-    start = hung(
+    start = initial_state(
         body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
     )
     one = fall_of(body, start, where).episodes[0]
@@ -373,7 +373,7 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
     """In a new orientation, with friction and damping: no matter where the contact is cut."""
     body, found = free_body(block(), 0, None, None), []
     where = setting(law, 0.3, impacts=1)
-    start = hung(
+    start = initial_state(
         body, where, tilted(np.array([30.0, 40.0, 5.0])), np.array([9.0, -14.0, 26.0]), np.zeros(3)
     )
     for turns in (1.0, 0.05):

@@ -16,7 +16,7 @@ from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Setting
-from antiosc_studies.drops.trajectory import hung
+from antiosc_studies.drops.trajectory import initial_state
 
 G = 9.80665
 
@@ -60,7 +60,7 @@ def setting(law: ao.ContactLaw, friction: float = 0.0, **rest: float) -> Setting
 
 
 def started(body: FreeBody, where: Setting, tilt: tuple[float, ...]) -> State:
-    return hung(body, where, tilted(np.array(tilt)), np.zeros(3), np.zeros(3))
+    return initial_state(body, where, tilted(np.array(tilt)), np.zeros(3), np.zeros(3))
 
 
 def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.ndarray, ...]:

@@ -267,9 +267,9 @@ def flag(name: str, value: object) -> bool:
 def choice(name: str, value: object, options: Collection[C]) -> C:
     """`value` if it is one of `options`, or InputError."""
     if value is None or (isinstance(value, str | int) and not isinstance(value, bool)):
-        for one in options:
-            if one == value:
-                return one
+        for option in options:
+            if option == value:
+                return option
     *some, last = map(repr, options)
     raise InputError(f"{name} must be {', '.join(some)} or {last}; got {shown(value)}.")
 
@@ -350,10 +350,10 @@ def list_of(name: str, value: object, kind: type[C] | tuple[type[C], ...], what:
     items = [value] if isinstance(value, kind) else value
     if not isinstance(items, Sequence) or isinstance(items, str):
         items = [value]
-    for one in items:
-        if not isinstance(one, kind):
+    for item in items:
+        if not isinstance(item, kind):
             raise InputError(
-                f"{name} must be a list of {what}; got {type(one).__name__} {shown(one)} in it."
+                f"{name} must be a list of {what}; got {type(item).__name__} {shown(item)} in it."
             )
     return list(items)
 

@@ -95,7 +95,9 @@ def _begins(word: str, words: list[str]) -> bool:
 def _likeness(given: str, name: str) -> float:
     """Similarity (0 to 1) of two names; a part of a name counts as the whole."""
     pieces = [name, *name.split()]
-    return max(difflib.SequenceMatcher(None, given.lower(), one.lower()).ratio() for one in pieces)
+    return max(
+        difflib.SequenceMatcher(None, given.lower(), piece.lower()).ratio() for piece in pieces
+    )
 
 
 @cache

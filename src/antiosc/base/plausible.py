@@ -187,8 +187,8 @@ def of_model(*models: object) -> list[str]:
     """The sentences on implausible parts that were stored when the models were extracted."""
     return [
         str(text)
-        for one in models
-        for text in getattr(getattr(one, "info", None), "doubts", None) or ()
+        for model in models
+        for text in getattr(getattr(model, "info", None), "doubts", None) or ()
     ]
 
 
@@ -198,7 +198,7 @@ def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str
     `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
     velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
     """
-    given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
+    given = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
     speed = max(map(_fastest, given), default=0.0)
     wave = float(getattr(getattr(model, "info", None), "wave_speed", None) or 0.0)
     strained = 0 < wave < speed / LINEAR

@@ -399,7 +399,7 @@ class Settings:
 
 
 def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:
-    """A run by a method with its estimated errors: none of `solve_ivp`, and of a given step.
+    """A run by a method, with its estimated errors; there is no estimate for `solve_ivp`.
 
     Of `solve_ivp` the step is the longest.
     """

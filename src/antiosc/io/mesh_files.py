@@ -127,7 +127,7 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
 
 
 def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
-    """Index in their edges or faces of each of ours."""
+    """For each of our edges or faces, its index among theirs."""
     listed = [frozenset(one) for one in theirs]
     return np.array([listed.index(frozenset(one)) for one in ours])
 

@@ -283,7 +283,7 @@ def _begin(
 
 def _sheets(materials: Sequence[object]) -> bool:
     """Whether a part of these materials is a shell, perhaps stiffened by beams."""
-    return any(getattr(getattr(one, "kind", None), "sheet", False) for one in materials)
+    return any(getattr(getattr(material, "kind", None), "sheet", False) for material in materials)
 
 
 def _contact_radius(impactor: LinearBody, material: object, thickness: float) -> float:

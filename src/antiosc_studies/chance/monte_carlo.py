@@ -1,4 +1,4 @@
-"""`monte_carlo`: runs with inputs drawn from distributions, kept as they come."""
+"""`monte_carlo`: runs with inputs drawn from distributions, and their storage in a file."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.lines import with_lines
-from antiosc_studies.drops.trajectory import MOST_IMPACTS, hung
+from antiosc_studies.drops.trajectory import MOST_IMPACTS, initial_state
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -296,7 +296,7 @@ def _drawn(
     spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
     floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
     own = replace(setting, height=height, floor=floor)
-    return body, hung(body, own, R, spin, start.velocity), own
+    return body, initial_state(body, own, R, spin, start.velocity), own
 
 
 def _tumble(
@@ -433,7 +433,7 @@ def drop(
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))
     plausible.warn_each([plausible.of_blow(None, (), arrival, moving["velocity"])])
     R = orientation(body, tilt, face, edge, corner, toward)
-    start = hung(body, setting, R, **moving)
+    start = initial_state(body, setting, R, **moving)
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")

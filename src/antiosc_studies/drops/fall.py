@@ -29,7 +29,7 @@ from antiosc_studies.drops.trajectory import (
     Peak,
     Trajectory,
     contact_yield,
-    hung,
+    initial_state,
     trajectory,
     yielded,
 )
@@ -135,12 +135,12 @@ class Fall(Trajectory, Result):
     @property
     def peak_force(self) -> float:
         """Largest sum of the normal forces of all impacts [N]."""
-        return float(max((one.peak_force for one in self.impacts), default=0.0))
+        return float(max((impact.peak_force for impact in self.impacts), default=0.0))
 
     @property
     def fastest_spin(self) -> float:
         """Largest spin [rad/s] before and after the impacts."""
-        states = [self.start, *(one.end for one in self.episodes)]
+        states = [self.start, *(episode.end for episode in self.episodes)]
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
 
     # -- what a point feels
@@ -179,7 +179,7 @@ class Fall(Trajectory, Result):
         begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
         end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
         begin, end = max(begin, 0.0), min(end, self._lasting)
-        steps += [one.duration / 50 for one in self.episodes]
+        steps += [episode.duration / 50 for episode in self.episodes]
         steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
         step = max(min(steps), (end - begin) / MOST)
         t = begin + step * np.arange(max(int((end - begin) / step), 2))
@@ -195,13 +195,13 @@ class Fall(Trajectory, Result):
         if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
             raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
         begins, parts = [0.0], list[State | Episode]([self.start])
-        for one in self.episodes:
-            begins += [one.start.time, one.end.time]
-            parts += [one, one.end]
+        for episode in self.episodes:
+            begins += [episode.start.time, episode.end.time]
+            parts += [episode, episode.end]
         which, found = np.searchsorted(begins, t, side="right") - 1, np.zeros((t.size, 3))
         point = self._point(at)
         for k in np.unique(which):
-            found[which == k] = self._felt(parts[k], t[which == k] - begins[k], *point)
+            found[which == k] = self._specific_force(parts[k], t[which == k] - begins[k], *point)
         return found
 
     @property
@@ -226,7 +226,7 @@ class Fall(Trajectory, Result):
         found = source(body.structure)
         return x - body.centre, found.at_point(body.structure, body.basis, x, part, reach)
 
-    def _felt(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
+    def _specific_force(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
         """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
         body, gravity = self.body, self.setting.gravity
         if isinstance(part, Episode):
@@ -394,7 +394,7 @@ class Fall(Trajectory, Result):
     @property
     def missed(self) -> int:
         """Number of episodes whose contact forces do not reach `tol`."""
-        return sum(not one.error <= self.setting.tol for one in self.episodes)
+        return sum(not episode.error <= self.setting.tol for episode in self.episodes)
 
     # -- how far it is predictable, in words and pictures
 
@@ -407,7 +407,9 @@ class Fall(Trajectory, Result):
         own, known = self.impacts.column("peak_force"), len(self.impacts)
         body, setting, s = self.body, self.setting, self.start
         for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
-            nudged = hung(body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity)
+            nudged = initial_state(
+                body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity
+            )
             other = fall_of(body, nudged, setting).impacts.column("peak_force")
             count = min(len(own), len(other))
             off = np.abs(other[:count] / own[:count] - 1) > spread
@@ -452,7 +454,7 @@ class Fall(Trajectory, Result):
         if self.status == UNSETTLED:
             warn(f"the fall is ended {self.message}; give until=.", AccuracyWarning)
         if self.missed:
-            tol, most = self.setting.tol, max(one.error for one in self.episodes)
+            tol, most = self.setting.tol, max(episode.error for episode in self.episodes)
             known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
             warn(
                 f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
@@ -468,11 +470,11 @@ class Fall(Trajectory, Result):
     def _warn_of(self, layer: SoftLayer) -> None:
         """Warn of points pressed into a layer deeper than its law holds."""
         deep, over, place = 0.0, 0.0, 0.0
-        for one in self.episodes:
-            radii = one.body.radii[one.which].min(axis=1)
-            depth = one.sunk()
+        for episode in self.episodes:
+            radii = episode.body.radii[episode.which].min(axis=1)
+            depth = episode.sunk()
             k = int(np.argmax(depth / radii))
-            deep = max(deep, one.deepest)
+            deep = max(deep, episode.deepest)
             over, place = max((over, place), (float(depth[k] / radii[k]), float(radii[k])))
         if deep > layer.thickness:
             warn(

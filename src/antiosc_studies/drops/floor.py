@@ -57,7 +57,7 @@ class SoftLayer(FieldsRepr):
             raise InputError(f"loss is a loss factor of at most {LARGEST_LOSS:g}; got {self.loss}.")
 
 
-def cushion(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw:
+def layer_law(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw:
     """The law F = stiffness delta^exponent with the energy loss of a layer."""
     if layer.loss == 0.0:
         return Power(stiffness, exponent)
@@ -245,7 +245,7 @@ def law_of(
         bent = sqrt(low * high)
         if bent == 0.0:
             raise InputError("a line or a plane on a layer has no law of its own: give radius=.")
-        return cushion(floor.layer, pi * floor.layer.E / (bent * floor.layer.thickness), 2.0)
+        return layer_law(floor.layer, pi * floor.layer.E / (bent * floor.layer.thickness), 2.0)
     E, nu = material.tolist()
     own = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)
     if own.rigid and floor.face.matter.rigid:

@@ -20,7 +20,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc_studies.drops.flight import State
-from antiosc_studies.drops.floor import Setting, cushion
+from antiosc_studies.drops.floor import Setting, layer_law
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.layer_contact import LayerContact
 from antiosc_studies.drops.skin import skin_of
@@ -176,7 +176,7 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
         materials=np.vstack((body.materials, np.nan * none)),
         facing=None if body.facing is None else np.vstack((body.facing, 0 * points)),
         layer_contact=own,
-        laws={first + k: cushion(layer, float(stiffness[k]), float(n[k])) for k in each.tolist()},
+        laws={first + k: layer_law(layer, float(stiffness[k]), float(n[k])) for k in each.tolist()},
         idle=np.append(~surface.round, volumes[np.searchsorted(ways, deepest)] == 0),
         _placed=body._placed | {first + k: (shapes[k], rigid, none[k]) for k in each.tolist()},
     )

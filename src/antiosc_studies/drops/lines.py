@@ -59,8 +59,8 @@ def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
     body = _without(body)
     if not (plain and body.cylinders):
         return body
-    for one in body.cylinders:
-        body = _added(body, one, floor)
+    for cylinder in body.cylinders:
+        body = _added(body, cylinder, floor)
     return body
 
 

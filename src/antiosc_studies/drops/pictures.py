@@ -36,7 +36,7 @@ def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | 
     _posed(axes, fall, first, surface_of(fall))
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
-    touches = [one.start.time for one in fall.episodes]
+    touches = [episode.start.time for episode in fall.episodes]
     times = np.union1d(np.linspace(0.0, fall.end.time, DRAWN), touches)
     states = [at(fall, t) for t in times.tolist()]
     height.plot(times, [state.centre[2] for state in states], label="centre of mass")
@@ -138,5 +138,9 @@ def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path
 def at(fall: Trajectory, time: float) -> State:
     """The state at a time [s] of the fall; during a contact, its initial state."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
-    since = [one.start for one in fall.episodes if flight.start.time <= one.start.time <= time]
+    since = [
+        episode.start
+        for episode in fall.episodes
+        if flight.start.time <= episode.start.time <= time
+    ]
     return since[-1] if since else flight.at(time - flight.start.time)

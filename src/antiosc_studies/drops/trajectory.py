@@ -43,7 +43,9 @@ DEEP = 0.25
 NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 
 
-def hung(body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array) -> State:
+def initial_state(
+    body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array
+) -> State:
     """The initial state, with the lowest point at its height."""
     low = float((body.points @ R[2] - body.reach(R[2])).min())
     none = np.zeros(body.omega.size)

@@ -349,9 +349,9 @@ def prepared(
     count = MODES if modes is None and band is None else modes
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
         seen = free_sites(structure, matrices, where, direction, radius, count, band)
-    rows = np.array([of_shapes(one, structure, seen.phi) for one in sensors])
+    rows = np.array([of_shapes(sensor, structure, seen.phi) for sensor in sensors])
     r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia, structure.shift)
-    orders = np.array([one.derivative for one in sensors])
+    orders = np.array([sensor.derivative for sensor in sensors])
     return Monitored(seen, rows, orders, r, structure.mass)
 
 

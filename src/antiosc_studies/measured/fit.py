@@ -460,7 +460,7 @@ def _unlikely(data: Measured, weight: Array, modes: Modes) -> float:
 
 def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
     """The bodies whose probability is near that of the best, in order; at least some."""
-    costs = [_unlikely(data, fit.weight, one) for one in bodies]
+    costs = [_unlikely(data, fit.weight, body) for body in bodies]
     order = np.argsort(costs)
     least = min(costs)
     return [bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < least + PROBABLE]

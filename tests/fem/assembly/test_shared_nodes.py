@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.assembly.assemble import put_together
+from antiosc.fem.assembly.assemble import assemble_checked
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.reading import read_mesh
@@ -24,7 +24,7 @@ SHELL = ao.Shell(70e9, 0.3, 2700.0, 0.01)
 
 
 def joined_at_nodes(parts, numbers) -> ao.Structure:
-    return put_together(parts, [SharedNodes(numbers)])
+    return assemble_checked(parts, [SharedNodes(numbers)])
 
 
 def made(x: np.ndarray, cells: np.ndarray, cell: str) -> tuple[Mesh, np.ndarray]:

@@ -35,7 +35,7 @@ from antiosc.fem.assembly.assembled import (
 from antiosc.fem.assembly.joint import (
     Constraints,
     Eliminated,
-    Held,
+    HeldDofs,
     Joint,
     Redundant,
     Rows,
@@ -404,7 +404,7 @@ def assemble(
     AntioscWarning
         Constraints that follow from others; motions that the joints leave free.
     """
-    return put_together(
+    return assemble_checked(
         parts,
         list_of("joints", joints, Joint, "joints such as Tie and Hinge"),
         at,
@@ -416,7 +416,7 @@ def assemble(
     )
 
 
-def put_together(
+def assemble_checked(
     parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint],
     at: Mapping[str, Placement | Sequence[float]] | None = None,
@@ -503,7 +503,7 @@ def _joined(
     rows = [Rows.free(support_rows(layout, one), "") for one in held]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
-        rows += joint.constraints(layout, Held(rows, fixed), label)
+        rows += joint.constraints(layout, HeldDofs(rows, fixed), label)
         elastic += [replace(one, name=label) for one in joint.elastic(layout, label)]
     for one in attached:
         elastic += attachment(layout, one)

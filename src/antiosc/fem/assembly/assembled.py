@@ -115,7 +115,9 @@ def free_motions(
     N = _motions_of(bodies, layout.count)
     mechanisms = _excluding_rigid(N @ _null_space(rows @ N), rigid)
     moving = [
-        one for one in bodies if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
+        body
+        for body in bodies
+        if mechanisms.shape[1] and np.abs(mechanisms[body.rows]).max() > STILL
     ]
     return rigid, mechanisms, moving
 
@@ -123,9 +125,9 @@ def free_motions(
 def _motions_of(bodies: Sequence[RigidBody], size: int) -> Sparse:
     """The motions of all bodies as columns (size, k) of u."""
     rows, columns, values, count = [], [], [], 0
-    for one in bodies:
-        own = one.motions[:, np.abs(one.motions).max(axis=0) > 0]
-        rows.append(np.repeat(one.rows, own.shape[1]))
+    for body in bodies:
+        own = body.motions[:, np.abs(body.motions).max(axis=0) > 0]
+        rows.append(np.repeat(body.rows, own.shape[1]))
         columns.append(np.tile(count + np.arange(own.shape[1]), len(own)))
         values.append(own.ravel())
         count += own.shape[1]

@@ -193,7 +193,7 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) 
     """Warn of a joint whose ends are farther apart than the smaller of its two parts is long."""
     gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
     names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
-    sizes = [layout.members[one].part.mesh.extent() for one in names if one in layout.members]
+    sizes = [layout.members[name].part.mesh.extent() for name in names if name in layout.members]
     if gap > min(sizes, default=np.inf):
         a, b = (end_text(end) for end, _ in ends)
         warn(
@@ -346,7 +346,7 @@ def following(
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class HeldDofs:
     """The dofs that are held before the constraints of a joint are formed."""
 
     rows: Sequence[Rows]  # of the supports and of earlier joints
@@ -428,7 +428,7 @@ class Joint(Checked):
     def prepare(self, layout: Layout, label: str) -> None:
         """Add the reference points of the joint to the layout."""
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Constraints of the joint."""
         return []
 

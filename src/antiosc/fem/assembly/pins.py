@@ -18,7 +18,7 @@ from antiosc.fem.assembly.joint import (
     NAME,
     Between,
     End,
-    Held,
+    HeldDofs,
     Joint,
     Motion,
     Rows,
@@ -47,7 +47,7 @@ class _Pin(Between):
     point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Equal displacements and rotations of both ends, in the constrained directions."""
         ends = motion(layout, self.a), motion(layout, self.b)
         warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
@@ -118,7 +118,7 @@ class _Axis(_Pin):
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """As `Weld.constraints`; InputError in a plane structure for an axis that its motions
         exclude.
         """
@@ -232,7 +232,7 @@ class Equation(Joint):
         store(self, terms=terms)
         super().__post_init__()
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """The single row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
@@ -567,7 +567,7 @@ class Rigid(Joint):
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
             layout.points[label] = member.nodes[nodes].mean(axis=0)
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Every dof of the group equals the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)
@@ -614,7 +614,7 @@ class Mean(Joint):
     point: End = field(metadata=END)
     name: str | None = field(default=None, metadata=NAME)
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Displacement and rotation of the point equal the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
         nodes = member.nodes_of(group)

@@ -29,7 +29,7 @@ import scipy.spatial
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import checked_by, point_text, positive
 from antiosc.base.errors import InputError, warn
-from antiosc.fem.assembly.joint import NAME, Between, Held, Rows, group_end
+from antiosc.fem.assembly.joint import NAME, Between, HeldDofs, Rows, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
 from antiosc.fem.structure import skew
@@ -72,7 +72,7 @@ class Tie(Between):
 
     late: ClassVar[bool] = True
 
-    def constraints(self, layout: Layout, held: Held, label: str) -> list[Rows]:
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """Every free dof of the follower equals the displacement of the leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))

@@ -109,8 +109,10 @@ class Beam(Isotropic):
         """The length of the box; width and thickness of rectangles with the A and I of the
         sections.
         """
-        thickness = min((12 * one.section.I / one.section.A) ** 0.5 for one in materials)
-        return box[0], max(one.section.A for one in materials) / thickness, thickness
+        thickness = min(
+            (12 * material.section.I / material.section.A) ** 0.5 for material in materials
+        )
+        return box[0], max(material.section.A for material in materials) / thickness, thickness
 
 
 def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
@@ -330,5 +332,5 @@ class Truss(Isotropic):
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
         """The length of the box; sides of the thickest and thinnest bars, if square."""
-        areas = [one.area for one in materials]
+        areas = [material.area for material in materials]
         return box[0], sqrt(max(areas)), sqrt(min(areas))

@@ -382,7 +382,7 @@ class Sheet(Checked):
 
     def dimensions(self, box: Box, materials: Sequence[Sheet]) -> Box:
         """Length and width of the box; the least thickness."""
-        return box[0], box[1], min(one.section.thickness for one in materials)
+        return box[0], box[1], min(material.section.thickness for material in materials)
 
 
 @dataclass(frozen=True)

@@ -219,7 +219,7 @@ def numbered_elements(given: object) -> dict[str, list[int]]:
         what = f"elements[{text('a name in elements', name)!r}]"
         if not isinstance(numbers, list | tuple | range | np.ndarray) or len(numbers) == 0:
             raise InputError(f"{what} must be a list of numbers of elements; got {shown(numbers)}.")
-        found[name] = [whole(f"a number in {what}", one) for one in numbers]
+        found[name] = [whole(f"a number in {what}", number) for number in numbers]
     return found
 
 

@@ -93,14 +93,14 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     On a sheet or a line in space: cells on which another lies.
     """
     if kind.dim < points.shape[1]:
-        askew = _askew(points, cells)
+        askew = _inner_points(points, cells)
         on, cell = _on_sides(points, cells, kind.shape, askew)
         return np.unique(on[on != cell])
     facets, owner = _facets(cells, kind)
     first, second, outer = _matched(facets)
     a, b = (_beyond(points, facets[first], cells[owner[k]]) for k in (first, second))
     folded = owner[first][a * b > 0]
-    askew = _askew(points, facets[outer])
+    askew = _inner_points(points, facets[outer])
     found = [folded]
     for simplex in _SIMPLICES.get(kind.shape, [tuple(range(kind.vertices))]):
         corners = points[cells[:, list(simplex)]]
@@ -162,7 +162,7 @@ def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
     return np.einsum("ni,ni->n", points[cells].mean(axis=1) - x.mean(axis=1), normal)
 
 
-def _askew(points: Array, rows: IntArray) -> Array:
+def _inner_points(points: Array, rows: IntArray) -> Array:
     """A point inside each cell or face, off all lines of symmetry."""
     weights = np.array(_ASKEW[rows.shape[1]])
     return np.einsum("k,nki->ni", weights, points[rows])

@@ -607,7 +607,7 @@ def quadratic(
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
-    """A UFL form of rank 0, on all ranks."""
+    """The value of a UFL form of rank 0, summed over all ranks."""
     return float(communicator(mesh).allreduce(fem.assemble_scalar(_compiled(form))))
 
 

@@ -228,14 +228,14 @@ def _root(matrix: Array) -> Array:
 
 def ends(terms: Sequence[Dissipation]) -> Array | None:
     """Gᵀ (rows of this rank, k) of all terms: the force patterns of dashpots and branches."""
-    loads = [np.asarray(one.G.T.toarray()) for one in terms if one.matrix is None]
+    loads = [np.asarray(term.G.T.toarray()) for term in terms if term.matrix is None]
     return np.hstack(loads) if loads else None
 
 
 def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
     """The damping matrix of the motions V (rows of this rank, k)."""
     none = np.zeros((0, V.shape[1]))
-    found = [(one.projected(comm, V), one.tau) for one in terms]
+    found = [(term.projected(comm, V), term.tau) for term in terms]
     viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
     return from_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
 

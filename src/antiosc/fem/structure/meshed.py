@@ -593,7 +593,7 @@ def _stretched(
     spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
     if spread[1:].sum() <= ON_LINE * mesh.extent():
         return None
-    return float(min(one.section.thickness for one in materials))
+    return float(min(material.section.thickness for material in materials))
 
 
 def _of_section(material: Family, extent: float) -> str:

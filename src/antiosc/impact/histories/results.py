@@ -549,7 +549,10 @@ class HistoryResults(Results):
     def numbers(self) -> dict[str, object]:
         """Its single results: name -> JSON value."""
         own = cast("History", self)
-        contacts = {_contact_label(one): _numbers(one) for one in own.contact_histories}
+        contacts = {
+            _contact_label(contact_history): _numbers(contact_history)
+            for contact_history in own.contact_histories
+        }
         (alone,) = contacts.values() if len(contacts) == 1 else ({},)
         found = {"restitution": own.restitution, "step": float(own.step)} if alone else {}
         return {
@@ -581,7 +584,7 @@ class HistoryResults(Results):
     def verdict(self) -> str:
         """Whether contacts yield, and the permanent indentations, in words."""
         contacts = cast("History", self).contact_histories
-        told = [(_contact_label(one), verdict.sentence(one)) for one in contacts]
+        told = [(_contact_label(contact), verdict.sentence(contact)) for contact in contacts]
         if not self.named:
             return told[0][1]
         return " ".join(f"{label}: {text}" for label, text in told if text)
@@ -671,10 +674,10 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
 def error_scope(history: History) -> str:
     """What the `error` of a history covers, and where the error of the mesh is found."""
     bodies = [placed.body for placed in history.assembly.bodies.values()]
-    facts = [info_of(one) for one in bodies]
+    facts = [info_of(body) for body in bodies]
     if not any(info.structure for info in facts):
         return "time integration"
-    bounded = any(getattr(one, "strain_error", None) is not None for one in bodies)
+    bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
     if bounded or any(info.strike for info in facts):
         return "time integration; truncation and mesh: see error_budget"
     remedy = ': error="estimate" of extract does it' if any(i.meshed for i in facts) else ""

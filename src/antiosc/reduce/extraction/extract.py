@@ -48,10 +48,10 @@ from antiosc.reduce.extraction.krylov import (
     with_damping,
 )
 from antiosc.reduce.extraction.oscillators import (
-    Found,
-    Kept,
+    ConstraintModes,
     OneSite,
     Remainder,
+    Selection,
     at_one_site,
     checked_modes,
     elastic_count,
@@ -192,7 +192,9 @@ def _by_modes(
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _info(structure: Structure, known: Found, kept: Kept, options: ExtractOptions) -> ModelInfo:
+def _info(
+    structure: Structure, known: ConstraintModes, kept: Selection, options: ExtractOptions
+) -> ModelInfo:
     measured, converged = checked_modes(structure, known, options.method)
     return ModelInfo(
         structure=structure.describe(),
@@ -269,7 +271,7 @@ def surfaces(
 
 
 def _at_named_sites(
-    structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: ModelInfo
+    structure: Structure, sites: Columns, static: SiteShapes, kept: Selection, info: ModelInfo
 ) -> AntiOscillators:
     """The model of several sites, or of one site with a name."""
     ends = np.cumsum([len(own) for own in sites.values()])
@@ -302,8 +304,8 @@ def _at_named_sites(
         dependence=static.dependence,
         rigid=static.rigid,
         slide=static.slide,
-        local_compliance=np.array([one.local_compliance for one in firsts]),
-        radius=tuple(one.radius for one in firsts),
+        local_compliance=np.array([first.local_compliance for first in firsts]),
+        radius=tuple(first.radius for first in firsts),
         participation=weights_of(structure, shapes) if placed else None,
         shapes=shapes,
         direction=np.array(directions) if placed else None,
@@ -525,7 +527,7 @@ def extract(
     if names:
         groups = [{n: [one, *one.across] for n, one in zip(names, targets, strict=True)}]
     models: list[AntiOscillators] = []
-    width = _together(structure, options)
+    width = _models_at_once(structure, options)
     for first in range(0, len(groups), width):
         models += models_of(
             structure, groups[first : first + width], options, shapes, spent, errors
@@ -547,7 +549,7 @@ def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
     return ModelErrors(structure, named_sites)
 
 
-def _together(structure: Structure, options: ExtractOptions) -> int:
+def _models_at_once(structure: Structure, options: ExtractOptions) -> int:
     """Number of models in one block of right-hand sides: as many as SLICE bytes of vectors hold."""
     if options.method == "modes":
         return 1

@@ -62,7 +62,7 @@ from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
-from antiosc.reduce.extraction.oscillators import Found, Kept, Remainder
+from antiosc.reduce.extraction.oscillators import ConstraintModes, Remainder, Selection
 
 #: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
 LEAST_SHARE = 1e-12
@@ -80,7 +80,7 @@ class Reached:
     bottom: float
 
 
-def every_mode(known: Found, n: int) -> Kept:
+def every_mode(known: ConstraintModes, n: int) -> Selection:
     """The n lowest of all modes, seen by the sites or only by the dampers."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
@@ -89,7 +89,7 @@ def every_mode(known: Found, n: int) -> Kept:
         least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
         P = np.where(np.abs(P) < least, least, P)
     lost = np.delete(known.P, order, axis=0)
-    return Kept(
+    return Selection(
         m0=semidefinite(known.m0 + lost.T @ lost),
         P=P,
         omega=known.modes.omega[order],
@@ -304,7 +304,7 @@ class Lanczos:
     def ritz(self, n: int) -> tuple[Array, Array]:
         """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.
 
-        Of far higher frequencies double precision leaves no θ: it is 0.
+        At far higher frequencies θ is below the rounding of double precision, and set to 0.
         """
         H = self.H[:n, :n]
         theta, turn = np.linalg.eigh(H)
@@ -348,7 +348,7 @@ class Lanczos:
         self.applied = first
         self.load = self._project()
         new = self.vectors[:, first:]
-        relaxing = [multiply(one.matrix, new) for one in self._terms if one.matrix is not None]
+        relaxing = [multiply(term.matrix, new) for term in self._terms if term.matrix is not None]
         self._inertial = self.load.shape[1]
         self.load = np.hstack([self.load, *relaxing])
         self._c = np.vstack([self._c, dot(self._comm, new, self._static.m_phi)])

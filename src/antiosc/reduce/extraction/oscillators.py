@@ -48,7 +48,7 @@ Remainder = Callable[[ComplexArray], Array]
 
 
 @dataclass(frozen=True)
-class Found:
+class ConstraintModes:
     """All computed constraint modes φ_i, and the static shapes Φ projected on them.
 
     Attributes
@@ -84,7 +84,7 @@ class Found:
         )
 
 
-def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
+def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
     """Residual masses and shapes: Φ minus its projection on the modes, free of cancellation."""
     comm, phi = structure.comm, modes.phi
     k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
@@ -95,7 +95,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
     m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
     m0[massless], m0[:, massless] = 0.0, 0.0
-    return Found(
+    return ConstraintModes(
         static=static,
         modes=modes,
         P=P,
@@ -125,7 +125,7 @@ def _forces_left(
 
 
 @dataclass(frozen=True)
-class Kept:
+class Selection:
     """The selected anti-oscillators of a model.
 
     Attributes
@@ -145,7 +145,7 @@ class Kept:
     merged: int
 
 
-def oscillators(known: Found, n: int, tol: float) -> Kept:
+def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     """The n lowest anti-oscillators with a share in Z above `tol`.
 
     Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
@@ -165,7 +165,7 @@ def oscillators(known: Found, n: int, tol: float) -> Kept:
     for column, i in enumerate(order):
         turn[mixed[i][0], column] = mixed[i][1]
     lost = known.P - turn @ P[order]  # what is not kept goes back to m0
-    return Kept(
+    return Selection(
         m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
         P=P[order],
         omega=np.sqrt(poles[order]),
@@ -176,7 +176,7 @@ def oscillators(known: Found, n: int, tol: float) -> Kept:
     )
 
 
-def _told_apart(known: Found, group: IntArray) -> Array:
+def _told_apart(known: ConstraintModes, group: IntArray) -> Array:
     """Combinations (g, k) of g modes of one frequency that the sites can distinguish."""
     if len(group) < 2:
         return np.eye(len(group))
@@ -216,7 +216,7 @@ def elastic_count(static: SiteShapes, n: int) -> int:
     return n - 1 if n and static.weak.any() else n
 
 
-def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
+def at_one_site(static: SiteShapes, kept: Selection, n: int) -> OneSite:
     """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
 
     A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
@@ -236,9 +236,9 @@ def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
 
 def error_bound(
     structure: Structure,
-    known: Found,
+    known: ConstraintModes,
     remainder: Remainder,
-    kept: Kept,
+    kept: Selection,
     band: float,
     omega: Array | None = None,
 ) -> tuple[float, float]:
@@ -274,7 +274,7 @@ def error_bound(
     return float(np.max(off)), float(np.sqrt(x[0]).real)
 
 
-def left_out(known: Found) -> Remainder:
+def left_out(known: ConstraintModes) -> Remainder:
     """Bound on the effect of truncated modes on Z: their mass, at poles above the last one.
 
     Without them their mass is in m0.
@@ -289,7 +289,7 @@ def left_out(known: Found) -> Remainder:
     return bound
 
 
-def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
+def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> Array:
     """Norm (W,) of the rounding error of Z at complex x = ω².
 
     From the entries, the solves, and the measured orthogonality of the modes.
@@ -361,7 +361,9 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     )
 
 
-def checked_modes(structure: Structure, known: Found, method: str) -> tuple[dict[str, float], int]:
+def checked_modes(
+    structure: Structure, known: ConstraintModes, method: str
+) -> tuple[dict[str, float], int]:
     """Check constraint modes in their equations; AccuracyError far beyond CHECK.
 
     Ritz pairs may have large residuals, but must be orthogonal in K and in M.

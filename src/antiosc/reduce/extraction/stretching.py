@@ -88,7 +88,7 @@ def stretch_of_map(
     else:
         flexible = 1 / omega[:, None] ** 2
         blocks = [flexible**power * b.T for power in (1, 2, 3)]
-        unit = np.hstack([one / np.linalg.norm(one, axis=0) for one in blocks])
+        unit = np.hstack([block / np.linalg.norm(block, axis=0) for block in blocks])
         modes = np.linalg.svd(unit, full_matrices=False)[0][:, :MOST_OF_MAP]
     return replace(_found(structure, modes, phi @ modes, count), shapes=None)
 
@@ -149,7 +149,7 @@ def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Ar
 
 def _pair_loads(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """Second-order loads g_ij (dofs, pairs) of pairs of motions."""
-    stresses, loads = [points.stress(one) for one in slopes], []
+    stresses, loads = [points.stress(slope) for slope in slopes], []
     for i, j in pairs:
         strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
         pushed = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])

@@ -93,13 +93,15 @@ def patches(
         members = np.flatnonzero((rings == count) & (flat == even))
         rise = FLAT_RISE if even else MOST_RISE
         for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
-            own = _laid(faces, points, radii, contact.normals, part, rule, weights, rise, taken)
+            own = _rule_on_faces(
+                faces, points, radii, contact.normals, part, rule, weights, rise, taken
+            )
             share[part] = own[1]
             found.append(own[0])
     return Points.joined(found), share
 
 
-def _laid(
+def _rule_on_faces(
     faces: Faces,
     points: Array,
     radii: Array,
