@@ -27,6 +27,9 @@ from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.process import within_memory
 from antiosc.base.texts import FieldsRepr
 
+#: Relative error of a sum whose terms cancel, as of the modes of a model or the entries of a row:
+#: the unit of double precision, 2.2e-16, times 5000 terms.
+ROUNDING = 1e-12
 P = ParamSpec("P")
 T = TypeVar("T")
 S = TypeVar("S", bound=np.generic)

@@ -27,7 +27,7 @@ DENSE, SLOWEST_OF_DENSE, LIGHT = 2000.0, 10.0, 3e8
 #: Parts measure this, m; those of lines, frames and trusses, may be longer.
 SHORTEST_PART, LONGEST_PART, LONGEST_OF_LINES = 1e-3, 20.0, 100.0
 #: Rounding of lengths.
-ROUNDING = 1e-9
+LENGTH_ROUNDING = 1e-9
 #: Patches have at least this share of the size of the part as radius.
 SMALLEST_PATCH = 1e-4
 #: Blows on structures are slower than this, m/s.
@@ -64,7 +64,7 @@ class Material(Protocol):
 def of_material(one: Material) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
     speed, name = one.bar_speed(), type(one).__name__
-    massless = abs(speed / MASSLESS_WAVE - 1) < ROUNDING
+    massless = abs(speed / MASSLESS_WAVE - 1) < LENGTH_ROUNDING
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
         return _of_strength(getattr(one, "yield_strength", None))
     E, rho = getattr(one, "E", None), getattr(one, "rho", None)
@@ -111,7 +111,7 @@ def of_part(extent: float, stated: bool = False, lines: bool = False) -> str:
 def refuse_size(size: float, points: ArrayLike, name: str) -> None:
     """MeshError for cells of a size [m] larger than the longest side of the box of points."""
     longest = float(np.ptp(points, axis=0).max())
-    if size > longest * (1 + ROUNDING):
+    if size > longest * (1 + LENGTH_ROUNDING):
         raise MeshError(
             f"size={size:g} m is larger than {name}, which measures {longest:.3g} m: lengths are "
             f"in metres; size={1e-3 * size:g} is probably meant ({size:g} mm)."

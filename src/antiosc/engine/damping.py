@@ -50,7 +50,7 @@ from antiosc.base.errors import AccuracyError, InputError
 from antiosc.base.texts import ReprMixin
 
 #: Asymmetry and negative eigenvalues, of a unit diagonal, that are rounding.
-ROUNDING = 1e-9
+ASYMMETRY = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -158,7 +158,7 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     unit, uneven = checks.scaled_symmetric(found, scale)
     values, vectors = np.linalg.eigh(unit)
     least = float(values.min(initial=0.0))
-    if uneven > ROUNDING or least < -ROUNDING or np.any(found[scale == 0]):
+    if uneven > ASYMMETRY or least < -ASYMMETRY or np.any(found[scale == 0]):
         raise InputError(
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
             f" its least eigenvalue is {least:.2g} of its diagonal: it would add energy."

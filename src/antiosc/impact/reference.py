@@ -26,7 +26,7 @@ from antiosc.engine.convergence import Converged, difference
 from antiosc.engine.march import Run
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.reference_ivp import IVP_METHODS, ROUNDING, SceneIVP, SceneMethod, Segment
+from antiosc.impact.reference_ivp import IVP_METHODS, SAME_TIME, SceneIVP, SceneMethod, Segment
 
 #: times the energy that was there or given, beyond which a run counts as unstable; less may be the
 #: error of a coarse step
@@ -90,7 +90,7 @@ class SceneStep(SceneMethod):
         nodes, times, answer, work = [node], [t], library.DONE, 0.0
         start = self._energy(node) + (s.given if t == 0.0 else 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
-            while self.busy and end - t > ROUNDING * end and answer == library.DONE:
+            while self.busy and end - t > SAME_TIME * end and answer == library.DONE:
                 if self.steps >= max_steps:
                     answer = library.TOO_MANY_STEPS
                     break

@@ -170,7 +170,7 @@ class JointContacts:
 
 
 #: A time this short, relative to the run, is rounding; so is such a share of a distance.
-ROUNDING = 1e-13
+SAME_TIME = 1e-13
 TOUCH_RESOLUTION = 1 / 4  # of a step: touches closer than this to a release belong to it
 
 
@@ -231,7 +231,7 @@ class SceneMethod(ABC):
         for c in contacts.active:
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
         answer = library.DONE
-        while answer == library.DONE and duration - pieces[-1].time[-1] > ROUNDING * duration:
+        while answer == library.DONE and duration - pieces[-1].time[-1] > SAME_TIME * duration:
             t, force, begin = float(pieces[-1].time[-1]), pieces[-1].force, pieces[-1].states[-1]
             if self.busy:
                 piece, answer = self.integrate_contact(
@@ -317,7 +317,7 @@ class SceneMethod(ABC):
         if not approaching.any():
             approaching[:] = True
         size = abs(s.beta[:p]) @ abs(q) + abs(gap[:p])
-        reached = beyond >= beyond[approaching].max() - ROUNDING * size
+        reached = beyond >= beyond[approaching].max() - SAME_TIME * size
         for c in np.flatnonzero(approaching & reached).tolist():
             self.contacts.touch(c, t, float(rate[c]), free)
             self.on_touch(c, free, rate, self.still)
@@ -379,7 +379,7 @@ class SceneIVP(SceneMethod):
         pieces = [Segment(np.array([t]), force[None], depth[None], begin[None])]
         breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
-        while answer == library.DONE and self.busy and end - t > ROUNDING * end:
+        while answer == library.DONE and self.busy and end - t > SAME_TIME * end:
             until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):
@@ -402,7 +402,7 @@ class SceneIVP(SceneMethod):
                 answer = library.TOO_MANY_STEPS
             elif contacts.touches > max_contacts:
                 answer = library.TOO_MANY_CONTACTS
-            idle = 0 if moved - t > ROUNDING * end else idle + 1
+            idle = 0 if moved - t > SAME_TIME * end else idle + 1
             if idle > MOST_IDLE:
                 answer = library.STUCK
             t = until if solution.status == 0 else moved

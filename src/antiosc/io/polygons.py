@@ -137,7 +137,7 @@ def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
 def _of_ply_text(
     header: Sequence[Sequence[str]], lines: Sequence[str], name: str
 ) -> tuple[Array, IntArray] | None:
-    """Polygons of a text file, a line for each point and face; None if other elements come first."""
+    """Polygons of a text file, a line for each point and face; None if others come first."""
     begin = 1 + sum(words[:1] != ["end_header"] for words in header)
     rows = [
         (words, Place(name, number))

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index
+from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models.body import Body, ModelInfo
@@ -36,8 +37,6 @@ from antiosc.models.stretch import Stretch
 
 #: Parameters by name, as they are stored.
 Stored = dict[str, object]
-#: m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
-MASS_ROUNDING = 1e-12
 #: Parameters that only a model of several sites has.
 OF_SEVERAL = ("columns", "dependence", "rigid", "slide")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
@@ -148,7 +147,7 @@ def checked_at_one_site(model: Parameters) -> Stored:
     order = np.argsort(omega, kind="stable")
     m0 = checks.number("m0", model.m0, "kg")
     total = float(m.sum()) + max(m0, 0.0)
-    if m0 < 0 and -m0 <= MASS_ROUNDING * total:
+    if m0 < 0 and -m0 <= ROUNDING * total:
         m0 = 0.0
     k0 = checks.nonnegative("k0", model.k0, "N/m")
     checks.nonnegative("m0", m0, "kg")

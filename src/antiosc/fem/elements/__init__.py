@@ -10,6 +10,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.checks import (
+    ROUNDING,
     Checked,
     array,
     checked_by,
@@ -114,10 +115,6 @@ def _rectangle_torsion(width: float, height: float) -> float:
     n = np.arange(1, 40, 2)
     series = np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5)
     return float(a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series))
-
-
-#: Share of a stiffness below which terms that should cancel are rounding error.
-STIFFNESS_ROUNDING = 1e-12
 
 
 _MODULUS = checked_by(positive, "Pa")
@@ -323,7 +320,7 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     rho = np.array([layer.rho for layer in layers])
     I0, I1, I2 = (float(value) for value in powers @ rho)
-    B = np.where(np.abs(B) > STIFFNESS_ROUNDING * h * np.abs(A).max(), B, 0.0)
+    B = np.where(np.abs(B) > ROUNDING * h * np.abs(A).max(), B, 0.0)
     return PlateSection(
         thickness=h,
         A=A,
@@ -332,7 +329,7 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
         S=_transverse_shear(layers, z, Q, A, B, D),
         drilling=float(sum(layer.G12 * layer.thickness for layer in layers)),
         I0=I0,
-        I1=I1 if abs(I1) > STIFFNESS_ROUNDING * h * I0 else 0.0,
+        I1=I1 if abs(I1) > ROUNDING * h * I0 else 0.0,
         I2=I2,
     )
 

@@ -23,6 +23,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import MeshError
 from antiosc.base.process import processor_features, threads
 from antiosc.engine import library
@@ -240,10 +241,6 @@ def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
     """A continuous Lagrange space of `size` components (blocked)."""
     return _space(mesh, "Lagrange", degree, size)
-
-
-#: Weight below which a node has no part in an interpolation.
-ROUNDING = 1e-12
 
 
 def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None) -> PETSc.Mat:

@@ -190,7 +190,7 @@ def placement(name: str, given: Placement | Sequence[float] | None) -> Placement
 
 
 #: Eigenvalues of a projected matrix over the largest that are rounding.
-ROUNDING = 1e-14
+LEAST_EIGENVALUE = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,10 +219,10 @@ class Dissipation:
 def _root(matrix: Array) -> Array:
     """L with L'L = the semidefinite matrix."""
     diagonal = matrix.diagonal()
-    least = max(ROUNDING * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
+    least = max(LEAST_EIGENVALUE * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
     scale = np.sqrt(np.maximum(diagonal, least))  # what lies below is rounding
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
-    real = values > ROUNDING * values.max(initial=0.0)
+    real = values > LEAST_EIGENVALUE * values.max(initial=0.0)
     return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
 
 

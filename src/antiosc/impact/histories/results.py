@@ -15,6 +15,7 @@ import numpy as np
 from antiosc import __version__
 from antiosc.base import checks, errors, files
 from antiosc.base._types import Array
+from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin, engineering, percent, point_text as placed
 from antiosc.engine import library
@@ -43,8 +44,6 @@ COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 SMALL_ROTATION = 0.1
 #: Contacts and scenes of a batch that a message names.
 _NAMED = 5
-#: A closing speed below this share of the modal contributions is rounding error.
-ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)

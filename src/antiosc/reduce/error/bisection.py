@@ -32,6 +32,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh, distributed
@@ -264,10 +265,6 @@ def _inside(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArra
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
     carriers = _carriers(support, entities)
     return entities[(carriers[:, 0] >= 0) & (_positions(carriers, group) >= 0)]
-
-
-#: Least eigenvalue that is made positive, of a matrix with a diagonal of ones.
-ROUNDING = 1e-12
 
 
 class HalvedBeams:

@@ -195,7 +195,7 @@ ON_SHEET = 1e-6
 #: carry more than this share of its load.
 WHOLE_PATCH, PARTLY = 0.9, 0.1
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
-ROUNDING = 1e-6
+SIZE_ROUNDING = 1e-6
 #: Cells of a sheet may be so many times the radius: its compliance is then up to 3 % too low. Of
 #: cells beyond the second times the thickness bending hides that.
 COARSE_SHEET, THIN = 8.0, 4.0
@@ -332,7 +332,7 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
             "should not be smaller).",
         )
     times = 1.0 if kind.outside else COARSE_SHEET
-    coarse = sites.size > (1 + ROUNDING) * times * sites.radii
+    coarse = sites.size > (1 + SIZE_ROUNDING) * times * sites.radii
     if kind.sheet and coarse.any() and sites.contact is not None:
         thickness = np.array([material.patch_radius for material, _ in structure.parts])
         coarse &= sites.size < THIN * thickness[sites.contact.label]
@@ -394,7 +394,7 @@ def _held(sites: Sites) -> BoolArray:
 def rounded_up(value: float) -> float:
     """A positive value rounded up to two digits."""
     step = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{ceil(value / step - ROUNDING) * step:.2g}")
+    return float(f"{ceil(value / step - SIZE_ROUNDING) * step:.2g}")
 
 
 def _at(which: BoolArray) -> str:
