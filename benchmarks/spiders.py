@@ -27,7 +27,7 @@ from petsc4py import PETSc
 
 import antiosc as ao
 from antiosc.fem.assembly import layout
-from antiosc.fem.assembly.joint import Held, Rows
+from antiosc.fem.assembly.joint import HeldDofs, Rows
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.reduce.site import functional
 
@@ -148,7 +148,7 @@ def with_multipliers(part: ao.Structure, joint: ao.Mean | ao.Rigid) -> scipy.spa
     held = np.zeros(part.layout.count, dtype=bool)
     for member in part.members():
         held[member.first + member.part.fixed] = True
-    rows = joint.constraints(part.layout, Held(none, held), "the spider")
+    rows = joint.constraints(part.layout, HeldDofs(none, held), "the spider")
     C = scipy.sparse.vstack([one.matrix for one in rows])
     K = scipy.sparse.block_diag([csr(member.part.K) for member in part.members()])
     size = float(np.median(K.diagonal()))

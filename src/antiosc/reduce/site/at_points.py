@@ -221,11 +221,7 @@ def _facing(member: Member, point: Array, direction: Array) -> float:
 def _on_mesh(
     structure: MeshedStructure, sites: Sequence[Site], placed: Callable[[Array], Array]
 ) -> Sites:
-    """Sites at points of a mesh; `placed` maps its points (n, 3) to the assembly for error
-    messages.
-
-    `placed` moves points (n, 3) of the mesh to where an assembly has them: errors name these.
-    """
+    """Sites at points of a mesh; `placed` maps points (n, 3) to the assembly, for messages."""
     mesh = structure.mesh
     given = [_in_space(mesh, structure.form, site) for site in sites]
     points, directions = (np.array(each) for each in zip(*given, strict=True))
