@@ -98,6 +98,11 @@ class System:
         rows = self.omega, self.decay, self.beta, self.R
         return *rows, self.breaks, self.loads, self.offsets, self.q, self.v
 
+    @property
+    def sides(self) -> list[slice]:
+        """The tangential rows of each contact."""
+        return [slice(first, first + count) for first, count in self.tangents.tolist()]
+
     def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
         """The system with rows beta (s, J) behind the others, whose forces are the polynomials."""
         more = len(beta)

@@ -45,7 +45,7 @@ class JointContacts:
     def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
         self.system, self.laws = system, laws
         self.closed = system.closed.tolist()
-        self._tangents = [slice(i, i + count) for i, count in system.tangents.tolist()]
+        self._tangents = system.sides
         kept = system.kept or [None] * len(laws)
         self.states: list[State | None] = [
             one.state if one is not None else law.touch(0.0) if closed else None

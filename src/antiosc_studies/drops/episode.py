@@ -123,9 +123,9 @@ def scene_of(
     ]
     system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
     force, drawn = np.zeros((2, len(system.beta)))
-    for k, (one, (first, count)) in enumerate(zip(on, system.tangents.tolist(), strict=True)):
+    for k, (one, sides) in enumerate(zip(on, system.sides, strict=True)):
         if one is not None:
-            force[k], sides = one.force[0], slice(first, first + count)
+            force[k] = one.force[0]
             force[sides] = one.force[1:]
             drawn[sides] = one.force[1:] / one.stiffness
     # springs of friction begin unstrained: what they press is added with them
@@ -237,8 +237,8 @@ def _history(assembly: Assembly, found: Run, error: dict[str, float]) -> SceneHi
 def _jam(system: System) -> AccuracyError:
     """Why no forces fit: sliding presses a point in by more than its normal force lifts it."""
     friction, wedge = 0.0, 0.0
-    for k, (first, count) in enumerate(system.tangents.tolist()):
-        own = float(np.linalg.norm(system.R[k, first : first + count]))
+    for k, sides in enumerate(system.sides):
+        own = float(np.linalg.norm(system.R[k, sides]))
         own /= max(float(system.R[k, k]), TINY)
         if system.slip[k, 0] * own > friction * wedge:
             friction, wedge = float(system.slip[k, 0]), own
@@ -295,8 +295,8 @@ def on_path(
     acting = forces(history.run, *locate(history.run, path.times))
     pushes, linear = np.zeros_like(arms), acting @ beta
     offsets = interpolated(path.times, old.breaks, old.offsets).copy()
-    for k, (first, count) in enumerate(old.tangents.tolist()):
-        for row, axis in ((k, 2), *((first + i, i) for i in range(count))):
+    for k, sides in enumerate(old.sides):
+        for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
             pushes[:, k, axis] = acting[:, row]
             offsets[:, row] += moved @ beta[row] + ways[:, k, axis]
     bending = np.einsum("nkd,kjd->nj", pushes @ R, shapes)
@@ -316,10 +316,11 @@ def on_path(
         arms[:, at] = bent @ np.swapaxes(R, 1, 2)
         bending += np.einsum("nkd,nkjd->nj", pushes[:, at] @ R, moving - shapes[at])
         slid = _displaced(R, path.q[:, 6:], bent, moving) + (moved[:, :6] @ W[:, :3])[:, None]
-        for k, (first, count) in enumerate(old.tangents[at].tolist()):
-            more = (slid[:, k] - ways[:, at[k]])[:, :count]
-            offsets[:, first : first + count] += more
-            off[:, first : first + count] += more
+        for k, piece in enumerate(at.tolist()):
+            sides = old.sides[piece]
+            more = (slid[:, k] - ways[:, piece])[:, : sides.stop - sides.start]
+            offsets[:, sides] += more
+            off[:, sides] += more
         # of a piece the force counts, over that of all pieces
         largest = float(np.abs(history.run.depth[:, : len(which)]).max())
         off[:, at] = surface.volume(pieces, free[:, at] - last[:, at]) - volume
@@ -385,10 +386,10 @@ def handed_over(
     node = int(np.argmin(np.abs(run.time - t)))
     force, kept = run.force[node], run.kept(a.system, t)
     heights, held = -(run.depth[node] + a.system.R @ force), {}
-    each = zip(which.tolist(), kept, a.laws, a.system.tangents.tolist(), strict=True)
-    for k, (i, one, law, (first, count)) in enumerate(each):
+    each = zip(which.tolist(), kept, a.laws, a.system.sides, strict=True)
+    for k, (i, one, law, sides) in enumerate(each):
         if one is not None and (one.closed or law.has_memory):
-            rows, slip = [k, *range(first, first + count)], float(a.system.slip[k, 1])
+            rows, slip = [k, *range(sides.start, sides.stop)], float(a.system.slip[k, 1])
             held[i] = OngoingContact(float(heights[k]), one.closed * force[rows], slip, one)
     return state, held if any(one.kept.closed for one in held.values()) else {}
 

@@ -351,8 +351,8 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         lost += plastic
         if law.rate_dependent:
             lost += path_work(damping[:, None], depth[:, None])[:, 0]
-    for c, (first, count) in enumerate(system.tangents.tolist()):
-        for i in range(first, first + count):
+    for c, sides in enumerate(system.sides):
+        for i in range(sides.start, sides.stop):
             T, displacement = run.force[:, i], run.depth[:, i]
             spring = 0.5 * T**2 / system.slip[c, 1]
             work = path_work(T[:, None], displacement[:, None])[:, 0]

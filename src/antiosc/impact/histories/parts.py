@@ -351,8 +351,7 @@ class ContactHistory(OneContact, ReprMixin):
         """Tangential contact forces on b [N], opposite on a, (n, 1) or (n, 2); (n, 0) without
         friction.
         """
-        first, count = self._record.assembly.system.tangents[self._row]
-        return self._record.nodes.force[:, first : first + count]
+        return self._record.nodes.force[:, self._record.assembly.system.sides[self._row]]
 
     def pulses(self) -> tuple[Array, Array]:
         """Nodes [s] and forces [N] of all touches, concatenated."""
