@@ -40,6 +40,8 @@ Read: TypeAlias = dict[str, Any]
 LONGEST_IN_METRES = 3.0
 #: Elements along the longest side of a geometry that is meshed.
 ELEMENTS = 20
+#: A geometry of more cells is meshed by larger elements, so that it is struck in about a minute.
+MOST_CELLS = 30_000
 #: Distance [m] of nodes that are joined, where a mesh falls into pieces.
 MERGE_DISTANCE = 1e-6
 #: More solids than this are not cut at each other: the largest is taken.
@@ -124,6 +126,12 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
     mesh, way, pieces = _first(path, read, ways)
     read |= way
+    if "size" in read and mesh.n_cells > MOST_CELLS:
+        larger = float(f"{read['size'] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim):.2g}")
+        notes.append(f"elements of {read['size']:g} m would be {mesh.n_cells} cells: larger ones "
+                     "are taken (size).")  # fmt: skip
+        read["size"] = larger
+        mesh = antiosc.read_mesh(str(path), **read)
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
         read["order"] = 1
         mesh = antiosc.read_mesh(str(path), **read)

@@ -247,8 +247,10 @@ class Sections:
                    "solids.")  # fmt: skip
         card.needs(len(roles) <= 1, f"one section for {' and '.join(sorted(roles))} elements "
                    f"({kinds}); give each kind its own.")  # fmt: skip
-        told = f"*{card.keyword} for elements ({kinds}) that no element family here"
-        raise card.place.error(f"{told} carries in this way.")
+        raise card.place.error(
+            f"*{card.keyword} for elements ({kinds}) that carry no forces in this way; give them "
+            "as stress elements (of solids C3D…, shells S…, beams B…, trusses T…)."
+        )
 
     def _material(self, name: str, place: Place) -> Material:
         told = f"there is no material {name!r} (*MATERIAL, NAME=)."

@@ -236,7 +236,10 @@ def _deck(
             numbers += [number for number, _ in own]
             belongs += [of for _, of in own]
     if not belongs:
-        raise MeshError(f"{found.name} has no elements that are cells of a mesh.")
+        raise MeshError(
+            f"{found.name} has no elements that are cells of a mesh: write it with the elements "
+            "of its solids or shells (CDWRITE, DB)."
+        )
     every = Numbering(np.array(numbers, dtype=np.int64))
     deck.name_elements(asked, np.array(numbers))
     for name, (of_nodes, members) in found.components.items():

@@ -9,6 +9,7 @@ are one node, but for parts that SEBULK joins by SECONCT alone (MANUAL).
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -356,6 +357,7 @@ def read(sources: Sources) -> NastranDeck:
     found.deck.told += [*bulk.told, *found.account.unknown()]
     bulk.entries += cards.renew(bulk.entries)
     _rods_of_bars(found)
+    _without_fluids(found)
     _elements(found)
     found.set_groups()
     return found
@@ -442,6 +444,24 @@ def _rods_of_bars(found: NastranDeck) -> None:
         entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
         told = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
         found.account.options.append((told, entry.place, Fate("ignored")))
+
+
+def _without_fluids(found: NastranDeck) -> None:
+    """Leave out the elements of a PSOLID that is a fluid; the model tells it."""
+    fluids = {one.text(0): one for one in found.named("PSOLID")
+              if one.text(6) not in ("", "SMECH")}  # fmt: skip
+    solids = {name for name, cell in CELLS.items() if "PSOLID" in cell.properties}
+    kept, count = [], Counter[str]()
+    for entry in found.bulk.entries:
+        own = entry.text(1) or entry.text(0)
+        if entry.name in solids and own in fluids:
+            count[own] += 1
+        else:
+            kept.append(entry)
+    found.bulk.entries = kept
+    for own, many in count.items():
+        told = f"PSOLID of a fluid (FCTN={fluids[own].text(6)}) with its {many} elements"
+        found.account.options.append((told, fluids[own].place, Fate("ignored")))
 
 
 def _elements(found: NastranDeck) -> None:

@@ -119,8 +119,6 @@ class Properties:
             self.builder.tell_once(f"{told}, it is spread over the section")
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
-        fluid = entry.text(6) not in ("", "SMECH")
-        entry.needs(not fluid, f"PSOLID with FCTN={entry.text(6)} is not a solid.")
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)

@@ -38,7 +38,11 @@ def _reader(
             deck.model = model_of(found, UnitSystem(*ask.unit), options.get("density"))
         if not deck.n_elements:
             left = f": it has {listed(deck.left)}" if deck.left else ""
-            raise MeshError(f"{deck.name} has no elements that are cells of a mesh{left}.")
+            raise MeshError(
+                f"{deck.name} has no elements of solids, shells, beams or rods{left}; read the "
+                "deck that holds the part itself; the matrices of springs and masses alone go to "
+                "Structure.from_matrices."
+            )
         return as_mesh(deck, halve_lines=bool(deck.model and deck.model["halve"]))
 
     return reader

@@ -511,7 +511,8 @@ def _deck(found: _Content, asked: Mapping[str, Sequence[int]]) -> Deck:
     if not len(every):
         left = ", ".join(f"{many} of {kind}" for kind, many in found.others.items())
         raise MeshError(
-            f"{found.name} has no elements that are cells of a mesh: {left or 'none at all'}."
+            f"{found.name} has no elements that are cells of a mesh: {left or 'none at all'}; "
+            "write the file with its lines, faces or solids."
         )
     elements = Numbering(every)
     if (np.diff(elements.labels) == 0).any():

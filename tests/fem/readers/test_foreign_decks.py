@@ -49,6 +49,7 @@ SAME = [
     *((PLATE + "PSHELL,7,1,.4,1,,1\n", PLATE + f"PSHELL,7{given}\n", "PSHELL 7")
       for given in (",1,.4,,,1", ",,.4,1,,1")),
     (SPRING + "SPOINT,77,78\n", SPRING, ""),
+    (BLOCK, BLOCK + "CTETRA,2,8,1,2,3,5\nPSOLID,8,1,,,,,PFLUID\n", "1 elements"),
     (BLOCK + "CBUSH,9,3,1,3\nPBUSH,3,K,4.\n", BLOCK + "CBUSH1D,9,3,1,3\nPBUSH1D,3,4.\n", ""),
     (PLANE + SECTION.format("SOLID"), PLANE + SECTION.format("SHELL"), ""),
 ]  # fmt: skip
