@@ -42,12 +42,11 @@ def main(
     modes = truth.modal()
     part = ao.SiteModes(modes.omega, modes.b[:, None], ["eye"], decay=DAMPING * modes.omega)
     measure(part, top, noise, lines, out)
-    law = ao.contact_between(BALL, STEEL)
-    scene = ao.Scene({"bar": part, "ball": BALL}, [ao.Contact("bar:eye", "ball", law)])
+    contact = ao.Contact("bar:eye", "ball", ao.contact_between(BALL, STEEL))
+    scene = ao.Scene({"bar": part, "ball": BALL}, [contact])
     true = scene.run(END, tol=1e-5)["bar:eye", "ball"]
-    t = np.linspace(0.0, END, 400)
-    spread = 0.01 * true.peak_force * np.random.default_rng(1).standard_normal(400)
-    force = np.interp(t, true.time, true.force) + spread
+    t, spread = np.linspace(0.0, END, 400), np.random.default_rng(1).standard_normal(400)
+    force = np.interp(t, true.time, true.force) + 0.01 * true.peak_force * spread
     np.savetxt(out / "force.csv", np.column_stack([t, force]), header="time, force", delimiter=",")
 
     frf = ao.read_frf(out / "hammer.csv", quantity="accelerance")

@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 import antiosc as ao
-from antiosc import closed_form, contact, plotting
+from antiosc import closed_form, plotting
+from antiosc.engine import contact
 from antiosc.models.closed_form import zener
 from paths import DECKS
 
