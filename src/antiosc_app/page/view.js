@@ -119,7 +119,8 @@ class View {
   // Pixels of the page per metre: the fitted ones, fewer while a turn would cut what is drawn.
   scale() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    const fits = ([x, y]) => 0.47 * Math.min(width / (x || 1e-30), height / (y || 1e-30));
+    const share = this.framed ? 0.43 : 0.47; // beside a part stand marks of impacts
+    const fits = ([x, y]) => share * Math.min(width / (x || 1e-30), height / (y || 1e-30));
     if (this.zoom !== 1) return this.zoom * fits(this.reach);
     const { half, middle } = this.box(), off = this.axes().map((axis, i) => Math.abs(middle[i] - dot(axis, this.centre)));
     return Math.min(fits(this.reach), fits([half[0] + off[0], half[1] + off[1]]));
