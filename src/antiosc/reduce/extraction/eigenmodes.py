@@ -22,6 +22,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from antiosc.base._types import Array, IntArray, Matrix
 from antiosc.base.errors import NotConvergedError
+from antiosc.base.progress import doing
 from antiosc.fem.linalg.algebra import (
     by_scipy,
     by_strains,
@@ -265,7 +266,8 @@ class ModeSolver:
         before = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
         search = Search(structure, self._held, shapes, count - before, self.limit - before)
-        values, found = lowest(search)
+        with doing(f"search of {search.computed} modes of {structure.dofs} dofs"):
+            values, found = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
         massive = values > -structure.shift
