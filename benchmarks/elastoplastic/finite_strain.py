@@ -8,6 +8,7 @@ as they are told.
 Needs `ccx` (Debian: calculix-ccx).
 
     python benchmarks/elastoplastic/finite_strain.py [names of cases]
+    python benchmarks/elastoplastic/finite_strain.py elastic    Hertz's force, printed
 """
 
 from __future__ import annotations
@@ -213,7 +214,20 @@ def row(name: str, kind: str, *numbers: float) -> tuple[object, ...]:
     return (name, kind, *(f"{number:.5g}" for number in numbers))
 
 
+def print_elastic() -> None:
+    """Force of a rigid sphere on an elastic half-space over Hertz's, at indentations over R."""
+    for depths in ([0.0005, 0.001, 0.002], [0.01, 0.02, 0.04], [0.02, 0.05, 0.1]):
+        indentation = np.array(depths)
+        radius = 1.15 * np.sqrt(indentation[-1])
+        force = np.array(forces(deck(0.0, indentation, radius))) * (radius / WIDTH) ** 2 / MODULUS
+        hertz = 4 / 3 * Case(NU).modulus * indentation[: len(force)] ** 1.5
+        for at, share in zip(depths, force / hertz, strict=False):
+            print(f"{at:g} R: {share:.4f} of Hertz's force", flush=True)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:] == ["elastic"]:
+        sys.exit(print_elastic())
     for one in sys.argv[1:] or [*CASES, *UNLIKE]:
         path = HERE / ("unlike.csv" if one in UNLIKE else "finite_strain.csv")
         replaced(one, curves(one), path, HEAD[:5])

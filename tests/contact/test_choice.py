@@ -249,7 +249,7 @@ def test_the_row_of_the_law_is_what_other_strengths_change():
     assert sure.error_budget["peak_force"].law < bar.law
 
 
-@pytest.mark.parametrize(("speed", "share"), [(3e-3, 0.0), (0.1, 0.81), (3.0, None)])
+@pytest.mark.parametrize(("speed", "share"), [(3e-3, 0.0), (0.1, 0.38), (3.0, None)])
 def test_large_strains_are_in_the_row_of_an_elastic_law(speed: float, share: float | None) -> None:
     """Rubber: none below a hundredth of the radius, not known from a tenth of it on."""
     struck = model(Surface(ALLOY), strain_error=np.diag([1e3, 1e3, 1e3]))
@@ -262,7 +262,8 @@ def test_large_strains_are_in_the_row_of_an_elastic_law(speed: float, share: flo
         assert "pressed in by" in str(hit.error_budget)
     elif share:
         assert 0.01 < strain < 0.1
-        assert 0.2 * share * strain < bar.law < share * strain  # of the peak: less than at a depth
+        largest = share * sqrt(strain)  # of the force at a depth: the peak changes by less
+        assert 0.2 * largest < bar.law < largest
     else:
         assert strain < 0.01
         assert bar.law < 1e-9
