@@ -236,9 +236,8 @@ def sagging():
 
 
 def ball_on(part, site):
-    return ao.simulate(
-        ao.extract(part, site, n=30), ao.RigidMass(0.05, 0.5), ao.Power(1e6, 1.5), 4e-3
-    )
+    model, mass = ao.extract(part, site, n=30), ao.RigidMass(0.05, 0.5)
+    return ao.simulate(model, mass, ao.Power(1e6, 1.5), 4e-3, tol=1e-5)
 
 
 @pytest.mark.filterwarnings("ignore")  # of a point load

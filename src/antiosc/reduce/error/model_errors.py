@@ -271,6 +271,11 @@ def estimator(structure: Structure) -> SolidErrors | ShellErrors:
             f"error='estimate' holds for solids, beams and shells; {matrices.mesh.name} is made of "
             f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}."
         )
+    if matrices.mesh.n_cells < 2:
+        raise InputError(
+            "error='estimate' compares the strains of neighbouring cells, and the mesh has one cell: "
+            "give a smaller size."
+        )
     if matrices.kind.sheet:
         return ShellErrors(matrices)
     return SolidErrors(matrices)
