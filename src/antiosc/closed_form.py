@@ -1,31 +1,4 @@
-"""Structures with exact solutions, by name: `antiosc.models.closed_form.cantilever`."""
+"""Structures with exact solutions, by name: `antiosc.closed_form.cantilever`."""
 
-from antiosc.models.closed_form import (
-    BeamModes,
-    StruckBeam,
-    SupportedLaminate,
-    SupportedPlate,
-    UniformBeam,
-    cantilever,
-    clamped_clamped,
-    free_free,
-    pinned_free,
-    pinned_pinned,
-    plate_patch,
-    zener,
-)
-
-__all__ = [
-    "BeamModes",
-    "StruckBeam",
-    "SupportedLaminate",
-    "SupportedPlate",
-    "UniformBeam",
-    "cantilever",
-    "clamped_clamped",
-    "free_free",
-    "pinned_free",
-    "pinned_pinned",
-    "plate_patch",
-    "zener",
-]
+from antiosc.models.closed_form import *  # noqa: F403
+from antiosc.models.closed_form import __all__ as __all__

@@ -273,7 +273,7 @@ def estimator(structure: Structure) -> SolidErrors | ShellErrors:
         )
     if matrices.mesh.n_cells < 2:
         raise InputError(
-            "error='estimate' compares the strains of neighbouring cells, and the mesh has one cell: "
+            "error='estimate' compares the strains of neighbouring cells, and the mesh has one: "
             "give a smaller size."
         )
     if matrices.kind.sheet:
