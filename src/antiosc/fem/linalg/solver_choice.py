@@ -427,8 +427,8 @@ PRECONDITIONER_ERROR = 0.03
 BYTES = 8 * 1.3
 #: Bytes of the iterative solvers for each entry of A: their levels, and the products while they are
 #: made (multigrid 6 to 7: benchmarks/multigrid.py; two levels about twice that:
-#: benchmarks/large_parts.py); where products are taken from the cells, about 5
-#: (benchmarks/nine_million.py).
+#: benchmarks/large_parts.py); where products are taken from the cells, about 5 (a trace at
+#: 2.25 million dofs).
 MULTIGRID, MULTIGRID_BY_CELLS = 20.0, 8.0
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
