@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 import antiosc as ao
 from antiosc import plotting
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.reach import Reach
+from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
 from antiosc.reduce.site import functional

@@ -9,9 +9,9 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.mesh.soundness import _SIMPLICES
 from antiosc.fem.platform import compat
+from antiosc.fem.reach import Reach
 from antiosc.fem.structure import Placement
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.recovery import mesh_fields

@@ -21,8 +21,8 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
 from antiosc.fem.elements import Section
-from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.platform import collective, on_root
+from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
 from antiosc.fields.second_order import with_pairs

@@ -26,11 +26,11 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress import named_from
 from antiosc.fem.prestress.loaded_part import initial_strain
+from antiosc.fem.reach import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
 from antiosc.io.neutral import FACETS, KINDS

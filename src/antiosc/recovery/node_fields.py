@@ -8,7 +8,7 @@ import numpy as np
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.mesh.reach import Reach, check_reach
+from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery.place import NodeTensors, Place

@@ -27,7 +27,7 @@ from antiosc.base.errors import (
     finite_element_packages,
     without_warnings,
 )
-from antiosc.fem.mesh.reach import SNAP_SHARE
+from antiosc.fem.reach import SNAP_SHARE
 from antiosc.io.neutral import SIDES
 from antiosc_app import pieces
 from antiosc_app.scene_file.build import Call, calls_in

@@ -217,7 +217,7 @@ class Fall(Trajectory, Result):
             return np.zeros(3), rigid
         if body.structure is None or body.basis is None:
             return checks.array("at", at, (3,)) - body.centre, rigid
-        from antiosc.fem.mesh.reach import Reach
+        from antiosc.fem.reach import Reach
         from antiosc.recovery import source
         from antiosc.reduce.site import point_of
 

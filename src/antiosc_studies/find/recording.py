@@ -18,7 +18,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
-from antiosc.fem.mesh.reach import Reach
+from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.recovery import source
 from antiosc.recovery.place import place

@@ -12,8 +12,8 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.platform import compat
+from antiosc.fem.reach import Reach
 from antiosc.recovery.mesh_fields import recovered
 from antiosc.recovery.place import Place
 from antiosc_app.live_meshes import sites_of_map

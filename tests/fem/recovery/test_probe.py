@@ -10,7 +10,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.reach import Reach
+from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
 from antiosc.reduce.site import functional

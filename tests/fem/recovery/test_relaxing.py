@@ -18,8 +18,8 @@ import parts
 import sheets
 from antiosc.fem.elements.weak_form import restricted
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.platform import compat
+from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
 from antiosc.reduce.site import functional

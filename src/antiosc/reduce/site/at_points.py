@@ -22,8 +22,8 @@ from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import dot, multiply, norm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.reach import Reach
 from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, corners_at, size_at
+from antiosc.fem.reach import Reach
 from antiosc.fem.structure import Dissipation, in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import Support, fixed_dofs

@@ -20,7 +20,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
-from antiosc.fem.mesh.reach import Reach, check_reach
+from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
