@@ -161,11 +161,8 @@ from antiosc.impact.bodies import (
     named_impactor as named_impactor,
 )
 from antiosc.impact.histories import (
-    BodyEnergy as BodyEnergy,
     History as History,
     SceneHistory as SceneHistory,
-    body_energy as body_energy,
-    vibration_share as vibration_share,
 )
 from antiosc.impact.histories.energy import (
     Energy as Energy,
@@ -174,8 +171,13 @@ from antiosc.impact.histories.parts import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
 )
-from antiosc.impact.histories.results import (
+from antiosc.impact.histories.tables import (
     SavedHistory as SavedHistory,
+)
+from antiosc.impact.histories.vibration import (
+    BodyEnergy as BodyEnergy,
+    body_energy as body_energy,
+    vibration_share as vibration_share,
 )
 from antiosc.impact.scene import (
     Scene as Scene,

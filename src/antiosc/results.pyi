@@ -23,7 +23,6 @@ from antiosc.impact.batch import (
     Batch as Batch,
 )
 from antiosc.impact.histories import (
-    BodyEnergy as BodyEnergy,
     History as History,
     SceneHistory as SceneHistory,
 )
@@ -34,8 +33,11 @@ from antiosc.impact.histories.parts import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
 )
-from antiosc.impact.histories.results import (
+from antiosc.impact.histories.tables import (
     SavedHistory as SavedHistory,
+)
+from antiosc.impact.histories.vibration import (
+    BodyEnergy as BodyEnergy,
 )
 from antiosc.models.model_file import (
     ReducedMatrices as ReducedMatrices,

@@ -23,9 +23,8 @@ from antiosc.base.texts import engineering, percent, point_text as placed, prefi
 from antiosc.fields.deformed import plot_deformed
 from antiosc.fields.pictures import MAP_QUANTITIES, plot_map
 from antiosc.impact.bodies import GRAVITY
-from antiosc.impact.histories import History, SceneHistory
+from antiosc.impact.histories import History, SceneHistory, error_scope
 from antiosc.impact.histories.parts import CAUSES, QUANTITIES, ErrorBudget
-from antiosc.impact.histories.results import error_scope
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import (

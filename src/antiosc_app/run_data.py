@@ -20,7 +20,7 @@ from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
 from antiosc.impact.histories import SceneHistory
 from antiosc.impact.histories.energy import energy_gain
-from antiosc.impact.histories.results import inexact_message, open_contacts
+from antiosc.impact.histories.run_end import inexact_message, open_contacts
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene import integrate, integrate_exact, set_initial_forces
 from antiosc.impact.scene_parts import SceneParts

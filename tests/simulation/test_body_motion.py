@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact.histories import amplitudes, forces_of, peak_deflections
+from antiosc.impact.from_rest import peak_deflections
+from antiosc.impact.histories.factors import amplitudes, forces_of
 from antiosc.models.closed_form import free_free
 from marks import TURNS_FAR
 from scenes import finely
@@ -142,7 +143,7 @@ def test_the_peak_does_not_depend_on_how_long_the_body_swings_on():
 
 @pytest.mark.slow
 def test_bodies_of_different_size_are_histories(rng, monkeypatch):
-    monkeypatch.setattr("antiosc.impact.histories.BODIES_AT_ONCE", 2)
+    monkeypatch.setattr("antiosc.impact.from_rest.BODIES_AT_ONCE", 2)
     ball, law = ao.RigidMass(mass=0.3, velocity=1.0), ao.Hertz(1e8)
     bodies = [
         ao.AntiOscillators(m0=0.0, k0=1e6, m=[0.4], omega=[900.0]),

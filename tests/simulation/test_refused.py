@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.impact.histories import amplitudes, forces_of, times_of
+from antiosc.impact.histories.factors import amplitudes, forces_of, times_of
 
 UP = (0.0, 0.0, 1.0)
 LAW = ao.Linear(1e6)

@@ -38,8 +38,18 @@ from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import second_order
 from antiosc.fields.pictures import SavedFields
-from antiosc.impact import histories
-from antiosc.impact.histories import AnyHistory, History
+from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import (
+    AnyHistory,
+    amplitudes,
+    forces_of,
+    modes_of,
+    spring_amplitudes,
+    stretch_in,
+    stretch_shapes,
+    times_of,
+    unit_energy_factors,
+)
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.modal import superposed
 from antiosc.recovery import source
@@ -106,10 +116,10 @@ def write_series(
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = nonempty("times", times)
     if one_folder:
-        write_vtx(target, structure, own, at, histories.amplitudes(history, at, body))
+        write_vtx(target, structure, own, at, amplitudes(history, at, body))
         return target
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = histories.amplitudes(history, at, body)
+    factors = amplitudes(history, at, body)
 
     def write() -> None:
         frames = Frames(points, cells)
@@ -153,7 +163,7 @@ def save_fields(
     own = shapes_of(structure, history, body)
     at = np.unique(history.time) if times is None else nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = histories.amplitudes(history, at, body)
+    factors = amplitudes(history, at, body)
     on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
     return target
 
@@ -171,7 +181,7 @@ def skin(
     """
     own = shapes_of(structure, history, body)
     points, faces, shapes = source(structure).surface(structure, own)
-    moved = shapes @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
+    moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
     outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
     return outer
 
@@ -185,7 +195,7 @@ def nodal_motion(
     own = shapes_of(structure, history, body)
     _, cells, shapes = source(structure).at_nodes(structure, own)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    moved = shapes[used] @ histories.amplitudes(history, array("time", [time], (1,)), body)[0]
+    moved = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
     found: Array = structure.comm.bcast(moved, root=0)
     return found
 
@@ -196,7 +206,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
     Of a body that stretches the second-order displacements of pairs of its modes follow.
     """
     shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
-    second = histories.stretch_shapes(history, body)
+    second = stretch_shapes(history, body)
     if second is not None:
         shapes = np.column_stack([shapes, second])
     if isinstance(history, History) and history.assembly.scene.base is not None:
@@ -206,7 +216,7 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
     """Warn if ground motion shakes mass that the shapes of the model do not represent."""
-    weight, base = histories.modes_of(history, body).weight, history.assembly.scene.base
+    weight, base = modes_of(history, body).weight, history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
     if weight is None or weight.ndim == 1:  # one direction, along which the ground moves
@@ -234,9 +244,9 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
 
 def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
     """Factors (n, B (1 + branches)) of the columns of stress, in the order of `with_branches`."""
-    springs = histories.spring_amplitudes(history, times, body)
+    springs = spring_amplitudes(history, times, body)
     own = [springs[k] for k in branches_of_materials(structure, len(springs))]
-    return np.hstack([histories.amplitudes(history, times, body), *own])
+    return np.hstack([amplitudes(history, times, body), *own])
 
 
 def checked_shapes(
@@ -248,7 +258,7 @@ def checked_shapes(
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    own = histories.modes_of(history, body)
+    own = modes_of(history, body)
     assert own.basis is not None
     rows = structure.rows
     fits = all(len(block) == rows for block in own.basis)
@@ -257,7 +267,7 @@ def checked_shapes(
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    factors, count = histories.unit_energy_factors(own)
+    factors, count = unit_energy_factors(own)
     of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
     for x, (matrix, what, limit) in zip(superposed(own.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
@@ -344,7 +354,7 @@ def reactions(
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
-    at = histories.times_of(history, times)
+    at = times_of(history, times)
     sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
     from antiosc.reduce.site.at_points import Released  # needs dolfinx
@@ -355,21 +365,21 @@ def reactions(
     rigid = released.rigid()
     moved, carried = released.inertia(following, rigid)
     work, applied = released.applied(sites, rigid)
-    forces = histories.forces_of(history, at, body)
+    forces = forces_of(history, at, body)
     if len(work) != forces.shape[1]:
         raise InputError(
             f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
             "give the sites with which it was extracted, in their order."
         )
     comm = structure.comm
-    accelerations = histories.amplitudes(history, at, body, 2)
+    accelerations = amplitudes(history, at, body, 2)
     found = accelerations @ dot(comm, shapes, moved) - forces @ work
-    if histories.stretch_in(history, body) is not None:
+    if stretch_in(history, body) is not None:
         found += second_order.work_on(structure, history, body, shapes, released.motions, at)
-    velocities = histories.amplitudes(history, at, body, 1)
-    springs = histories.spring_amplitudes(history, at, body)
+    velocities = amplitudes(history, at, body, 1)
+    springs = spring_amplitudes(history, at, body)
     terms = released.damping(shapes)
-    undamped = histories.modes_of(history, body).damping is None
+    undamped = modes_of(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
         raise InputError(other_damping("the force of a damper"))
     for tau, by_motion in terms:

@@ -27,7 +27,8 @@ from antiosc.base.texts import ReprMixin, engineering, point_text
 from antiosc.engine.contact.geometry import hertz_pressure
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
-from antiosc.impact.histories import AnyHistory, History
+from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import AnyHistory
 from antiosc.impact.histories.verdict import yields
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, layers_of

@@ -38,13 +38,8 @@ from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
 from antiosc.fields.margin import Margin, Maxima, Search, mesh_error
 from antiosc.fields.pictures import outer_faces
 from antiosc.fields.second_order import tensors_at_nodes
-from antiosc.impact.histories import (
-    History,
-    amplitudes,
-    modal_amplitudes,
-    stretch_in,
-    times_of,
-)
+from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import amplitudes, modal_amplitudes, stretch_in, times_of
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source

@@ -26,7 +26,8 @@ from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
 from antiosc.fields.second_order import with_pairs
-from antiosc.impact.histories import AnyHistory, History, amplitudes, times_of
+from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place

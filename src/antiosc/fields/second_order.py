@@ -19,8 +19,13 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.fem.structure.structure import Structure
-from antiosc.impact import histories
-from antiosc.impact.histories import AnyHistory, History, stretch_factors, stretch_in
+from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import (
+    AnyHistory,
+    stretch_amplitudes,
+    stretch_factors,
+    stretch_in,
+)
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors
 from antiosc.reduce.extraction import stretching
@@ -75,12 +80,12 @@ def work_on(
     structure: Structure, history: History, body: str, shapes: Array, motions: Array, at: Array
 ) -> Array:
     """Work (n, R) of the second-order forces on motions (dofs, R) at times."""
-    forces = histories.stretch_in(history, body)
+    forces = stretch_in(history, body)
     assert forces is not None
     count = shapes.shape[1] - forces.size * (forces.size + 1) // 2
     phi = shapes[:, :count] @ stretch_factors(history, body).T
     two, three = stretching.work_on(structure, phi, shapes[:, count:], motions)
-    a = histories.stretch_amplitudes(history, at, body)
+    a = stretch_amplitudes(history, at, body)
     pairs = forces.pairs(a)
     return np.asarray(pairs @ two + np.einsum("nk,np,kpr->nr", a, pairs, three, optimize=True))
 

@@ -28,17 +28,19 @@ from antiosc.impact.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.histories import History
 from antiosc.impact.histories.energy import GAIN
-from antiosc.impact.histories.results import (
-    COMPLETED,
+from antiosc.impact.histories.linear_theory import (
     SLIGHT_CHANGE,
     SLIGHT_DEFLECTION,
+    large_deflection_message,
+    warn_large_rotation,
+)
+from antiosc.impact.histories.run_end import (
+    COMPLETED,
     STOPPED,
     CheckResult,
     RunEnd,
     check_result,
-    large_deflection_message,
     warn_batch,
-    warn_large_rotation,
 )
 from antiosc.impact.reference import MAX_CONTACTS, MAX_STEPS, Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate_impact

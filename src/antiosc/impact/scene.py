@@ -35,10 +35,11 @@ from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
 from antiosc.impact.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.error_budget import error_budget, warn_low_band
-from antiosc.impact.histories import History, SceneHistory, results
+from antiosc.impact.histories import History, SceneHistory, told
 from antiosc.impact.histories.energy import energy_gain
+from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
 from antiosc.impact.histories.parts import ErrorBudget
-from antiosc.impact.histories.results import CheckResult
+from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, open_contacts
 from antiosc.impact.reference import (
     MAX_CONTACTS,
     MAX_STEPS,
@@ -146,8 +147,8 @@ class Scene(SceneParts):
         set_initial_forces(assembly)
         history, check = integrate(SceneHistory, assembly, duration, settings)
         for sentence in misplaced_ends(self.contacts, assembly.bodies):
-            history = _told(history, sentence)
-        results.warn_large_rotation(*history.largest_rotation())
+            history = told(history, sentence)
+        warn_large_rotation(*history.largest_rotation())
         check.warn()
         history = with_deflection_warning(history)
         _warn_truncation(self, history)
@@ -192,12 +193,10 @@ def _integrate(
     else:
         found, failure = integrate_reference(assembly, duration, settings), ""
     run = found.run
-    still_open = results.open_contacts(run, assembly.system)
+    still_open = open_contacts(run, assembly.system)
     errors = found.force, found.peak, found.certain
-    ended = results.RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    check = results.check_result(
-        assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run)
-    )
+    ended = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
+    check = check_result(assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run))
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": found.force, "peak": found.peak} if known else {}
     apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
@@ -212,15 +211,7 @@ def _integrate(
 
 def with_deflection_warning(history: H) -> H:
     """Warn of a deflection beyond linear theory and append the sentence to the message."""
-    return _told(history, results.large_deflection_message(history))
-
-
-def _told(history: H, sentence: str) -> H:
-    """Warn of a sentence and append it to the history's message; nothing for ""."""
-    if not sentence:
-        return history
-    warn(sentence, AccuracyWarning)
-    return replace(history, message=f"{history.message} {sentence}")
+    return told(history, large_deflection_message(history))
 
 
 def set_initial_forces(
@@ -427,8 +418,8 @@ def simulate(
         if sentence:
             history = replace(history, message=f"{history.message} {sentence}")
     if history.run.touches:
-        history = _told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
-    results.warn_large_rotation(*history.largest_rotation())
+        history = told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
+    warn_large_rotation(*history.largest_rotation())
     history = with_deflection_warning(history)
     check_range(history, [*plausible.of_model(model), *doubts])
     if info_of(model).measured is not None:

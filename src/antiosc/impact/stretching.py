@@ -9,24 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.impact.histories import parts
-from antiosc.impact.histories.results import deflection, sampled_motion
+from antiosc.base.errors import InputError
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.bodies import SceneBody
+from antiosc.impact.histories import History, parts, told
+from antiosc.impact.histories.linear_theory import deflection, sampled_motion
 from antiosc.models.stretch import MOST, Stretch, stretch_of
 
-if TYPE_CHECKING:
-    from antiosc.impact.assembly import Assembly
-    from antiosc.impact.bodies import SceneBody
-    from antiosc.impact.histories import History
-
-H = TypeVar("H", bound="History")
+H = TypeVar("H", bound=History)
 #: Integrates an assembly.
-Integrate = Callable[["Assembly"], H]
+Integrate = Callable[[Assembly], H]
 
 #: Change of the site's displacement by second-order forces, over its largest, up to which the
 #: linear run stands: of a peak force about half of it.
@@ -158,12 +155,6 @@ def differences(one: History, other: History) -> dict[str, float]:
     moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (one, other)]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]
     return {**found, "deflection": max(apart, default=0.0)}
-
-
-def told(history: H, sentence: str) -> H:
-    """Warn of a sentence and append it to the history's message."""
-    warn(sentence, AccuracyWarning)
-    return replace(history, message=f"{history.message} {sentence}")
 
 
 def _not_enough(count: int, worst: float) -> str:

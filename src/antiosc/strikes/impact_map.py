@@ -48,8 +48,9 @@ from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.impact.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of
 from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
-from antiosc.impact.histories import Force, History, motions, peak_deflections
-from antiosc.impact.histories.results import (
+from antiosc.impact.from_rest import Force, motions, peak_deflections
+from antiosc.impact.histories import History
+from antiosc.impact.histories.linear_theory import (
     SLIGHT_DEFLECTION,
     beyond_linear,
     beyond_quartic,

@@ -9,7 +9,7 @@ from typing import TypeVar
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
-from antiosc.impact.histories.results import may_stretch
+from antiosc.impact.histories.linear_theory import may_stretch
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
 from antiosc.reduce.extraction.stretching import with_stretch

@@ -25,7 +25,7 @@ from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.histories import SceneHistory
 from antiosc.impact.histories.energy import impulses
-from antiosc.impact.histories.results import COMPLETED, STOPPED
+from antiosc.impact.histories.run_end import COMPLETED, STOPPED
 from antiosc.impact.scene import (
     Scene,
     check_range,

@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.joint import Rows
 from antiosc.fields.fields import shapes_of
-from antiosc.impact.histories import amplitudes
+from antiosc.impact.histories.factors import amplitudes
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from static_loads import quiet
 

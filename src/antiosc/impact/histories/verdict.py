@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.choice import Choice, elastic_pressure
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.impact.auto_contact import chosen
-
-if TYPE_CHECKING:
-    from antiosc.impact.histories.parts import OneContact
+from antiosc.impact.histories.parts import OneContact
 
 #: Speed [m/s] above which none of the yield is told: no contact is quasi-static there.
 FAST = 300.0

@@ -1,0 +1,153 @@
+"""Factors of the shapes of a body in its motion: displacements and their time derivatives.
+
+The equations of motion in modal coordinates give the accelerations from the displacements, the
+velocities and the forces; nothing is differentiated numerically.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.impact.histories.motion import RunHistory
+from antiosc.impact.histories.parts import BodyHistory
+from antiosc.models.modal import ModalBody, SiteModes
+from antiosc.models.stretch import Stretch, stretch_of
+
+#: What knows the motion of a body.
+AnyHistory = RunHistory | BodyHistory
+
+
+def no_field_message(model: object) -> str:
+    """Why a model has no displacement field, with the remedy."""
+    name = type(getattr(model, "body", model)).__name__
+    return (
+        f"{name} has no displacement field: it has no shapes (model files do not store them); "
+        "extract the model again to recover fields."
+    )
+
+
+def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
+    """The free modes of a body with its shapes; InputError for a body without shapes."""
+    if isinstance(history, BodyHistory):
+        model, own = history.placed.body, history.placed.modes
+    else:
+        model, own = history.of(body)
+    if own.basis is None:
+        raise InputError(no_field_message(model))
+    return own
+
+
+def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
+    """Checked times (n,), by default those of the history."""
+    if times is None:
+        return history.time
+    if isinstance(history, BodyHistory):
+        raise InputError(
+            "the motion of a body of a scene is known at its own times: probe "
+            "hit.at(times)[name], or the scene's history with body=name."
+        )
+    return checks.nonempty("times", times)
+
+
+def _motion_at(history: AnyHistory, times: Array, body: str) -> BodyHistory:
+    """Motion of a body at `times`; a BodyHistory has its own times."""
+    if isinstance(history, BodyHistory):
+        return history
+    return history.at(times)[history.name_of(body)]
+
+
+def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
+    """The second-order forces in the motion of a body; None for a linear motion."""
+    if isinstance(history, BodyHistory):
+        return history.stretched
+    return history.assembly.stretched.get(history.name_of(body))
+
+
+def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
+    """Second-order displacements (n_dofs, P) of pairs of the modes in which a body stretches."""
+    forces = stretch_in(history, body)
+    of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
+    given = stretch_of(of_body)
+    return None if forces is None or given is None else given.shapes_in(forces.modes)
+
+
+def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
+    """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
+
+    Of a body that stretches those of the pairs of its modes follow, (n, B + m (m + 1)/2).
+
+    Velocities and accelerations are those of the modes: what a residual compliance adds to the
+    displacement has no inertia, and follows the force.
+    """
+    own, one = modes_of(history, body), _motion_at(history, times, body)
+    q = (one.q, one.v, one.a)[derivative]
+    found = _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
+    forces = stretch_in(history, body)
+    if forces is None:
+        return found
+    a, v, w = (each @ forces.modes for each in (one.q, one.v, one.a))
+    return np.hstack([found, forces.pair_motion(a, v, w, derivative)])
+
+
+def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
+    """Amplitudes (n, m), at times, of the modes with second-order forces."""
+    forces = stretch_in(history, body)
+    assert forces is not None
+    return np.asarray(_motion_at(history, times, body).q @ forces.modes)
+
+
+def stretch_factors(history: AnyHistory, body: str) -> Array:
+    """Factors (m, B) of the body's shapes for the modes with second-order forces."""
+    own, forces = modes_of(history, body), stretch_in(history, body)
+    assert forces is not None
+    return _factors(own, forces.modes.T, np.zeros((forces.size, own.B.shape[1])))
+
+
+def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
+    """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
+    own, one = modes_of(history, body), _motion_at(history, times, body)
+    none = np.zeros_like(one.forces)
+    return [_factors(own, each, none) for each in one.springs]
+
+
+def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:
+    """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1.
+
+    The second result is the number of elastic modes.
+    """
+    elastic = own.omega > 0
+    q = np.vstack([np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0), elastic])
+    return _factors(own, q, np.zeros((2, own.B.shape[1]))), int(elastic.sum())
+
+
+def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
+    """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
+    return own.amplitudes(own.coordinates(q, forces))
+
+
+def modal_amplitudes(
+    history: AnyHistory, times: Array, body: str, derivative: int
+) -> tuple[Array, Array, Array]:
+    """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,).
+
+    Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
+    forces slowly; 0 of rigid-body modes.
+    """
+    own, one = modes_of(history, body), _motion_at(history, times, body)
+    omega = own.omega
+    # of the oscillation x: x' = v and x'' = a
+    swing = np.hypot(omega * one.v, one.a).max(axis=0)
+    sizes = np.zeros(omega.size)
+    np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
+    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, one.forces.shape[1])))
+    return omega, shapes, sizes
+
+
+def forces_of(history: AnyHistory, times: Array, body: str) -> Array:
+    """Forces (n, P) [N] of contacts and loads on the columns of the body's model."""
+    modes_of(history, body)
+    return _motion_at(history, times, body).forces

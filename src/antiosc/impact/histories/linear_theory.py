@@ -1,0 +1,170 @@
+"""Rotations and deflections in a run that leave linear theory: messages and warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from antiosc.base import errors
+from antiosc.base._types import Array
+from antiosc.impact.bodies import SceneBody
+from antiosc.impact.histories.motion import RunHistory
+from antiosc.impact.states import free_steps
+from antiosc.models.body import info_of
+from antiosc.models.stretch import stretch_of
+
+#: Rotation [rad] of a body above which a warning is given.
+SMALL_ROTATION = 0.1
+
+
+def warn_large_rotation(name: str, angle: float) -> None:
+    """Warn of a body whose rotation is not small."""
+    if angle > SMALL_ROTATION:
+        errors.warn(
+            f"{name!r} turned by {angle:.2g} rad; rotations are taken as small, below"
+            f" {SMALL_ROTATION:g} rad.",
+            errors.AccuracyWarning,
+        )
+
+
+#: Deflection over the thickness up to which a sheet that is held hardly stretches: at a clamped
+#: circle's half thickness the stretching adds 11 % to the force (1 + 0.443 (w/h)²).
+SMALL_DEFLECTION = 0.5
+#: Looks at a run in a period of the lowest mode, as a flight is one step, and at most in all.
+SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
+REMEDY = (
+    'take stretch="auto" of extract or impact_map, which has these forces of a part of one mesh'
+)
+
+
+def beyond_linear(name: str, deflection: float, thickness: float) -> str:
+    """Warning that the deflection [m] of a supported sheet exceeds linear theory; "" if not."""
+    ratio = deflection / thickness
+    if not ratio > SMALL_DEFLECTION:
+        return ""
+    return (
+        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times the thickness"
+        f" {1e3 * thickness:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
+        f" linear theory holds: where its edges are held it stretches and is stiffer,"
+        f" forces are larger and deflections smaller than these (a cantilever, or a sheet"
+        f" on soft springs, hardly stretches); {REMEDY}, or make the sheet thicker."
+    )
+
+
+#: Deflection over the thickness up to which forces to third order hold (benchmarks/thin_sheets.py).
+QUARTIC = 3.0
+#: Share of that up to which the ends of steps tell enough: a body that stretches has no flights.
+FAR = 0.8
+
+
+def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
+    """Warning that the deflection [m] of a sheet exceeds second-order theory; "" if not."""
+    ratio = deflection / thickness
+    if not ratio > QUARTIC:
+        return ""
+    return (
+        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times the thickness of its"
+        f" sheet, more than {QUARTIC:g}, up to which second-order strain in a few modes holds:"
+        " analyse it by an explicit finite element program."
+    )
+
+
+def large_deflection_message(history: RunHistory) -> str:
+    """Warning of the worst deflection of a supported sheet beyond linear theory; "" if none."""
+    worst, message = 0.0, ""
+    for name, body, h in _sheets(history):
+        if not body.omega.all():  # it is free
+            continue
+        stretches = stretch_of(body.body) is not None
+        sentence = "" if stretches else _beyond_linear_of_curved(name, body, h, history)
+        if sentence:
+            return sentence
+        ends = name in history.assembly.stretched and deflection(history, name, closely=False)
+        if ends and ends < FAR * QUARTIC * h:
+            continue
+        w = deflection(history, name)
+        if w > worst * h:
+            worst, message = w / h, (beyond_quartic if stretches else beyond_linear)(name, w, h)
+    return message
+
+
+#: The least deflection over the thickness that may change a displacement by 0.3 % (`NEGLIGIBLE` of
+#: `antiosc.impact.stretching`): the force is at most 1 + 1.85 (w/h)² that of linear theory, of
+#: a disc with a hinged edge that does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of
+#: Plates and Shells*, table 82). The same as a change of the force of a curved sheet.
+SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
+
+
+def may_stretch(history: RunHistory) -> bool:
+    """Whether second-order strain may change a linear run of sheets noticeably."""
+    return any(
+        deflection(history, name) > SLIGHT_DEFLECTION * h
+        or abs(_worst_change(name, body, history)[0]) > SLIGHT_CHANGE
+        for name, body, h in _sheets(history)
+    )
+
+
+def _sheets(history: RunHistory) -> Iterator[tuple[str, SceneBody, float]]:
+    """Name, body and thickness [m] of each part of sheets that is not a cantilever."""
+    if not history.assembly.thin:
+        return
+    for name, body in history.assembly.bodies.items():
+        h = info_of(body.body).thickness
+        if h is not None:
+            yield name, body, h
+
+
+def deflection(history: RunHistory, name: str, closely: bool = True) -> float:
+    """Largest displacement [m] of a body's sites along the contacts, by elastic modes alone.
+
+    closely : at many times, or at the ends of steps alone.
+    """
+    a, omega = history.assembly, history.assembly.bodies[name].omega
+    own, columns = a.spans[name], a.columns[name]
+    sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
+    q = sampled_motion(history, omega) if closely else free_steps(history.run, a.system)
+    return float(np.abs(q[:, own] @ (sites * (omega > 0)[:, None])).max(initial=0.0))
+
+
+#: Change of the force by second-order strain from which a curved sheet is told: of a peak force,
+#: which grows as the root of the stiffness, about twice its own change.
+CURVED_CHANGE = 0.1
+
+
+def _beyond_linear_of_curved(
+    name: str, body: SceneBody, thickness: float, history: RunHistory
+) -> str:
+    """Warning of the deflection of a curved, supported sheet at its worst site; "" if none."""
+    change, w = _worst_change(name, body, history)
+    if abs(change) <= CURVED_CHANGE:
+        return ""
+    softer = "softer, forces are smaller and deflections larger than these, and it may snap through"
+    stiffer = "stiffer, forces are larger and deflections smaller than these"
+    return (
+        f"{name!r}, a curved sheet, deflects by {1e3 * w:.3g} mm, {w / thickness:.3g} times its"
+        f" thickness: second-order strain changes its force by about {change:+.0%}: it is"
+        f" {softer if change < 0 else stiffer}; {REMEDY}."
+    )
+
+
+def _worst_change(name: str, body: SceneBody, history: RunHistory) -> tuple[float, float]:
+    """Largest relative change of the force on a curved sheet, and the deflection [m]."""
+    changes = info_of(body.body).second_order or {}
+    if not changes:
+        return 0.0, 0.0
+    motion, found = sampled_motion(history, body.omega)[:, history.assembly.spans[name]], []
+    for site, share in changes.items():
+        u = motion @ body.B[:, body.columns_of(site)[0]]
+        k = int(np.argmax(np.abs(u)))
+        found.append((share * float(u[k]), abs(float(u[k]))))
+    return max(found, key=lambda one: abs(one[0]))
+
+
+def sampled_motion(history: RunHistory, omega: Array) -> Array:
+    """Modal displacements (n, J) at the ends of steps and at evenly spaced times."""
+    end = float(history.run.time[-1])
+    periods = end * float(omega[omega > 0].min(initial=np.inf)) / (2 * np.pi)
+    periods = periods if np.isfinite(periods) else 0.0
+    t = np.linspace(0.0, end, int(min(MOST_SAMPLES, SAMPLES_PER_PERIOD * (1 + periods))))
+    return np.vstack([free_steps(history.run, history.assembly.system), history.states(t)[0]])

@@ -1,0 +1,318 @@
+"""`RunHistory`: the motion, forces and energies of all bodies of a run.
+
+The motion is in the coordinates of the body's model, with its time derivatives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array, Index
+from antiosc.base.errors import InputError
+from antiosc.engine.march import Run
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.bodies import RigidBody, SceneBody
+from antiosc.impact.histories.energy import Energy, energy_balance
+from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneContact, Record
+from antiosc.impact.states import (
+    blocks,
+    damping_states,
+    forces,
+    largest_rotation,
+    locate,
+    node_states,
+    states,
+)
+from antiosc.models.modal import ModalBody, SiteModes
+
+
+class SeveralContactsError(InputError, AttributeError):
+    """A result of a single contact is asked of a history with several."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunHistory(OneContact):
+    """Motion, forces and energies of a run: `History` without its tables and texts."""
+
+    assembly: Assembly
+    run: Run
+    error: dict[str, float]
+    status: int
+    message: str
+    given: float | None = None
+    structure: object = None
+
+    #: Whether every contact and body has a name; else they are a structure and an impactor.
+    named: ClassVar[bool] = False
+
+    # -- at the nodes
+
+    def __getitem__(self, ends: tuple[str, str]) -> ContactHistory:
+        for contact in self.contact_histories:
+            if contact.ends == ends:
+                return contact
+        listed = ", ".join(str(contact.ends) for contact in self.contact_histories)
+        raise InputError(f"there is no contact {ends!r} in the scene; it has {listed}.")
+
+    @cached_property
+    def contact_histories(self) -> list[ContactHistory]:
+        """All contacts in the order of the scene."""
+        contacts = self.assembly.scene.contacts
+        return [ContactHistory((c.a, c.b), self._record, i) for i, c in enumerate(contacts)]
+
+    @cached_property
+    def bodies(self) -> dict[str, BodyHistory]:
+        """Histories of the bodies by name, at the nodes."""
+        run, a = self._nodes, self.assembly
+        q, v = node_states(run, a.system)
+        return self._bodies(run.time, q, v, run.force)
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies of all bodies and contacts, and their drift; `gravity`: work of all loads."""
+        return energy_balance(self.assembly, self._nodes)
+
+    @property
+    def details(self) -> list[str]:
+        """Changes of contact laws: compliances that the bodies contain already."""
+        return list(self.assembly.notes)
+
+    # -- of one contact: force and numbers are those of `OneContact`
+
+    @property
+    def displacement(self) -> Array:
+        """Displacement u of the structure's site [m], (n,), along the contact.
+
+        Of a structure that supports hold it is that from its equilibrium under gravity: the sag
+        under its own weight is not in it.
+        """
+        return self._sites[0]
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity of the structure's site [m/s], (n,), without the residual compliance."""
+        return self._sites[1]
+
+    @property
+    def impactor_displacement(self) -> Array:
+        """Displacement w of the impactor's contact point [m], (n,), along the contact."""
+        return self._sites[2]
+
+    @property
+    def impactor_velocity(self) -> Array:
+        """Velocity w' of the impactor's contact point [m/s], (n,)."""
+        return self._sites[3]
+
+    @property
+    def step(self) -> float:
+        """Step during contact [s]: the given one, or the mean."""
+        if self.given is not None:
+            return self.given
+        found = self._numbers
+        return (
+            float(found.closed / found.steps)
+            if found.steps
+            else self.assembly.contact_time_estimate
+        )
+
+    @property
+    def model(self) -> Any:
+        """The body at the first end of the contact: the structure of `simulate`."""
+        return self._ends[0].body
+
+    @property
+    def impactor(self) -> Any:
+        """The body at the second end of the contact."""
+        return self._ends[1].body
+
+    @property
+    def momentum(self) -> Array:
+        """Momentum of the structure (n, 3) [kg m/s], in the axes of its mesh."""
+        return self._free_structure.momentum
+
+    @property
+    def angular_momentum(self) -> Array:
+        """Angular momentum of the structure (n, 3) [kg m^2/s] about its centre of mass at rest."""
+        inertia = self._free_structure.placed.inertia
+        assert inertia is not None
+        return self._free_structure.angular_momentum(inertia.centre)
+
+    def force_at(self, t: ArrayLike) -> Array:
+        """Contact force [N] at times (n,): the parabolas between the nodes."""
+        return np.maximum(forces(self.run, *self._located(t))[:, self._row], 0.0)
+
+    # -- at any time
+
+    def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
+        """The bodies by name at times (n,) [s] of the run, exact also between the nodes.
+
+        The nodes may lie far apart in flight: values are not to be interpolated between them.
+        """
+        t = self._times_in_run(times)
+        return self._bodies(t, *self.states(t), forces(self.run, *locate(self.run, t)))
+
+    def states(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Modal displacements and velocities (n, J) of all bodies, concatenated, at times (n,)."""
+        a = self.assembly
+        return states(self.run, a.system, *self._located(t))
+
+    def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
+        """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
+
+        `t` of shape (n,) gives (n, C), a single time (C,). They are those of its form in free modes
+        (`of`): one for each hidden rigid-body motion of a free body follows lambda.
+        """
+        _, own = self.of(body)
+        one = self.at(t)[self.name_of(body)]
+        found = own.coordinates(one.q, one.forces)
+        return found if np.ndim(t) else found[0]
+
+    def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
+        """(model of a body, its form in free modes).
+
+        For "structure", if no body has this name, it is the body with displacement shapes.
+        """
+        placed = self.assembly.bodies[self.name_of(body)]
+        if isinstance(placed.body, RigidBody):
+            raise InputError(f"{body!r} is a RigidBody, which has no field.")
+        return placed.body, placed.modes
+
+    def name_of(self, body: str) -> str:
+        """The key in `bodies` to which the name `body` refers; see `of`."""
+        bodies = self.assembly.bodies
+        checks.instance("body", body, str, "the name of a body")
+        if body == "structure" and body not in bodies:
+            shaped = [n for n, b in bodies.items() if b.modes.basis]
+            if len(shaped) == 1:
+                return shaped[0]
+        if body not in bodies:
+            raise InputError(
+                f"there is no body {body!r} in the scene: name one of {', '.join(bodies)}."
+            )
+        return body
+
+    def largest_rotation(self) -> tuple[str, float]:
+        """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0.0)
+        if none.
+
+        Of bodies whose inertia in space is known.
+        """
+        a = self.assembly
+        if not a.may_rotate:
+            return "", 0.0
+        return largest_rotation(self.run, a.system, a.bodies, a.spans)
+
+    # -- inside
+
+    @cached_property
+    def _record(self) -> Record:  # type: ignore[override]
+        """The record that its contacts share, without a reference to the history itself.
+
+        A single impact has few flights, which get nodes for pictures; a scene may have many.
+        """
+        return Record(self.assembly, self.run, not self.named)
+
+    @property
+    def _nodes(self) -> Run:
+        return self._record.nodes
+
+    @property
+    def _row(self) -> int:  # type: ignore[override]
+        """Row of the only contact in the system."""
+        if len(self.assembly.laws) > 1:
+            pairs = ", ".join(f"hit{list(c.ends)}" for c in self.contact_histories)
+            raise SeveralContactsError(
+                f"the scene has several contacts: ask for the force or motion of one, as {pairs}."
+            )
+        return 0
+
+    @property
+    def _ends(self) -> list[SceneBody]:
+        """Names of the bodies of the only contact."""
+        contact = self.assembly.scene.contacts[self._row]
+        return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
+
+    @property
+    def _free_structure(self) -> BodyHistory:
+        """The structure, if its momentum is known; otherwise an error."""
+        found = self.bodies[self._ends[0].name]
+        if found.placed.inertia is None:
+            raise InputError(
+                f"the momentum of {type(self.model).__name__} is not known: extract the model from "
+                "a mesh whose supports permit a rigid-body motion."
+            )
+        return found
+
+    @cached_property
+    def _sites(self) -> Array:
+        """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
+        a, run = self.assembly, self._nodes
+        rows = np.zeros((len(a.r), 2))
+        for i, body in enumerate(self._ends):
+            own = a.columns[body.name]
+            rows[own, i] = (2 * i - 1) * a.G[self._row, own]
+        found = np.empty((4, run.time.size))
+        for first, last in blocks(run, a.system.omega.size):
+            q, v = node_states(run, a.system, first, last)
+            nodes = slice(2 * first, 2 * last + 1)
+            found[::2, nodes], found[1::2, nodes] = (q @ (a.B @ rows)).T, (v @ (a.B @ rows)).T
+        found[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
+        return found
+
+    def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
+        a = self.assembly
+        acting = self.assembly.pushes(time) - force @ a.G
+        columns = q @ a.B + acting @ a.r
+        kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
+        load = a.load(time) - force @ a.system.beta
+        accelerations = load - a.system.omega**2 * q
+        springs: list[list[Array]] = [[] for _ in a.bodies]
+        if a.system.first is not None:
+            decelerations, springs = damping_states(self.run, a.system, *locate(self.run, time))
+            accelerations -= decelerations
+        elif a.system.damped:
+            accelerations -= 2 * a.system.decay * v
+        found = {}
+        for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
+            j, k = a.spans[name], a.columns[name]
+            stretch = a.stretched.get(name)
+            stretching = 0.0 if stretch is None else stretch.energy(q[:, j] @ stretch.modes)
+            residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
+            found[name] = BodyHistory(
+                placed=body,
+                time=time,
+                q=q[:, j],
+                v=v[:, j],
+                a=accelerations[:, j],
+                forces=acting[:, k],
+                kinetic=kinetic[:, j].sum(axis=1),
+                strain=strain[:, j].sum(axis=1) + residual + stretching,
+                _columns=columns[:, k],
+                springs=branches,
+                stretched=stretch,
+            )
+        return found
+
+    def _located(self, t: ArrayLike) -> tuple[Index, Array]:
+        return locate(self.run, self._times_in_run(t))
+
+    def _times_in_run(self, t: ArrayLike) -> Array:
+        """Checked times (n,) within the run; InputError for others."""
+        times = checks.column("t", t)
+        end = float(self.run.time[-1])
+        outside = (times < 0) | (times > end * (1 + 1e-12))
+        if np.any(outside):
+            raise InputError(
+                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
+            )
+        return np.minimum(times, end)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields for pickle, without the structure."""
+        return {f.name: getattr(self, f.name) for f in fields(self)} | {"structure": None}

@@ -1,0 +1,186 @@
+"""How a run ended: its status and message, and what is told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc.base import errors
+from antiosc.base._types import Array
+from antiosc.base.checks import ROUNDING
+from antiosc.engine import library
+from antiosc.engine.convergence import Converged, stopped
+from antiosc.engine.march import Run
+from antiosc.engine.system import System
+from antiosc.impact.assembly import Assembly
+from antiosc.impact.histories.energy import GAIN
+
+#: status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
+#: but the bodies still touch at the end
+COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
+#: Contacts and scenes of a batch that a message names.
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """Status and message of a run; `unusual`: warn even if the status is 0."""
+
+    status: int
+    message: str
+    unusual: bool = False
+
+    def with_shortage(self, shortage: str) -> CheckResult:
+        """The result with the status of a model that has too few anti-oscillators."""
+        worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
+        return CheckResult(worse, f"{self.message} {shortage}", self.unusual)
+
+    def warn(self) -> None:
+        """Warn at the caller's line unless the run completed as requested."""
+        if self.status:
+            errors.warn(self.message, errors.AccuracyWarning)
+        elif self.unusual:
+            errors.warn(self.message)
+
+
+class RunEnd(NamedTuple):
+    """How a run ended, as input of its check.
+
+    `time` [s] reached, `touches` their number, `open` the contacts still closed, and the errors.
+    """
+
+    answer: int
+    time: float
+    touches: int
+    open: Sequence[int]
+    force: float
+    peak: float
+    certain: float
+
+
+def open_contacts(run: Run, system: System) -> list[int]:
+    """Contacts that touched during the run and are closed at its end."""
+    if len(system.laws) == 1 and (not len(run.events) or run.events[-1, 2] == library.APART):
+        return []
+    events = run.events.tolist()
+    last = {which: piece for _, which, piece, _ in events}
+    on = sorted(int(c) for c, piece in last.items() if piece != library.APART)
+    parted = {which for _, which, piece, _ in events if piece == library.APART} if on else ()
+    return [c for c in on if c in parted or not system.closed[c]]
+
+
+def check_result(
+    assembly: Assembly,
+    ended: RunEnd,
+    tol: float,
+    limits: tuple[int, int],
+    failure: str = "",
+    gain: Callable[[], float] = lambda: 0.0,
+) -> CheckResult:
+    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: of energy."""
+    failure = failure or stopped(ended.answer, ended.time, *limits)
+    if failure:
+        return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
+    cut = cut_short_message(assembly, ended)
+    if doubt := inexact_message(ended, tol, limits[1], gain):
+        return CheckResult(INEXACT, f"{doubt} {cut}".rstrip())
+    if untouched := no_contact_message(assembly, ended):
+        return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
+    return CheckResult(TOUCHING, cut) if cut else CheckResult(COMPLETED, "Completed.")
+
+
+def inexact_message(
+    ended: RunEnd | Converged, tol: float, max_steps: int, gain: Callable[[], float]
+) -> str:
+    """Why a complete run does not meet the tolerance; "" if it does."""
+    worst = max(ended.force, ended.peak)
+    if worst == np.inf:
+        if ended.certain > 0:
+            return (
+                f"The error is not known: a finer run takes too many steps. Up to"
+                f" {ended.certain:.4g} s the two agree; shorten the duration to that."
+            )
+        return (
+            f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
+            f" raise it or shorten the duration."
+        )
+    if not worst <= tol:
+        return (
+            f"The contact forces did not converge: finer runs within max_steps = {max_steps} differ"
+            f" by {worst:.2g}, not tol = {tol:g} (if they rattle, small errors grow). Up to"
+            f" {ended.certain:.4g} s they agree; raise max_steps, or shorten the duration to that."
+        )
+    share = gain()
+    if share > GAIN:
+        return (
+            f"The scene gained energy, {share:.2g} of the highest that it had; use a smaller tol or"
+            f" step."
+        )
+    return ""
+
+
+def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
+    """Warning of contacts that are still closed at the end; "" without, or if they always were."""
+    contacts = [assembly.scene.contacts[c] for c in ended.open]
+    if not contacts:
+        return ""
+    named = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_NAMED])
+    more = ", ..." if len(contacts) > _NAMED else ""
+    return (
+        f"The run ends during contact of {named}{more}: contact time, impulse and peak force are"
+        f" those up to {ended.time:g} s; lengthen the duration."
+    )
+
+
+def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
+    """Why nothing touched, perhaps by a wrong sign; "" if something did."""
+    system = assembly.system
+    if ended.touches or np.any(system.pressed):
+        return ""
+    p = len(assembly.laws)
+    speed, push = (
+        _without_rounding(system.beta[:p], system.v),
+        _without_rounding(system.beta[:p], system.loads[0]),
+    )
+    for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
+        c = int(np.argmax(motion))
+        contact, most = assembly.scene.contacts[c], float(motion[c])
+        if most > 0:
+            return (
+                f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r} closes at"
+                f" {most:g} {unit} at first and was not closed within {ended.time:g} s; lengthen"
+                f" the duration"
+            )
+        if np.any(motion < 0):
+            return (
+                f"the gap of {contact.a!r}, {contact.b!r} opens at {-most:g} {unit} at first; if it"
+                f" should close, reverse the sign of the velocity or gravity or, in a scene, the"
+                f" ends"
+            )
+    if system.breaks.size > 1:  # what acts changes in time
+        return f"no contact closed within {ended.time:g} s; lengthen the duration"
+    return "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
+
+
+def _without_rounding(beta: Array, modal: Array) -> Array:
+    """beta modal (p,), with 0 for values that are rounding."""
+    felt = beta @ modal
+    return np.where(abs(felt) > ROUNDING * (abs(beta) @ abs(modal)), felt, 0.0)
+
+
+def warn_batch(results: Sequence[CheckResult]) -> None:
+    """Warn once of each kind of failure in a batch, with the scenes in which it occurred."""
+    kinds: dict[tuple[int, bool], list[int]] = {}
+    for i, one in enumerate(results):
+        if one.status or one.unusual:
+            kinds.setdefault((one.status, one.unusual), []).append(i)
+    for (status, _), scenes in kinds.items():
+        named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
+        errors.warn(
+            f"{len(scenes)} of {len(results)} scenes ({named}), as scene {scenes[0]}:"
+            f" {results[scenes[0]].message}",
+            errors.AccuracyWarning if status else errors.AntioscWarning,
+        )

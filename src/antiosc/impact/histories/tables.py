@@ -1,0 +1,176 @@
+"""Histories as tables and files: CSV, JSON, pandas, files loaded again."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from antiosc import __version__
+from antiosc.base import checks, errors, files
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import ReprMixin
+from antiosc.models import model_file
+
+#: The format of a file of results.
+FORMAT = "antiosc-history"
+#: Endings of tables, which `save` does not write.
+TABLES = {".csv", ".json", ".txt", ".xlsx", ".mat"}
+#: Largest table that is loaded, bytes.
+LARGEST = 2**30
+
+
+class Results(ReprMixin):
+    """Base of histories that can be written as tables, numbers and files.
+
+    `columns` and `numbers` say what it has.
+    """
+
+    def columns(self) -> dict[str, Array]:
+        """The table of the history: name with unit -> values (n,) at `time`."""
+        raise NotImplementedError
+
+    def numbers(self) -> dict[str, object]:
+        """Its single results: name -> JSON value."""
+        raise NotImplementedError
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table as CSV: a line of names with units, then the values with all digits.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        target, table = checks.path("path", path), self.columns()
+        stream = io.StringIO()
+        stream.write(",".join(_quoted(name) for name in table) + "\n")
+        np.savetxt(stream, np.column_stack(list(table.values())), fmt="%.17g", delimiter=",")
+        files.write_text(target, stream.getvalue(), "the table")
+        return target
+
+    def to_json(self, path: str | os.PathLike[str] | None = None) -> str:
+        """The single results and the table as JSON text; with `path` it is also written there.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        table = {name: values.tolist() for name, values in self.columns().items()}
+        text = json.dumps({"antiosc": __version__, **self.numbers(), "series": table}, indent=1)
+        if path is not None:
+            files.write_text(checks.path("path", path), text + "\n", "the results")
+        return text
+
+    def to_dataframe(self) -> object:
+        """The table as a pandas DataFrame, its index the time in s.
+
+        Raises
+        ------
+        MissingDependencyError
+            pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise errors.MissingDependencyError(
+                "to_dataframe needs pandas: install python3-pandas (or pip install pandas), or use "
+                "columns(), to_csv or to_json."
+            ) from None
+        frame = pd.DataFrame(self.columns())
+        return frame.set_index(frame.columns[0])
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table and the single results to one NumPy `.npz` file; see `load`.
+
+        Models and fields are not stored: pickle the history for those.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written, or has the ending of a table.
+        """
+        target, table = checks.path("path", path), self.columns()
+        if target.suffix.lower() in TABLES:
+            raise InputError(
+                f"save writes a NumPy archive (.npz), not {target.suffix}: use to_csv or to_json "
+                f"for a table, or another ending than {target.name} has."
+            )
+        header = {
+            "format": FORMAT,
+            "version": model_file.VERSION,
+            "names": list(table),
+            "numbers": self.numbers(),
+            "kind": type(self).__name__,
+        }
+        model_file.write(target, header, {"table": np.array(list(table.values()))})
+        return target
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> SavedHistory:
+        """Read a file that `save` wrote.
+
+        Raises
+        ------
+        InputError
+            The file is not one.
+        """
+        header, arrays = model_file.read(path, {"table"}, FORMAT, LARGEST)
+        try:
+            names, numbers = list(map(str, header["names"])), dict(header["numbers"])
+            table = dict(zip(names, checks.array("table", arrays["table"], None), strict=True))
+            return SavedHistory(str(header["kind"]), numbers, table)
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SavedHistory(Results):
+    """A history from a file: its table and its single results, without model and fields.
+
+    Attributes
+    ----------
+    kind : "History" or "SceneHistory".
+    results : name -> single result; `saved.peak_force` is `saved.results["peak_force"]`.
+    table : name with unit -> (n,) values; `saved.force` is `saved.table["force [N]"]`.
+    """
+
+    kind: str
+    results: Mapping[str, object]
+    table: Mapping[str, Array]
+
+    def columns(self) -> dict[str, Array]:
+        """The table of the history: name with unit -> values (n,) at `time`."""
+        return dict(self.table)
+
+    def numbers(self) -> dict[str, object]:
+        """Its single results: name -> JSON value."""
+        return dict(self.results)
+
+    def __getattr__(self, name: str) -> object:
+        if name.startswith("_") or name in ("results", "table", "kind"):
+            raise AttributeError(name)
+        if name in self.results:
+            return self.results[name]
+        for column, values in self.table.items():
+            if column.rpartition(" [")[0].replace(" ", "_") == name:
+                return values
+        raise AttributeError(f"the saved {self.kind} has no {name!r}")
+
+    def _facts(self) -> list[tuple[str, str]]:
+        names = [name.rpartition(" [")[0] for name in self.table]
+        rows = [("of", self.kind), ("series", ", ".join(names))]
+        return [*rows, *((k, f"{v}") for k, v in self.results.items() if k == "peak_force")]
+
+
+def _quoted(name: str) -> str:
+    """A column name, quoted for CSV if necessary."""
+    name = files.table_text(name)
+    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name
