@@ -31,7 +31,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.engine.contact.choice import choose
 from antiosc.engine.contact.surfaces import Surface, matter_of
-from antiosc.engine.convergence import converge
+from antiosc.engine.march import converge
 from antiosc.impact.two_bodies import Impact, ImpactRows
 from antiosc.models.closed_form import UniformBeam, pinned_pinned
 

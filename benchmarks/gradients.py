@@ -17,7 +17,7 @@ import numpy as np
 
 import antiosc as ao
 from antiosc import closed_form
-from antiosc.engine import library, march
+from antiosc.engine import adjoint, library, march
 from antiosc_studies.gradients.goals import recorded, seeds
 
 SIZES = (5, 20, 60)
@@ -85,7 +85,7 @@ def costs(hit: Any, blow: tuple[Any, ...], goal: str, repeats: int) -> list[floa
     given = (found.system, found.run, found.states(), *places, wanted.force, wanted.time)
     calls: list[Callable[[], float]] = [
         lambda: in_library("aom_solve", march.solve, found.system, options),
-        lambda: in_library("aom_gradient", march.gradient, *given),
+        lambda: in_library("aom_gradient", adjoint.gradient, *given),
         lambda: timed(ao.simulate, *blow),
         lambda: timed(ao.gradient, hit, goal),
     ]

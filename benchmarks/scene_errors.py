@@ -22,7 +22,7 @@ import options
 from fuzz_scenes import law
 
 import antiosc as ao
-from antiosc.engine.convergence import difference
+from antiosc.engine.march import difference
 from antiosc.models.closed_form import UniformBeam, cantilever, pinned_pinned
 
 FINER = 100.0

@@ -35,7 +35,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files
 from antiosc.engine import library
-from antiosc.engine.convergence import difference
+from antiosc.engine.march import difference
 from antiosc.engine.stability import margin
 from antiosc.impact.assembly import stiffness_at
 from antiosc.impact.two_bodies import Impact, assemble_pair

@@ -34,7 +34,7 @@ import options
 import antiosc as ao
 from antiosc import plotting
 from antiosc.base import files
-from antiosc.engine.convergence import difference
+from antiosc.engine.march import difference
 from antiosc.impact.reference import SCENE_STEPS
 from antiosc.models.closed_form import UniformBeam, pinned_pinned
 

@@ -14,7 +14,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
 from antiosc.engine.contact.base import is_compiled
-from antiosc.engine.convergence import FINE
+from antiosc.engine.march import FINE
 from antiosc.engine.system import BodyModes, Given, System, posed
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body

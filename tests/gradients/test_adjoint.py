@@ -9,7 +9,7 @@ import pytest
 
 import antiosc as ao
 import laws
-from antiosc.engine import library, march
+from antiosc.engine import adjoint, library, march
 from antiosc.engine.damping import StackedModes, first_order
 from antiosc.engine.system import System
 from gradient_replay import Inputs, Steps, derivative
@@ -98,7 +98,9 @@ def agrees(s: System, run: march.Run, rng) -> None:
     weights = np.append(np.append(1e3 * rng.normal(size=size), rng.normal(size=size)), 0.0)
     by_force, by_time = 1e-4 * rng.normal(size=(2 * n + 1, 1)), rng.normal(size=n + 1)
     by_force[0] = by_time[-1] = 0.0
-    found, _, answer = march.gradient(s, run, run.states, places, weights[None], by_force, by_time)
+    found, _, answer = adjoint.gradient(
+        s, run, run.states, places, weights[None], by_force, by_time
+    )
     assert answer == library.DONE
 
     def goal(steps: Steps) -> complex:

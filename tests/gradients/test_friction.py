@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.engine import library, march
+from antiosc.engine import adjoint, library, march
 from antiosc.engine.system import System
 from antiosc.impact.assembly import assemble_scene
 
@@ -35,12 +35,12 @@ def run_of(s: System, tol: float) -> march.Run:
     return march.solve(s, options)[0]
 
 
-def at_end(s: System, run: march.Run, weights: np.ndarray) -> march.Slopes:
+def at_end(s: System, run: march.Run, weights: np.ndarray) -> adjoint.Slopes:
     """Derivatives of weights (2 J,) times the state at the end."""
     n = run.time.size // 2
     place = np.array([(n - 1, 1.0, 0)], dtype=library.READING)
     weights = np.append(weights, np.zeros(len(s.beta)))[None]
-    found, _, answer = march.gradient(
+    found, _, answer = adjoint.gradient(
         s, run, run.states, place, weights, np.zeros_like(run.force), np.zeros(n + 1)
     )
     assert answer == library.DONE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.engine.convergence import difference
+from antiosc.engine.march import difference
 from antiosc.impact.error_budget import (
     COARSE_SHELL,
     RESOLVED,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.engine.convergence import difference
+from antiosc.engine.march import difference
 from scenes import HERTZ, case_two, hertz_impact, random_model, rigid
 
 

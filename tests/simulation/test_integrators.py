@@ -12,8 +12,7 @@ from scipy.linalg import expm
 import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.engine import library
-from antiosc.engine.convergence import difference
-from antiosc.engine.march import run
+from antiosc.engine.march import difference, run
 from antiosc.impact.assembly import effective_mass
 from antiosc.impact.reference import SCENE_STEPS
 

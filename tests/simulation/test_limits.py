@@ -12,8 +12,7 @@ import pytest
 import antiosc as ao
 from antiosc.engine import library
 from antiosc.engine.contact import State
-from antiosc.engine.convergence import converge
-from antiosc.engine.march import run
+from antiosc.engine.march import converge, run
 from antiosc.impact.assembly import assemble_scene
 from scene_cases import bounce, random_scene
 

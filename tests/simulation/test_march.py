@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp, trapezoid
 
 import antiosc as ao
 from antiosc.engine import library, march
-from antiosc.engine.convergence import converge, difference
+from antiosc.engine.march import converge, difference
 from antiosc.engine.system import System
 from antiosc.impact.assembly import assemble_scene
 from antiosc.impact.scene import set_initial_forces

@@ -1,11 +1,9 @@
-"""The march from Python: the memory that it works in, and what it returns."""
+"""The march from Python: its memory, its runs, and steps refined until two runs agree."""
 
 from __future__ import annotations
 
 from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
-from itertools import accumulate
-from math import prod
 from weakref import WeakSet
 
 import numpy as np
@@ -16,12 +14,13 @@ from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.contact.base import is_compiled
-from antiosc.engine.system import Given, Kept, System
+from antiosc.engine.system import Given, Kept, Key, System
 
 Array = NDArray[np.float64]
 
 _RECORDS = library.Record * 3
 _FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
+FINE = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
@@ -225,25 +224,22 @@ class Workspace:
             self.memory.nbytes,
             byref(self.stepper),
         )
-        _check(answer)
+        check_status(answer)
 
-
-Key = tuple[int, int, int, bytes]  # contacts, rows, modes, and the numbers of the bodies
 
 _spaces: WeakSet[Workspace] = WeakSet()  # all of them, those in use too
-_kept: list[
-    tuple[Key, Workspace]
-] = []  # the newest first; threads with the same bodies have one each
+#: The newest first; threads with the same bodies have one each.
+_kept: list[tuple[Key, Workspace]] = []
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
-def _space(key: Key, given: Given) -> Workspace:
+def take_space(given: Given) -> Workspace:
     """A workspace for a system, with stored step responses of its bodies if there are any.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
     for one in _kept.copy():
-        if one[0] == key and _taken(one):
+        if one[0] == given.key and _taken(one):
             return one[1]
     if len(_spaces) >= _MOST_KEPT:
         oldest = _kept[-1:]
@@ -262,14 +258,14 @@ def _taken(one: tuple[Key, Workspace]) -> bool:
     return True
 
 
-def _keep(key: Key, space: Workspace) -> None:
+def return_space(given: Given, space: Workspace) -> None:
     """Return a workspace to the store for later runs."""
     if space.nbytes <= _LARGEST_KEPT:
-        _kept.insert(0, (key, space))
+        _kept.insert(0, (given.key, space))
         del _kept[_MOST_KEPT:]
 
 
-def _check(answer: int) -> None:
+def check_status(answer: int) -> None:
     """InputError if the C library refuses its input."""
     if answer > library.LAW_FAILED:
         name = library.library.aom_status_name(answer).decode()
@@ -286,9 +282,8 @@ def solve(
     if system.first is not None:
         system = system.marched
     given = system.packed
-    p, (m, size) = len(system.laws), system.beta.shape
-    key = (p, m, size, given.bodies)
-    space = _space(key, given)
+    m, size = system.beta.shape
+    space = take_space(given)
     solution, buffers = library.Solution(), space.buffers
     for each in buffers:
         each.keep(keep)
@@ -301,12 +296,12 @@ def solve(
         answer = library.library.aom_solve(*arguments)
         if answer == library.FULL:
             buffers[solution.present].enlarge(keep)
-    _check(answer)
+    check_status(answer)
     if answer == library.LAW_FAILED:
-        _keep(key, space)
+        return_space(given, space)
         given.failed()
     found = buffers[solution.best].run(solution.answer, solution.summary, keep)
-    _keep(key, space)
+    return_space(given, space)
     return found, solution
 
 
@@ -332,79 +327,68 @@ def run(
 
 
 @dataclass(eq=False)
-class Slopes:
-    """Derivatives of a goal by the numbers of a `System`, of the same shapes.
+class Converged:
+    """The finest run, estimated relative errors, and the time [s] up to which two runs agree.
 
-    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
-    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness; `pressed` (p,):
-    by the forces at the start, as if these followed from nothing; `gamma`: of size 0 without it.
+    `share`: what its steps were chosen by, or the step [s]. The errors are infinite where no finer
+    run reached the end.
     """
 
-    square: Array
-    decay: Array
-    beta: Array
-    residual: Array
-    loads: Array
-    offsets: Array
-    laws: Array
-    friction: Array
-    q: Array
-    v: Array
-    pressed: Array
-    gamma: Array
+    run: Run
+    share: float
+    force: float
+    peak: float
+    certain: float
+
+    @property
+    def worst(self) -> float:
+        """The larger of the two errors."""
+        return max(self.force, self.peak)
 
 
-def gradient(
+def converge(
     system: System,
-    found: Run,
-    states: Array,
-    readings: NDArray[np.void],
-    weights: Array,
-    force: Array,
-    time: Array,
-) -> tuple[Slopes, float, int]:
-    """Derivatives of a goal by all numbers of a system, the grazing, and the status.
+    contact_time_estimate: float,
+    duration: float,
+    tol: float,
+    max_contacts: int,
+    max_steps: int,
+) -> Converged:
+    """Refine a run until the forces of two runs agree to the tolerance, by `aom_solve`.
 
-    The grazing is the least speed at which a contact touches or parts, over the largest.
-
-    Parameters
-    ----------
-    states : (n + 1, 2, J) at the edges of all steps of the run.
-    readings, weights : of `library.READING`, and (., 2 J + m): `aom_goal`.
-    force, time : (2 n + 1, m), (n + 1,) derivatives by the forces at nodes and the times of edges.
+    `contact_time_estimate`: expected time of a contact [s], the shortest.
     """
-    given, (m, size) = system.packed, system.beta.shape
-    key = (len(system.laws), m, size, given.bodies)
-    space = _space(key, given)
-    options = library.Options(float(found.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
-    _check(library.library.aom_start(space.stepper, byref(given.system), byref(options)))
-    arrays = [found.time, found.force, found.depth, states, found.exits, readings, weights, force]
-    given_arrays = [np.ascontiguousarray(each) for each in (*arrays, time)]
-    at = [library.address(each) for each in given_arrays]
-    run = library.Record(
-        n_nodes=found.time.size, n_states=len(states), n_exits=len(given_arrays[4]), every=1,
-        time=at[0], force=at[1], depth=at[2], states=at[3], exits=at[4],
-    )  # fmt: skip
-    goal = library.Goal(len(readings), *at[5:])
-    s, laws = system, (len(system.laws), library.LAW_SLOPES)
-    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v, s.pressed]
-    like.append(np.zeros(0) if s.gamma is None else s.gamma)
-    shapes: list[tuple[int, ...]] = [each.shape for each in like]
-    shapes.insert(6, laws)
-    ends = [0, *accumulate([prod(shape) for shape in shapes])]
-    block = np.zeros(ends[-1])
-    out = [block[a:b].reshape(n) for a, b, n in zip(ends, ends[1:], shapes, strict=False)]
-    begin = library.address(block)
-    slopes = library.Slopes(*[begin + 8 * end for end in ends[:-1]])
-    if s.gamma is None:
-        slopes.gamma = None
-        if not s.decay.any():
-            slopes.decay = None
-    if space.work is None:
-        space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
-    work = library.address(space.work), space.work.nbytes
-    answer = library.library.aom_gradient(
-        space.stepper, byref(run), byref(goal), byref(slopes), *work
-    )
-    _keep(key, space)
-    return Slopes(*out), slopes.grazing, answer
+    fine = contact_time_estimate / FINE
+    options = library.Options(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)
+    run, found = solve(system, options)
+    return Converged(run, found.share, found.force, found.peak, found.certain)
+
+
+def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
+    """Why the integration stopped at t before the end; "" if it did not."""
+    if answer == library.DONE:
+        return ""
+    return {
+        library.TOO_MANY_CONTACTS: (
+            f"stopped at {t:g} s: more than {max_contacts} contacts (chatter); shorten the duration"
+            f" or raise max_contacts"
+        ),
+        library.TOO_MANY_STEPS: (
+            f"stopped at {t:g} s: more than {max_steps} steps; shorten the duration, use a larger"
+            f" step or tol, or raise max_steps"
+        ),
+        library.GREW: f"stopped at {t:g} s: the bodies gained energy; use a smaller step or tol",
+        library.STUCK: (
+            f"stopped at {t:g} s: no step is small enough for the contact forces there; check the"
+            f" laws' stiffness against the bodies' masses"
+        ),
+    }.get(answer, "")
+
+
+def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
+    """Relative differences of force (L2 norm, impulse) and peak; the time up to which they are
+    small.
+
+    Up to the end of the shorter run.
+    """
+    return library.compare(coarse.time, coarse.force, fine.time, fine.force, tol)

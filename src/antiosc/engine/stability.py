@@ -29,8 +29,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine import library
-from antiosc.engine.convergence import stopped
-from antiosc.engine.march import Run, run
+from antiosc.engine.march import Run, run, stopped
 from antiosc.engine.system import System
 
 STIFFNESS_SAFETY = 1.2  # on the contact stiffness, which is an estimate

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from ctypes import addressof
+from ctypes import addressof, byref
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import accumulate, pairwise, starmap
-from math import prod
+from math import isfinite, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -189,6 +189,23 @@ class System:
         """The system as the march takes it."""
         return Given(self)
 
+    def expect_contact(self, mass: float, duration: float) -> float:
+        """Set what is expected of the only contact; returns its time [s].
+
+        mass : inertia [kg] behind the contact, of the slowest motion of each body.
+        """
+        given = self.packed
+        (contact,) = given.contacts
+        contact.mass = mass
+        found = library.library.aom_expect(byref(given.system), 0, duration)
+        given.failed()
+        if not isfinite(found.depth + found.speed + found.time):
+            raise OverflowError("the depth of the contact")
+        self.mass[0], self.depth[0], self.speed[0] = mass, found.depth, found.speed
+        contact.expected_depth, contact.expected_speed = found.depth, found.speed
+        contact.slowest = float(self.slowest[0])
+        return float(found.time)
+
     def __getstate__(self) -> dict[str, Any]:
         left = ("packed", "marched", "block")
         return {name: value for name, value in self.__dict__.items() if name not in left}
@@ -270,10 +287,13 @@ def _places(size: int, m: int, times: int) -> list[tuple[slice, tuple[int, ...]]
     return list(zip(side_by_side(map(prod, shapes)), shapes, strict=True))
 
 
+Key = tuple[int, int, int, bytes]
+
+
 class Given:
     """A system as the march takes it: all its arrays in one block of memory.
 
-    `bodies` are those that the responses of the modes depend on.
+    `key`: contacts, rows and modes, and the numbers that the responses of the modes depend on.
     """
 
     def __init__(self, system: System) -> None:
@@ -283,13 +303,15 @@ class Given:
         if block is None or any([each.base is not block for each in numbers]):
             block = np.concatenate([each.ravel() for each in numbers], dtype=float)
         self.block: Array = block
-        self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
-        gamma = None if s.gamma is None else library.address(s.gamma)
+        bodies = block[: 2 * size + m * (size + m)].tobytes()
+        gamma = None
         if s.gamma is not None:
-            self.bodies += s.gamma.tobytes()
+            gamma = library.address(s.gamma)
+            bodies += s.gamma.tobytes()
             self.gamma = s.gamma  # it lasts as long as the block
         if s.cubic is not None:  # the memory of the march is laid out for them
-            self.bodies += len(s.cubic).to_bytes(2, "little")
+            bodies += len(s.cubic).to_bytes(2, "little")
+        self.key: Key = p, m, size, bodies
         ends = accumulate([8 * each.size for each in numbers], initial=library.address(block))
         *arrays, q, v, _ = ends
         self.laws = [packed(law) for law in s.laws]

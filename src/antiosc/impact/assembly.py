@@ -8,7 +8,7 @@ the depth is found accurately.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from ctypes import addressof, byref
+from ctypes import byref
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import isfinite, sqrt
@@ -30,29 +30,6 @@ from antiosc.models.body import is_thin
 from antiosc.models.stretch import Stretch, refuse_stretch
 
 DEPTH_TOL = 0.1  # relative error of a depth
-
-
-def expect_only_contact(system: System, mass: float, duration: float) -> float:
-    """Find what is expected of the one contact of a system; returns its contact time [s].
-
-    mass : inertia [kg] behind the contact, of the slowest motion of each body.
-    """
-    kernel, own = packed(system.laws[0])
-    contact = library.Contact(kernel, mass=mass)
-    beta, loads, offsets, v = map(
-        library.address, (system.beta, system.loads, system.offsets, system.v)
-    )
-    bodies = library.System(
-        n_modes=system.omega.size, beta=beta, loads=loads, offsets=offsets, v=v,
-        contacts=addressof(contact),
-    )  # fmt: skip
-    found = library.library.aom_expect(byref(bodies), 0, duration)
-    raise_error(own)
-    depth, speed, time = found.depth, found.speed, found.time
-    if not isfinite(depth + speed + time):
-        raise OverflowError("the depth of the contact")
-    system.mass[0], system.depth[0], system.speed[0] = mass, depth, speed
-    return float(time)
 
 
 def largest_indentation(

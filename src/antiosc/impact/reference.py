@@ -22,8 +22,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
-from antiosc.engine.convergence import Converged, difference
-from antiosc.engine.march import Run
+from antiosc.engine.march import Converged, Run, difference
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.reference_ivp import IVP_METHODS, SAME_TIME, SceneIVP, SceneMethod, Segment

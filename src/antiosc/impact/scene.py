@@ -27,8 +27,8 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.convergence import Converged, converge
 from antiosc.engine.equilibrium import closed, settle
+from antiosc.engine.march import Converged, converge
 from antiosc.engine.stability import checked_step, stepped
 from antiosc.engine.system import Kept
 from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at

@@ -22,7 +22,7 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.system import BodyModes, System, posed, side_by_side
-from antiosc.impact.assembly import Assembly, Parts, expect_only_contact, without_patch
+from antiosc.impact.assembly import Assembly, Parts, without_patch
 from antiosc.impact.auto_contact import AUTO, LAW, AnyLaw, law_of
 from antiosc.impact.bodies import (
     Obstacle,
@@ -174,7 +174,7 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     gap = pair.gap(gap)
     system = pair.posed(law, gap)
     check_span(system, duration)
-    contact_time = expect_only_contact(system, pair.mass, duration)
+    contact_time = system.expect_contact(pair.mass, duration)
     parts, (one, other) = partial(_parts, contact, gap, gravity, pair), pair.modes
     turns, thin = may_rotate(one) or may_rotate(other), is_thin(model) or is_thin(impactor)
     return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin)

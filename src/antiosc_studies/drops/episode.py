@@ -18,8 +18,7 @@ from scipy.linalg import block_diag
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
-from antiosc.engine.convergence import FINE as FINEST
-from antiosc.engine.march import Run, run as march_once
+from antiosc.engine.march import FINE as FINEST, Run, run as march_once
 from antiosc.engine.system import Kept, System
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Obstacle

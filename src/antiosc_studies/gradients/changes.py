@@ -21,9 +21,9 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import library
+from antiosc.engine.adjoint import Slopes
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.damping import DampingMatrix, from_factors
-from antiosc.engine.march import Slopes
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.bodies import Impactor, RigidMass, Sphere
 from antiosc.impact.error_budget import SAFETY

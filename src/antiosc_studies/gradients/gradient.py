@@ -16,7 +16,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, value_text
-from antiosc.engine import library, march
+from antiosc.engine import adjoint, library
 from antiosc.engine.contact import ContactLaw
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.changes import (
@@ -305,7 +305,7 @@ def _of_part(
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
-def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: march.Slopes) -> dict[str, Values]:
+def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: adjoint.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies of one site; none if loads or ground motion act."""
     result: dict[str, Values] = {}
     for name, body in found.bodies.items():
@@ -329,7 +329,7 @@ def _closing(found: Recorded, name: str) -> float:
     return float(rows[0] @ found.system.v[span]) if len(rows) else 0.0
 
 
-def _contacts(found: Recorded, slopes: march.Slopes) -> dict[tuple[str, str], Values]:
+def _contacts(found: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str], Values]:
     result: dict[tuple[str, str], Values] = {}
     for c, (pair, law) in enumerate(zip(contact_ends(found), found.laws, strict=True)):
         values = _by_law(law, slopes.laws[c])

@@ -26,7 +26,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Completed
-from antiosc.engine import march
+from antiosc.engine import adjoint
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -139,7 +139,7 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
-def part_chain(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) -> Chain:
+def part_chain(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> Chain:
     """The derivatives by the matrices of the part of a model in a run."""
     by = by_modes(found, wanted, slopes, name)
     if by is None:

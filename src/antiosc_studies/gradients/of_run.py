@@ -7,7 +7,7 @@ from typing import Any
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError, NotDifferentiableError
-from antiosc.engine import library, march
+from antiosc.engine import adjoint, library
 from antiosc.engine.contact.base import is_compiled
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import ModalBody
@@ -44,7 +44,7 @@ def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | Non
 def _derived(found: Recorded, wanted: Seeds) -> Taken:
     places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
     weights, s = first_order_weights(found, weights), found.system.marched
-    slopes, grazing, answer = march.gradient(
+    slopes, grazing, answer = adjoint.gradient(
         s, found.run, found.states(), places, weights, wanted.force, wanted.time
     )
     if answer != library.DONE or not grazing > GRAZING:
@@ -57,7 +57,7 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
     return found, wanted, slopes
 
 
-def settled(found: Recorded, slopes: march.Slopes) -> march.Slopes:
+def settled(found: Recorded, slopes: adjoint.Slopes) -> adjoint.Slopes:
     """The derivatives including those through the initial forces and state."""
     closed = found.scene.preload or found.system.pressed.any()
     return through_start(found, slopes) if closed else slopes
@@ -89,7 +89,7 @@ def contact_ends(found: Recorded) -> list[tuple[str, str]]:
     return [(contact.a, contact.b) for contact in found.scene.contacts]
 
 
-def by_modes(found: Recorded, wanted: Seeds, slopes: march.Slopes, name: str) -> ByModes | None:
+def by_modes(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> ByModes | None:
     """Derivatives by the modes of a body of one site; None for other bodies."""
     s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
     k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes

@@ -12,8 +12,7 @@ from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.base.checks import ROUNDING
 from antiosc.engine import library
-from antiosc.engine.convergence import Converged, stopped
-from antiosc.engine.march import Run
+from antiosc.engine.march import Converged, Run, stopped
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories.energy import GAIN
