@@ -303,11 +303,18 @@ static double acting_now(aom_stepper *st);
 static void free_step(aom_stepper *st, int slot, double h, stages *out);
 static int touching_now(const aom_stepper *st);
 
-/* ---- stepper.c */
+/* ---- memory.c */
+static int check_input(const aom_system *s, const aom_options *o);
+
+/* ---- start.c */
 static int start_run(aom_stepper *st, const aom_system *system, const aom_options *options,
                      const double *highest);
+static void set_scale(aom_stepper *st, int c, double force);
+static double expect_contact(aom_stepper *st, int c, double speed);
+static double held_energy(aom_stepper *st);
+
+/* ---- stepper.c */
 static void write_state(const aom_stepper *st, aom_record *out);
-static bool nothing_touches(const aom_stepper *st);
 
 /* ---- runs.c */
 #define LIGHT 1e-3 /* of the heaviest contact's: the least force, and impulse, that errors are over */
@@ -322,6 +329,12 @@ static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
 static inline double within(double x, double low, double high) {
     return smaller(larger(x, low), high);
+}
+static inline bool nothing_touches(const aom_stepper *st) {
+    for (int c = 0; c < st->system.n_contacts; c++)
+        if (st->contacts[c].branch != AOM_APART)
+            return false;
+    return true;
 }
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
 static inline const double *beta_row(const aom_stepper *st, int i) {

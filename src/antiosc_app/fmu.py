@@ -214,8 +214,8 @@ def binaries() -> dict[str, bytes]:
 #: What a run needs, in this order.
 _NEEDED = (
     "antiosc_march.h", "export/antiosc_model.h", "arena.h", "internal.h", "coupled.c",
-    "crossings.c", "flight.c", "forces.c", "laws.c", "responses.c", "runs.c", "steps.c",
-    "stepper.c", "stretch.c", "export/antiosc_model.c",
+    "crossings.c", "flight.c", "forces.c", "laws.c", "memory.c", "responses.c", "runs.c", "start.c",
+    "steps.c", "stepper.c", "stretch.c", "export/antiosc_model.c",
 )  # fmt: skip
 _NOT_OF_A_RUN = re.compile(r"^#ifndef AOM_RUN_ONLY\n.*?^#endif\n\n?", re.MULTILINE | re.DOTALL)
 _OWN_INCLUDE = re.compile(r'^#include "[^"]+"\n', re.MULTILINE)

@@ -357,7 +357,7 @@ def reactions(
     at = times_of(history, times)
     sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
-    from antiosc.reduce.site.at_points import Released  # needs dolfinx
+    from antiosc.reduce.site.released import Released  # needs dolfinx
 
     released = Released(matrices, structure.supports)
     _check_reactions(structure, history)

@@ -1,34 +1,30 @@
-"""Load vectors of points of a mesh, or of the parts of an assembly, and of released supports."""
+"""Load vectors of points of a mesh, or of the parts of an assembly."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf, sqrt
 
 import numpy as np
-from mpi4py import MPI
 
 from antiosc.base import plausible
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array
 from antiosc.base.checks import point_text as text
-from antiosc.base.errors import InputError, without_warnings
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
-from antiosc.fem.assembly.assemble import eliminate
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import Motion
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import dot, multiply, norm
+from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, corners_at, size_at
 from antiosc.fem.reach import Reach
-from antiosc.fem.structure import Dissipation, in_space
+from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.fem.structure.support import Support, fixed_dofs
 from antiosc.reduce.site.names import at_node, middle_of, motion_of, on_face
-from antiosc.reduce.site.on_matrices import algebraic
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.reduce.site.sites import (
     Sites,
@@ -391,273 +387,3 @@ def _check_distance(
             f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off the "
             f"structure; its nearest point is {text(points[1])}: use that, or Site(..., snap=True)."
         )
-
-
-#: Force of an element in a rigid motion over that of its terms, below which it is rounding.
-INTERNAL = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Element:
-    """A grounded spring, or a term of the damping, on some rows of u.
-
-    `name` and `point` (3,) [m]: of what acts on the ground; "" of others.
-    """
-
-    name: str
-    point: Array | None
-    rows: slice
-    term: Dissipation
-
-    def forces(self, comm: MPI.Comm, u: Array) -> Array:
-        """c G u (j, k) of motions (rows of this rank, k) of all parts."""
-        return np.asarray(self.term.c @ comm.allreduce(np.asarray(self.term.G @ u[self.rows])))
-
-    def loads(self, comm: MPI.Comm, u: Array) -> Array:
-        """Gᵀ c G u (rows of this rank, k)."""
-        found = np.zeros(u.shape)
-        found[self.rows] = (
-            self.term.G.T @ self.forces(comm, u)
-            if self.term.matrix is None
-            else self.term.factor * multiply(self.term.matrix, u[self.rows])
-        )
-        return found
-
-    def if_to_ground(self, comm: MPI.Comm, rigid: Array) -> Element:
-        """The element; without its name if rigid motions do not strain it."""
-        moved = np.abs(self.forces(comm, rigid)).max(initial=0.0)
-        assert self.term.c is not None
-        terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
-        named = moved > INTERNAL * terms.max(initial=0.0)
-        return self if named else replace(self, name="")
-
-
-class Released:
-    """The reactions of supports and grounded springs, from motions in which one of them is
-    released.
-
-    The supports of the structure and of its parts are released one after the other, then the ground
-    ends of springs. Each element on the ground has the name of a support; dampers alone carry no
-    static force.
-
-    Where a joint and supports hold the same motion, the constraints of the joint that follow from
-    the supports carry no force, as in the assembly itself, which omits them.
-
-    Attributes
-    ----------
-    centres : support -> (3,) mean of its nodes, m.
-    pulled : (rows of this rank, 6 S) forces on the dofs that follow unit rigid motions of each
-        support.
-    """
-
-    def __init__(self, matrices: MeshedParts, supports: Sequence[Support]) -> None:
-        self._of = matrices
-        self._assembly = matrices if isinstance(matrices, AssembledMatrices) else None
-        for name in self._assembly.layout.condensed if self._assembly else ():
-            raise InputError(
-                "reactions of an assembly with superelements are not known: the supports and the "
-                f"inertia inside of the part {name!r} are not."
-            )
-        self._parts: dict[int, MeshedStructure] = {}
-        self._motions = np.zeros((0, 0))
-        self._springs: list[Element] = []
-        self._damping: list[Element] = []
-        self.centres, pulled = matrices.decided(lambda: self._released(supports))
-        self.pulled: Array = matrices.own(pulled)
-
-    def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
-        """(M g, M r), rows of this rank, for the motions g of the supports and rigid motions r.
-
-        `following` (rows of this rank, 6 S) are the motions of the free dofs that follow them;
-        `rigid` as in `applied`.
-        """
-        moved = self._of.expanded(following)
-
-        def work() -> tuple[Array, Array]:
-            self._motions = self._motions + moved
-            return self._forces("M", self._motions), self._forces("M", rigid)
-
-        both = self._of.decided(work)
-        return self._of.own(both[0]), self._of.own(both[1])
-
-    @property
-    def motions(self) -> Array:
-        """The motions g (dofs, 6 S) on one rank; call `inertia` first."""
-        return self._motions
-
-    def rigid(self) -> Array:
-        """Unit translations (dofs of all parts before joining, 3) of the whole structure."""
-        return self._of.places.rigid_motions(np.zeros(3))[:, :3]
-
-    def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
-        """(bᵀg (P, 6 S), bᵀr (P, 3)) for the load vectors b of the sites along their contacts."""
-
-        def work() -> tuple[Array, Array]:
-            with without_warnings():  # they were told of when the model was extracted
-                found = [self._functional(site) for site in sites]
-            b = np.column_stack([each.b for one in found for each in (one, *one.across)])
-            return dot(self._of.workers, b, self._motions), dot(self._of.workers, b, rigid)
-
-        return self._of.decided(work)
-
-    def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
-        """(relaxation time, reactions (6 S, B) by motions of the shapes (rows of this rank, B)).
-
-        Of the terms of the damping, in the order of the structure's; to be called after `inertia`.
-        """
-        u = self._of.expanded(shapes)
-
-        def work() -> list[tuple[float | None, Array]]:
-            return [(one.term.tau, self._by_damping(one, u)) for one in self._damping]
-
-        return self._of.decided(work)
-
-    def _by_damping(self, one: Element, u: Array) -> Array:
-        comm = self._of.workers
-        loads = one.loads(comm, u)
-        found = dot(comm, self._motions, loads)
-        if one.name:
-            rigid = self._of.places.rigid_motions(self.centres[one.name])
-            column = 6 * list(self.centres).index(one.name)
-            found[column : column + 6] -= dot(comm, rigid, loads)
-        return found
-
-    def _elements(self) -> tuple[list[Element], list[Element]]:
-        """The grounded springs, and all terms of the damping in the order of the structure."""
-        springs: list[Element] = []
-        terms: list[Element] = []
-        comm, rigid = self._of.workers, self._of.places.rigid_motions(np.zeros(3))
-        if self._assembly:
-            added = self._assembly.added
-            for kind, found in ((springs, added.springs()), (terms, added.dissipation(on_u=True))):
-                every = [Element(term.name, term.point, slice(None), term) for term in found]
-                kind += [element.if_to_ground(comm, rigid) for element in every]
-        for member in self._of.members():
-            part, prefix = self._part(member), f"{member.name}:" if member.name else ""
-            for kind, found in ((springs, [*part.springs]), (terms, part.dissipation())):
-                for term in found:
-                    at = None if term.point is None else member.at.placed(term.point[None])[0]
-                    kind.append(Element(term.name and prefix + term.name, at, member.rows, term))
-        springs = [one for one in springs if one.name]
-        return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
-
-    def _functional(self, site: Site) -> Functional:
-        if site.point is not None:
-            return before_joining(self._of, [site], self._part)[0]
-        if self._assembly:
-            raise InputError("reactions of an assembly take sites at points, not dofs.")
-        return algebraic(self._part(self._of.members()[0]), site)
-
-    def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
-        """(centres, forces on the supports) of the motions in which each support is released."""
-        centres: dict[str, Array] = {}
-        places = self._of.places
-        held: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
-        for member in self._of.members():
-            prefix = f"{member.name}:" if member.name else ""
-            for name, dofs in held_dofs(member.part).items():
-                centres[prefix + name] = centre = _centre(member, dofs)
-                moved = member.places.rigid_motions(centre, dofs)
-                held.append((prefix + name, member.first + dofs, moved))
-        constraints = self._assembly.constraints if self._assembly else None
-        names = names_of(supports, centres) if constraints else []
-        rows = constraints.rows if constraints else []
-        if constraints and self._assembly:
-            points = places.points
-            for name, one in zip(names, rows, strict=False):
-                centres[name] = points[np.unique(one.matrix.indices)].mean(axis=0)
-        self._springs, self._damping = self._elements()
-        grounds = [element for element in (*self._springs, *self._damping) if element.name]
-        for element in grounds:
-            own = [other.point for other in grounds if other.name == element.name]
-            known = [x for x in own if x is not None]
-            centre = np.mean(known or places.points[element.term.G.indices], axis=0)
-            centres.setdefault(element.name, centre)
-        if not centres:
-            raise InputError(
-                "the structure has no supports, springs or dampers to the ground: it has no"
-                " reactions."
-            )
-        column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}
-        motions = np.zeros((len(places.kind), 6 * len(centres)))
-        for name, dofs, moved in held:
-            motions[dofs, column[name]] = moved
-        if constraints:
-            prescribed = [np.asarray(-one.matrix @ motions) for one in rows]
-            for name, one, values in zip(names, rows, prescribed, strict=False):
-                values[:, column[name]] += one.matrix @ places.rigid_motions(centres[name])
-            found = eliminate(
-                rows,
-                constraints.fixed,
-                constraints.scale,
-                constraints.basis,
-                np.vstack([np.zeros((0, motions.shape[1])), *prescribed]),
-            )
-            assert found.particular is not None
-            motions = motions + found.particular
-        self._motions = motions
-        pulled = -self._forces("K", motions)
-        for spring in self._springs:
-            rigid = places.rigid_motions(centres[spring.name])
-            pulled[:, column[spring.name]] += self._on_free(spring.loads(self._of.workers, rigid))
-        return centres, pulled
-
-    def _part(self, member: Member) -> MeshedStructure:
-        """A part without its supports and its prestress."""
-        part = member.part.unloaded or member.part
-        if not part.supports:
-            return part
-        if id(part) not in self._parts:
-            self._parts[id(part)] = part.unsupported()
-        return self._parts[id(part)]
-
-    def _forces(self, which: str, motions: Array) -> Array:
-        """K u or M u on the free dofs, for motions u of the parts' dofs."""
-        forces = np.zeros(motions.shape)
-        for member in self._of.members():
-            matrix = getattr(self._part(member), which)
-            forces[member.rows] = multiply(matrix, motions[member.rows])
-        if which == "K" and self._of.preload is not None:
-            forces += self._of.preload.added(motions)
-        free = self._on_free(forces)
-        if self._assembly is None:
-            return free
-        added = self._assembly.added
-        more = added.forces(motions) if which == "K" else added.inertial_loads(motions)[0]
-        return np.asarray(free + more)
-
-    def _on_free(self, forces: Array) -> Array:
-        """Forces on u (rows of this rank, k) transferred to the free dofs."""
-        if self._assembly is not None:
-            return np.asarray(self._of.joined(forces))
-        forces[self._of.fixed[self._of.fixed < len(forces)]] = 0.0
-        return forces
-
-
-def _centre(member: Member, dofs: IntArray) -> Array:
-    """Mean coordinates (3,) of dofs of a part, over all of its ranks."""
-    there = member.nodes[dofs // member.block]
-    comm = member.part.comm
-    total, count = comm.allreduce(there.sum(axis=0)), comm.allreduce(len(there))
-    return np.asarray(total / max(count, 1))
-
-
-def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[str]:
-    """Names of supports: their groups, or "support 1", "support 2", …."""
-    names: list[str] = []
-    for number, support in enumerate(supports, start=1):
-        name = support.where if isinstance(support.where, str) else f"support {number}"
-        names.append(f"{name} ({number})" if name in taken or name in names else name)
-    return names
-
-
-def held_dofs(part: MeshedStructure) -> dict[str, IntArray]:
-    """Support of a part -> dofs of this rank that it fixes and no earlier support does."""
-    rows, result = len(part.attached_inertia), {}
-    taken = np.zeros(0, dtype=int)
-    for name, support in zip(names_of(part.supports), part.supports, strict=True):
-        paths = fixed_dofs(part.mesh, part.form, [support])
-        dofs = np.unique(np.concatenate([taken[:0], *paths.values()]))
-        result[name] = np.setdiff1d(dofs[dofs < rows], taken)
-        taken = np.union1d(taken, result[name])
-    return result

@@ -8,7 +8,7 @@ not count: those that another node covers against the direction of impact.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,9 +24,6 @@ from antiosc.fem.reach import Reach, check_reach
 from antiosc.fem.structure import NodalMatrices, StructureMatrices, in_space
 from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
-
-if TYPE_CHECKING:
-    pass
 
 
 def algebraic(structure: StructureMatrices, site: Site) -> Functional:
