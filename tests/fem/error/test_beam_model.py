@@ -10,7 +10,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact import error_budget
 from antiosc.impact.histories.parts import QUANTITIES
-from antiosc.reduce.error.bisection import excess, halved, interpolation, with_node
+from antiosc.reduce.error.beam import excess, halved, interpolation, with_node
 from parts import frame, line, named
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

@@ -11,8 +11,9 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.reduce.error import model_errors
-from antiosc.reduce.error.model_errors import estimator, layers, mean_gaps
+from antiosc.reduce.error import facets
+from antiosc.reduce.error.facets import layers, mean_gaps
+from antiosc.reduce.error.model_errors import estimator
 from antiosc.reduce.error.solid import STRAIN_PLACES, stiffness
 from parts import CELLS, STEEL, box, named, plate
 from sheets import sheet
@@ -93,7 +94,7 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_every_common_side_of_two_facets_has_its_angle(name):
     x, corners, count, angle = SOLIDS[name]
-    found = model_errors._angles(x, np.array(corners))
+    found = facets._angles(x, np.array(corners))
     assert found == pytest.approx(np.full(count, angle))
 
 

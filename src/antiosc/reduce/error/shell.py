@@ -52,7 +52,11 @@ from antiosc.base.errors import InputError
 from antiosc.fem.elements.weak_form import CORNERS_IN_TURN
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.recovery.tensors import PointsInCells, SheetAxes, gauss_points
+from antiosc.reduce.error.scheme import Estimate, StrainErrors, shapes_of
+from antiosc.reduce.site import Functional
 
 #: Angles in degrees between neighbouring cells: from FOLD on the surface has a fold there; above
 #: FLAT the cells stand for a curved surface.
@@ -471,7 +475,7 @@ def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
     return np.asarray(np.any(~held & (np.abs(normal) > ALONG), axis=1))
 
 
-class ShellErrors:
+class ShellErrors(StrainErrors):
     """Estimator for shells of triangles, on one rank."""
 
     def __init__(self, part: MeshedStructure) -> None:
@@ -484,23 +488,31 @@ class ShellErrors:
                 "to a fifth of the error. Mesh with triangles, or leave error=None and compare two "
                 "element sizes."
             )
-        self._part = part
+        super().__init__(part)
         self._pieces = smooth_pieces(part)
+
+    def prepare(self) -> None:
+        self.not_included = self.faceted
+
+    def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
+        shapes = shapes_of(model)
+        energies, misfit = self.gram_and_misfit(shapes)
+        return Estimate(energies + self.of_state(structure, shapes, energies), misfit)
 
     @property
     def faceted(self) -> str:
         """A sentence if flat cells approximate a curved surface; else ""."""
-        if self._part.mesh.order > 1 or self._pieces.bent < FLAT:
+        if self.part.mesh.order > 1 or self._pieces.bent < FLAT:
             return ""
         return (
-            f"Not included: the flat cells of {self._part.mesh.name}, which meet at angles of up "
+            f"Not included: the flat cells of {self.part.mesh.name}, which meet at angles of up "
             f"to {self._pieces.bent:.2g}°, for a curved surface; read its geometry with order=2."
         )
 
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
         """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each: errors e, misfits d."""
-        found = SheetRecovery(self._part, shapes, self._pieces)
-        E = layers_of(self._part, self._pieces, found).energies()
+        found = SheetRecovery(self.part, shapes, self._pieces)
+        E = layers_of(self.part, self._pieces, found).energies()
         work = np.zeros_like(E)
         for block in found.blocks():
             strains, recovered = block.strains, block.recovered
@@ -511,15 +523,13 @@ class ShellErrors:
         return (E + E.T) / 2, work + work.T
 
     def gram(self, shapes: Array) -> Array:
-        """E_ij = ∫ e_i:C:e_j, (k, k)."""
         return self.gram_and_misfit(shapes)[0]
 
     def of_cells(self, shapes: Array) -> Array:
-        """Σ_j ∫ e_j:C:e_j over each cell: (cells,)."""
-        found = SheetRecovery(self._part, shapes, self._pieces)
-        layers = layers_of(self._part, self._pieces, found)
+        found = SheetRecovery(self.part, shapes, self._pieces)
+        layers = layers_of(self.part, self._pieces, found)
         along = layers.weights * (layers.m**2).sum(axis=1)
-        count = compat.cell_map(self._part.mesh.dolfinx).size_local
+        count = compat.cell_map(self.part.mesh.dolfinx).size_local
         energies = np.asarray(np.bincount(layers.cells, along, minlength=count), dtype=float)
         for block in found.blocks():
             left = block.recovered - block.strains.own

@@ -14,7 +14,6 @@ intervals, whatever the mesh (Wathen, IMA J. Numer. Anal. 7 (1987) 449). No form
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse
@@ -26,6 +25,13 @@ from antiosc.fem.linalg.algebra import conjugate_gradients
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import FacetGaps
+from antiosc.reduce.error.facets import faceted, layers
+from antiosc.reduce.error.patch import patch_of
+from antiosc.reduce.error.scheme import Estimate, StrainErrors, shapes_of
+from antiosc.reduce.site import Functional
 
 #: Quadrature degree of all integrals of strains, and of elements of degree two on products of
 #: intervals: their strains hold terms of degree two in one direction, which are errors too and
@@ -242,14 +248,32 @@ def _poisson(material: Material) -> float:
     return (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
 
 
-@dataclass(frozen=True)
-class SolidErrors:
-    """The estimator of 2-D and 3-D solids; see `antiosc.reduce.error.model_errors`."""
+class SolidErrors(StrainErrors):
+    """The estimator of 2-D and 3-D solids; flat faces may stand for a curved surface."""
 
-    structure: MeshedStructure
+    def prepare(self) -> None:
+        refuse_locking(self.part)
+        self._note = faceted(self.part.mesh)
+        self._layers, self._mass = layers(self.part) if self._note else (np.zeros(0), 0.0)
+
+    def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
+        shapes = shapes_of(model)
+        energies, outside = self.gram_and_layers(shapes, self._layers)
+        gaps = self._gaps(outside, model.k0 == 0)
+        facts = {"patch": patch_of(structure, site), "geometry": gaps}
+        return Estimate(energies + self.of_state(structure, shapes, energies), facts=facts)
+
+    def _gaps(self, outside: Array, rigid: bool) -> FacetGaps | None:
+        """The energies `outside` of the layers; the first shape may be a rigid motion, without
+        energy.
+        """
+        if not self._note:
+            return None
+        if rigid:
+            outside[0] = 0.0
+        return {"note": self._note, "stiffness": outside.tolist(), "mass": self._mass}
 
     def gram(self, shapes: Array) -> Array:
-        """E_ij = ∫ e_i:C:e_j, (k, k)."""
         return self.gram_and_layers(shapes, np.zeros(0))[0]
 
     def gram_and_layers(self, shapes: Array, layers: Array) -> tuple[Array, Array]:
@@ -278,15 +302,15 @@ class SolidErrors:
             rest = flat + projection.residual(flat, recovered)
             half = rest.reshape(-1, count).T @ recovered.reshape(-1, count)
             total -= (half + half.T) / 2
-            if self.structure.comm.allreduce(len(layers)):
+            if self.part.comm.allreduce(len(layers)):
                 outside += self._outside(projection, cells, recovered, layers, count)
-        return self.structure.comm.allreduce(total), self.structure.comm.allreduce(outside)
+        return self.part.comm.allreduce(total), self.part.comm.allreduce(outside)
 
     def _outside(
         self, projection: Projection, cells: IntArray, recovered: Array, layers: Array, count: int
     ) -> Array:
         """Energies (count,) of layers on the faces of `cells`."""
-        faces = self.structure.faces
+        faces = self.part.faces
         here = np.flatnonzero(np.isin(faces.cells, cells))
         X = faces.reference(here, faces.middle[here])
         values = projection.within(faces.cells[here], X, projection.with_ghosts(recovered))
@@ -294,9 +318,8 @@ class SolidErrors:
         return np.asarray(np.einsum("fmk,fmk,f->k", values, values, layers[here]))
 
     def of_cells(self, shapes: Array) -> Array:
-        """Σ_j ∫ e_j:C:e_j over each cell that this rank owns: (cells,)."""
         strains = self._strains(shapes)
-        energies = np.zeros(compat.cell_map(self.structure.mesh.dolfinx).size_local)
+        energies = np.zeros(compat.cell_map(self.part.mesh.dolfinx).size_local)
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, strains.count))
@@ -312,14 +335,14 @@ class SolidErrors:
         return energies
 
     def _strains(self, shapes: Array) -> CellStrains:
-        return CellStrains(self.structure.mesh, self.structure.form, shapes)
+        return CellStrains(self.part.mesh, self.part.form, shapes)
 
     def _regions(self) -> Iterator[tuple[Array, IntArray]]:
         """(root R of the stiffness RᵀR, cells of this rank) of each stiffness."""
-        mesh = self.structure.mesh
+        mesh = self.part.mesh
         owned = compat.cell_map(mesh.dolfinx).size_local
         found: dict[bytes, tuple[Array, list[IntArray]]] = {}
-        for material, cells in self.structure.parts:
+        for material, cells in self.part.parts:
             root = np.linalg.cholesky(stiffness(material, mesh.gdim)).T
             found.setdefault(root.tobytes(), (root, []))[1].append(cells)
         for root, groups in found.values():

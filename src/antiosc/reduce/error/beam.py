@@ -1,0 +1,245 @@
+"""Errors of beams, by a mesh of half the size.
+
+The strains of beams are most accurate at the very points where the element takes them, so that
+their recovery says nothing. A second mesh with two elements in place of each costs next to nothing:
+the loads of the shapes (the site's load, and inertia forces ω² M ψ with their reaction at the site)
+are put on both meshes, and the difference of the flexibilities under them is that which the coarse
+mesh lacks, times 1/(1 - 4^-p) for all finer meshes (the flexibility of elements of degree p
+converges with the power 2p of the size). A site inside an element is a node of the second mesh: the
+kink there is an error that halving alone would change but little.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.checks import ROUNDING
+from antiosc.base.errors import InputError
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh import Mesh, distributed
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure
+from antiosc.io.neutral import KINDS, RawMesh
+from antiosc.io.reading import keys
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.reduce.error.beam_facts import beam_facts
+from antiosc.reduce.error.bisection import Pieces, gathered
+from antiosc.reduce.error.scheme import Estimate, MeshErrors
+from antiosc.reduce.site import Functional
+from antiosc.reduce.site.sites import located
+
+
+class HalvedBeams(MeshErrors):
+    """Estimator for structures of beams, on one rank."""
+
+    def __init__(self, part: MeshedStructure) -> None:
+        if part.comm.size > 1:
+            raise InputError("error='estimate' of beams runs on one rank; leave error=None here.")
+        super().__init__(part)
+
+    def prepare(self) -> None:
+        self.not_included = polygon(self.part.mesh)
+
+    def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
+        if site.point is None or site.direction is None:
+            raise InputError("error='estimate' of beams needs a Site with a point and a direction.")
+        energies = self._energies(model, site, site.point, site.direction)
+        within = inside(self.part.mesh, site.point)
+        facts = {"inside_element": within, "model": beam_facts(self.part, site)}
+        return Estimate(energies, facts=facts)
+
+    def _energies(
+        self, model: AntiOscillators, site: Functional, point: Array, direction: Array
+    ) -> Array:
+        """Energies [N/m] by which the mesh is too stiff for psi_0 ... psi_N: (N + 1, N + 1)."""
+        coarse = self.part
+        place = point[None, :], direction[None, :], np.array([np.nan])
+        fine = coarse.again(halved(coarse.mesh, point))
+        up = interpolation(coarse, fine)
+        b = located(fine, *place).loads[:, 0].toarray()
+        shapes = np.asarray(model.shapes)
+        masses = np.append(0.0, model.m)
+        squares = np.append(0.0, np.square(model.omega))
+        lacks = 0.0
+        for part, load, values, sign in (
+            (coarse, site.b[:, None], shapes, -1.0),
+            (fine, b, up @ shapes, 1.0),
+        ):
+            forces = squares * (csr(part.M) @ values - masses * load)
+            forces[:, :1] = model.k0 * load
+            lacks = lacks + sign * (forces.T @ answers(part, forces))
+        return excess(np.asarray(lacks) / (1 - 4.0**-coarse.form.degree))
+
+
+def excess(lacks: Array) -> Array:
+    """Excess energies E of shapes ψ whose loads Kψ have flexibilities `lacks` too small.
+
+    These are E itself where a mesh lacks flexibility for every pattern of loads. Elements that are
+    integrated with few points can have too much for some: the products of different shapes are then
+    reduced, all by one factor.
+    """
+    size = np.sqrt(np.maximum(np.diag(lacks), 0.0))
+    over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    alike = np.clip(over[:, None] * (lacks + lacks.T) / 2 * over, -1.0, 1.0)
+    np.fill_diagonal(alike, 1.0)
+    negative = max(-float(np.linalg.eigvalsh(alike)[0]), 0.0) + ROUNDING
+    alike = (alike + negative * np.eye(len(alike))) / (1 + negative)
+    return np.asarray(size[:, None] * alike * size)
+
+
+def answers(part: MeshedStructure, forces: Array) -> Array:
+    """Displacements due to self-equilibrated forces (rows, k), orthogonal to the rigid motions."""
+    free = np.setdiff1d(np.arange(compat.local_size(part.form.space)), part.fixed)
+    K, R = csr(part.K)[free][:, free], (csr(part.M) @ part.rigid_modes)[free]
+    if R.shape[1]:
+        K = scipy.sparse.bmat([[K, R * (size := abs(K).max() / abs(R).max())], [R.T * size, None]])
+    padded = np.vstack([forces[free], np.zeros((R.shape[1], forces.shape[1]))])
+    found = np.zeros_like(forces)
+    found[free] = scipy.sparse.linalg.splu(K.tocsc()).solve(padded)[: len(free)]
+    return found
+
+
+def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
+    """Interpolation matrix (fine rows, coarse rows) of displacements from a mesh to a finer one."""
+    parent = np.asarray(fine.mesh.dolfinx.topology.original_cell_index) // 2
+    ends = part.mesh.geometry.nodes[parent]
+    along = ends[:, 1] - ends[:, 0]
+    done: list[tuple[Array, IntArray, IntArray]] = []
+    for path in part.form.components.values():
+        dofs = compat.cell_dofs(fine.form.space, path, np.arange(len(parent)))
+        where, x = compat.dof_coordinates(fine.form.space, path)
+        place = np.zeros((compat.local_size(fine.form.space), 3))
+        place[where] = x
+        reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], along)
+        X = reach / np.einsum("cd,cd->c", along, along)[:, None]
+        table = compat.tabulate(part.form.space, path, X.reshape(-1, 1))
+        own = np.repeat(compat.cell_dofs(part.form.space, path, parent), dofs.shape[1], axis=0)
+        rows, first = np.unique(dofs.ravel(), return_index=True)
+        done.append((table[first], np.repeat(rows[:, None], own.shape[1], axis=1), own[first]))
+    values, rows, columns = (np.concatenate([each[k] for each in done]) for k in range(3))
+    entries = values.ravel(), (rows.ravel(), columns.ravel())
+    shape = tuple(compat.local_size(each.form.space) for each in (fine, part))
+    return scipy.sparse.csr_matrix(entries, shape=shape)
+
+
+#: Share of an element within which a site is taken to be at its node.
+AT_NODE = 1e-3
+#: Angles in degrees between the two cells at a node of a polygon that stands for a curve: above
+#: rounding, and up to those of a circle of 16 cells.
+LEAST_ANGLE, MOST_ANGLE = 0.2, 23.0
+
+
+def halved(mesh: Mesh, point: Array | None = None) -> Mesh:
+    """The mesh of lines with each cell c divided into two, the input cells 2c and 2c + 1.
+
+    They meet in the middle, those nearest to `point` there, unless it lies close to a node.
+    """
+    return _divided(mesh, 0.5, point)
+
+
+def with_node(mesh: Mesh, point: Array) -> Mesh:
+    """The mesh of lines with a node at the point nearest to `point`."""
+    return _divided(mesh, np.nan, point)
+
+
+def inside(mesh: Mesh, point: Array) -> bool:
+    """Whether a point lies within an element and not at a node."""
+    ends = mesh.geometry.nodes[:, :2, : mesh.gdim]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    away = np.linalg.norm(ends - point[: mesh.gdim], axis=2) / lengths[:, None]
+    return bool(away.min() > AT_NODE)
+
+
+def polygon(mesh: Mesh) -> str:
+    """A sentence if the lines of a mesh seem to approximate a curve by a polygon; else ""."""
+    pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
+    angle = 0.0 if pieces is None else _largest_angle(pieces)
+    angle = mesh.comm.bcast(angle)
+    if not angle:
+        return ""
+    return (
+        f"Not included: the lines of {mesh.name} that meet at angles of up to {angle:.2g}°, if "
+        "they stand for a curve."
+    )
+
+
+def _largest_angle(pieces: Pieces) -> float:
+    """Largest angle [degrees] between two adjacent cells that approximate a curve; 0 if none do."""
+    cells = pieces.cells
+    ends, cell = cells.ravel(), np.repeat(np.arange(len(cells)), 2)
+    two = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)
+    order = np.argsort(ends, kind="stable")
+    at = np.searchsorted(ends[order], two)
+    outward = []
+    for number in (order[at], order[np.minimum(at + 1, len(order) - 1)]):
+        far = cells[cell[number], 1 - number % 2]
+        along = pieces.points[far] - pieces.points[two]
+        outward.append(along / np.linalg.norm(along, axis=1, keepdims=True))
+    cosine = np.clip(-np.einsum("nd,nd->n", *outward), -1.0, 1.0)
+    angle = np.degrees(np.arccos(cosine))
+    return float(max(angle[(angle > LEAST_ANGLE) & (angle < MOST_ANGLE)], default=0.0))
+
+
+def _divided(mesh: Mesh, usual: float, point: Array | None) -> Mesh:
+    """The mesh with each cell cut at the share `usual` of its length (NaN: whole) or at `point`."""
+    pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
+    raw: RawMesh | InputError | None = None
+    if pieces is not None:
+        cuts = np.full(len(pieces.cells), usual)
+        if point is not None:
+            _cut_at(cuts, pieces, point)
+        raw = _pieced(pieces, cuts)
+    raw = mesh.comm.bcast(raw)
+    if isinstance(raw, InputError):
+        raise raw
+    assert raw is not None
+    return distributed(raw, mesh.name, mesh.comm)
+
+
+def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
+    """Cut the cell nearest to the point there, unless the point is close to a node."""
+    ends = pieces.points[pieces.cells]
+    along = ends[:, 1] - ends[:, 0]
+    start = ends[:, 0] - point[: ends.shape[2]]
+    nearest = np.clip(-np.einsum("cd,cd->c", start, along) / (along**2).sum(axis=1), 0.0, 1.0)
+    distance = np.linalg.norm(start + nearest[:, None] * along, axis=1)
+    closest = int(np.argmin(distance))
+    if AT_NODE < nearest[closest] < 1 - AT_NODE:
+        cuts[closest] = nearest[closest]
+
+
+def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
+    """The mesh with its cells cut at these shares of their lengths; NaN: whole."""
+    cells = pieces.cells.astype(np.int64)
+    known = keys(cells)
+    if len(np.unique(known)) < len(known):
+        return InputError("the error estimate of beams takes no two beams between the same nodes.")
+    cut = np.isfinite(cuts)
+    middle = np.full(len(cells), -1)
+    middle[cut] = len(pieces.points) + np.arange(cut.sum())
+    order = np.argsort(known)
+    groups: dict[str, dict[int, NDArray[np.int64]]] = {}
+    for name, parts in pieces.groups.items():
+        groups[name] = {dim: rows.astype(np.int64) for dim, rows in parts.items()}
+        if 1 in parts:
+            found = order[np.searchsorted(known[order], keys(groups[name][1]))]
+            groups[name][1] = _children(cells, middle, found)
+    start, end = (pieces.points[cells[cut, side]] for side in (0, 1))
+    points = np.vstack([pieces.points, start + cuts[cut, None] * (end - start)])
+    every = _children(cells, middle, np.arange(len(cells)))
+    return RawMesh(points, every, KINDS["line"], "gmsh", groups)
+
+
+def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
+    """The parts of cells `which`, in order; `middle` is -1 for whole cells."""
+    ends, between = cells[which], middle[which]
+    pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)
+    pairs[between < 0, 0] = ends[between < 0]
+    kept = np.ones((len(which), 2), dtype=bool)
+    kept[between < 0, 1] = False
+    return pairs[kept].astype(np.int64)

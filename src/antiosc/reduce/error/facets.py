@@ -1,0 +1,148 @@
+"""Whether flat faces approximate a curved surface, an error that no recovery of strains detects.
+
+Gaps between flat faces and the curved surface that they may stand for: the normals at the corners
+of a face are those of the surface, means over the faces around (weighted as Max, J. Graphics Tools
+4 (1999) 2: exact on spheres, and on circles by the inverse lengths). Along a side of length l with
+the normals n, n' at its ends x, x' the curvature times l² is (n' - n)·(x' - x); a linear face is
+off the surface by a twelfth of that in the mean over a segment, and by a twenty-fourth of its sum
+over the sides of a triangle or a quadrilateral.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse
+
+from antiosc.base._types import Array, IntArray
+from antiosc.fem.elements.weak_form import Material
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import MeshedStructure
+
+#: Angles in degrees between neighbouring faces of a curved surface: above rounding, and up to those
+#: of seven faces around a hole, the fewest that gmsh makes.
+LEAST_ANGLE, MOST_ANGLE = 0.2, 52.0
+#: Sides of an exterior facet as positions of its corners.
+FACET_SIDES: dict[int, list[tuple[int, ...]]] = {
+    2: [(0,), (1,)],
+    3: [(0, 1), (0, 2), (1, 2)],
+    4: [(0, 1), (0, 2), (1, 3), (2, 3)],
+}
+
+
+def faceted(mesh: Mesh) -> str:
+    """A sentence if straight cells seem to approximate a curved exterior; else ""."""
+    if mesh.order > 1:
+        return ""
+    facets = compat.exterior_facets(mesh.dolfinx)
+    corners = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
+    angles = mesh.comm.allgather(_angles(mesh.dolfinx.geometry.x, corners))
+    angle = np.concatenate(angles)
+    small = angle[(angle > LEAST_ANGLE) & (angle < MOST_ANGLE)]
+    if not len(small):
+        return ""
+    return (
+        f"The flat faces of {mesh.name} that meet at angles of up to {small.max():.2g}° are taken "
+        "for a curved surface; read the geometry with order=2 to have it curved."
+    )
+
+
+def _angles(x: Array, corners: IntArray) -> Array:
+    """Angles in degrees between facets (n, corners) that share a side."""
+    if not len(corners):
+        return np.zeros(0)
+    points = x[corners]
+    if corners.shape[1] == 2:
+        along = points[:, 1] - points[:, 0]
+        normals = np.column_stack([-along[:, 1], along[:, 0], 0 * along[:, 0]])
+    elif corners.shape[1] == 3:
+        normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    else:
+        normals = np.cross(points[:, 3] - points[:, 0], points[:, 2] - points[:, 1])
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    places = FACET_SIDES[corners.shape[1]]
+    sides = np.sort(np.concatenate([corners[:, list(place)] for place in places]), axis=1)
+    facet = np.tile(np.arange(len(corners)), len(places))
+    order = np.lexsort(sides.T)
+    same = (np.diff(sides[order], axis=0) == 0).all(axis=1)
+    one, other = facet[order[:-1][same]], facet[order[1:][same]]
+    cosine = np.abs(np.einsum("nd,nd->n", normals[one], normals[other]))
+    return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
+
+
+#: Corners around a face, in order; the ends of a segment.
+AROUND = {2: [0, 1], 3: [0, 1, 2], 4: [0, 1, 3, 2]}
+
+
+def mean_gaps(faces: Faces) -> tuple[Array, Array]:
+    """(mean gap [m], area [m²] or, in the plane, length [m]) of this rank's faces, (F,) each.
+
+    A gap is positive where the surface lies outside of the face (it is convex).
+    """
+    mesh = faces.mesh
+    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
+    every = mesh.comm.allgather((numbers, faces.corners, faces.normals))
+    first = sum(len(each[0]) for each in every[: mesh.comm.rank])
+    vertices, x, normals = (np.concatenate(each) for each in zip(*every, strict=True))
+    around = AROUND[vertices.shape[1]]
+    gap = _gaps(vertices[:, around], x[:, around], normals)
+    area = _areas(faces.corners[:, around])
+    return gap[first : first + len(area)], area
+
+
+def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
+    """Mean gaps (F,) of faces with corners x (F, v, 3) around them, at `vertices` (F, v)."""
+    corners = vertices.shape[1]
+    ahead, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    size = np.linalg.norm(ahead, axis=2)
+    weight = 1 / size
+    if corners > 2:
+        other = np.linalg.norm(back, axis=2)
+        weight = np.linalg.norm(np.cross(ahead, back), axis=2) / (size * other) ** 2
+    n = _normals(vertices.ravel(), np.repeat(normals, corners, axis=0), weight.ravel())
+    n = n.reshape(x.shape)
+    bent = np.einsum("fvd,fvd->f", np.roll(n, -1, axis=1) - n, ahead)
+    return np.asarray(bent / 24)  # a segment is gone along twice
+
+
+def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
+    """The normal at each corner (C, 3): mean over the vertex's faces on one smooth surface."""
+    count = len(vertex)
+    _, number = np.unique(vertex, return_inverse=True)
+    at = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
+    pairs = (at @ at.T).tocoo()
+    cosine = np.einsum("nd,nd->n", normals[pairs.row], normals[pairs.col])
+    smooth = cosine > np.cos(np.radians(MOST_ANGLE))
+    share = weights[pairs.col] * smooth
+    mean = scipy.sparse.csr_matrix((share, (pairs.row, pairs.col)), shape=(count, count)) @ normals
+    return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
+
+
+def _areas(x: Array) -> Array:
+    """Areas of faces (F, v, 3); lengths of segments."""
+    if x.shape[1] == 2:
+        return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
+    one, other = x[:, 1] - x[:, 0], x[:, -1] - x[:, 0]
+    if x.shape[1] == 4:
+        one, other = x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]
+    return np.asarray(np.linalg.norm(np.cross(one, other), axis=1) / 2)
+
+
+def layers(part: MeshedStructure) -> tuple[Array, float]:
+    """The layers between the faces of this rank and the curved surface that they approximate.
+
+    (volumes (F,) [m³], in the plane areas, negative where the mesh has too much; their mass over
+    that of the structure)
+    """
+    gap, area = mean_gaps(part.faces)
+    volumes = gap * area
+    heaviness = [material.rho * depth(material) for material, _ in part.parts]
+    number = part.part_of_cells()[part.faces.cells]
+    mass = part.comm.allreduce(float(volumes @ np.array(heaviness)[number]))
+    return volumes, mass / part.total_mass
+
+
+def depth(material: Material) -> float:
+    """Thickness of a plane part; 1 for others, since volumes contain it."""
+    return float(material.thickness) if getattr(material, "plane", None) else 1.0

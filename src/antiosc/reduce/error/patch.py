@@ -1,0 +1,48 @@
+"""What another radius of a site's patch would change in the compliance of the part.
+
+The patch's compliance holds that of its half-space, which is subtracted from Hertz's law. What
+remains does not depend on the radius, as long as it is small against the local thickness and
+resolved by the mesh; a second radius measures how far that holds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.models.body import Patch
+from antiosc.reduce.site import Functional
+from antiosc.reduce.site.sites import located
+
+#: The second radius over the first; the other one where the larger patch leaves the face.
+RADII = (np.sqrt(2.0), np.sqrt(0.5))
+#: Least share of the load of the second patch on its face.
+WHOLE_LOAD = 0.99
+
+
+def patch_of(structure: Structure, site: Functional) -> Patch | None:
+    """Data of a site's patch for a budget, as JSON values; None for a point.
+
+    "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
+    that of a second patch [m], and "compliance" the change of the part's compliance beyond the
+    half-space [m/N].
+    """
+    if site.radius is None:
+        return None
+    assert site.point is not None
+    assert site.direction is not None  # where there is a patch
+    for factor in RADII:
+        place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
+        found = located(on_mesh(structure), *place)
+        facts: Patch = {"faces": float(found.size[0])}
+        if found.share[0] >= WHOLE_LOAD:
+            break
+    if not site.local_compliance or found.share[0] < WHOLE_LOAD or not found.local[0]:
+        return facts
+    b = found.loads[:, 0].toarray().ravel()
+    # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
+    apart = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
+    change = float(dot(structure.comm, apart, b + site.b))
+    change -= float(found.local[0]) - site.local_compliance
+    return {**facts, "radius": float(found.radii[0]), "compliance": change}

@@ -1,0 +1,96 @@
+"""The scheme of all estimators of mesh errors: solids, sheets and beams."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.reduce.site import Functional
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a mesh leaves out of a model of one site.
+
+    Attributes
+    ----------
+    energies : (N + 1, N + 1) energies and products of the errors of its shapes, `strain_error`.
+    misfit : `strain_misfit` of sheets.
+    facts : further fields of `ModelInfo` for the budget.
+    """
+
+    energies: Array
+    misfit: Array | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+
+class MeshErrors(ABC):
+    """Estimator of the errors of the mesh of a part.
+
+    Attributes
+    ----------
+    not_included : a sentence on what no estimate of the part includes; "" if there is nothing.
+    """
+
+    not_included: str = ""
+
+    def __init__(self, part: MeshedStructure) -> None:
+        self.part = part
+
+    @abstractmethod
+    def prepare(self) -> None:
+        """Find what all models share; InputError for a mesh whose errors are not seen."""
+
+    @abstractmethod
+    def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
+        """The estimate for a model of the structure at a site."""
+
+
+class StrainErrors(MeshErrors):
+    """Estimators by recovery of strains, which tell the error of any shape."""
+
+    @abstractmethod
+    def gram(self, shapes: Array) -> Array:
+        """E_ij = ∫ e_i:C:e_j of the errors of shapes, (k, k)."""
+
+    @abstractmethod
+    def of_cells(self, shapes: Array) -> Array:
+        """Σ_j ∫ e_j:C:e_j over each cell that this rank owns: (cells,)."""
+
+    def of_state(self, structure: Structure, shapes: Array, energies: Array) -> Array:
+        """Energies by which the error of a prestress may change those of shapes.
+
+        What the loads add to the stiffness is ∫ N : η(ψ, ψ), a functional of the state q. Its error
+        is that of q times that of its dual solution in energy (Becker and Rannacher, Acta Numerica
+        10 (2001) 1), whose relative errors are taken to be those of q and of the shape, the larger
+        one.
+        """
+        preload = structure.matrices.preload
+        if preload is None or not preload.q.any():
+            return np.zeros_like(energies)
+        comm, q = structure.comm, preload.q[:, None]
+        part = on_mesh(structure).unloaded
+        assert part is not None  # of a prestress
+        stiffness = dot(comm, shapes, multiply(part.K, shapes))
+        added = dot(comm, shapes, multiply(structure.K, shapes)) - stiffness
+        off = float(self.gram(q)[0, 0]) / float(dot(comm, q, multiply(part.K, q))[0, 0])
+        least = np.finfo(float).tiny
+        own = np.diag(energies) / np.maximum(np.diag(stiffness), least)
+        share = (off * np.clip(own, off, 1.0)) ** 0.25
+        values, vectors = np.linalg.eigh((added + added.T) / 2)
+        return np.asarray(share[:, None] * ((vectors * np.abs(values)) @ vectors.T) * share)
+
+
+def shapes_of(model: AntiOscillators) -> Array:
+    """The shapes of an extraction."""
+    assert model.shapes is not None
+    return model.shapes
