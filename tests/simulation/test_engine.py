@@ -96,13 +96,13 @@ def test_memory_of_other_masses_serves_and_its_responses_do_not(monkeypatch) -> 
 def test_threads_with_the_same_bodies_keep_one_memory_each(monkeypatch) -> None:
     monkeypatch.setattr(march, "_kept", [])
     forces(SCENES[0])
-    ((key, first),) = march._kept
+    ((_, first),) = march._kept
     given = SCENES[0].run(1e-3, tol=1e-2).assembly.system.packed
-    spaces = {march._space(key, given) for _ in range(3)}
+    spaces = {march.take_space(given) for _ in range(3)}
     for space in spaces:
-        march._keep(key, space)
+        march.return_space(given, space)
     assert first in spaces
-    assert {march._space(key, given) for _ in range(3)} == spaces
+    assert {march.take_space(given) for _ in range(3)} == spaces
     assert not march._kept
 
 
