@@ -14,6 +14,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.fem.platform import compat
 from antiosc.io.request import GRADING
+from antiosc.reduce.error.beam import inside
 from antiosc.reduce.error.bisection import (
     COARSEST,
     DIVIDED,
@@ -22,7 +23,6 @@ from antiosc.reduce.error.bisection import (
     edge_lengths,
     gathered,
     growth,
-    inside,
     ratios,
     refined,
 )
