@@ -26,7 +26,14 @@ from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.io.request import GRADING as USUAL, Refinement
 from antiosc.reduce.error.beam import halved, with_node
-from antiosc.reduce.error.bisection import DIVIDED, KIND_OF, divisible, edge_lengths, gathered, refined
+from antiosc.reduce.error.bisection import (
+    DIVIDED,
+    KIND_OF,
+    divisible,
+    edge_lengths,
+    gathered,
+    refined,
+)
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000
