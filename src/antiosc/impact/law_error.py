@@ -11,11 +11,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import sqrt
 
-import numpy as np
-
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.choice import Choice, choose
-from antiosc.engine.contact.laws import ElasticPlastic, Hertz
+from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
 from antiosc.engine.contact.surfaces import Matter, Surface
 from antiosc.impact.auto_contact import choice_of
 from antiosc.impact.histories import History
@@ -52,7 +50,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
         return NO_ERROR, GIVEN
     if choice.unknown:
         return None, f"The total is not known: {choice.unknown}."
-    strain = _elastic_strain(raw, choice)
+    strain = _elastic_strain(choice, raw.peak_force, raw.deepest)
     if strain > LARGEST_STRAIN:
         return None, (
             f"The total is not known: the contact is pressed in by {strain:.2g} of its radius, and "
@@ -69,7 +67,8 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
 def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
     """For each cause of error, the laws that differ by this error."""
     yield list(_by_curvature(raw, choice.law))
-    yield list(_by_strain(choice.law, _elastic_strain(raw, choice)))
+    strain = _elastic_strain(choice, raw.peak_force, raw.deepest)
+    yield list(_by_strain(choice.law, strain))
     law, soft = choice.law, choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
         return
@@ -93,29 +92,27 @@ def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
             yield other
 
 
-def _elastic_strain(raw: History, choice: Choice) -> float:
+def _elastic_strain(choice: Choice, peak: float, depth: float) -> float:
     """Largest indentation over the relative radius, of a contact at a point that stays elastic."""
     law = choice.law
-    if isinstance(law, ElasticPlastic):
-        return 0.0 if raw.peak_force > law.yield_force else raw.deepest / law.radius
-    pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]
-    if not isinstance(law, Hertz) or len(pair) < 2 or None in pair:
-        return 0.0
-    curvature = sum(np.array(one.curvatures) for one in pair if one is not None)
-    return float(raw.deepest * np.max(np.abs(curvature)))
+    yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
+    return 0.0 if yields else depth * choice.curvature
 
 
 def _by_strain(law: ContactLaw, strain: float) -> Iterator[ContactLaw]:
     """The elastic law with the forces that large strains take or add."""
-    if strain < LEAST_STRAIN:
-        return
-    share = STRAINED * sqrt(strain)
-    for factor in (1 - share, 1 + share):
+    share = _strain_share(strain)
+    for factor in (1 - share, 1 + share) if share else ():
         if isinstance(law, ElasticPlastic):
             scaled = factor * law.modulus, factor * law.yield_strength
             yield replace(law, modulus=scaled[0], yield_strength=scaled[1])
-        elif isinstance(law, Hertz):
+        elif isinstance(law, Hertz | Gonthier):
             yield replace(law, stiffness=factor * law.stiffness)
+
+
+def _strain_share(strain: float) -> float:
+    """Share of the force that large strains may change at an indentation over the radius."""
+    return STRAINED * sqrt(strain) if strain >= LEAST_STRAIN else 0.0
 
 
 def _bent(surface: Surface, change: float) -> Surface:
@@ -149,15 +146,17 @@ def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> 
     return 2 * TABOR * sqrt(depth / law.radius) / contact_time
 
 
-def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float:
-    """Relative error of a peak force [N] by its law, without another run.
+def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
+    """Relative error of a peak force [N] by its law, without another run; None: not known.
 
-    The measured error of the law and of an ellipse, and what the least and the largest yield
-    strength make of the force at equal work of the contact; 0 where nothing yields.
+    Where the contact yields, the measured error of the law and of an ellipse, and what the least
+    and the largest yield strength make of the force at equal work; elsewhere what large strains do.
     """
     law, soft = choice.law, choice.soft
+    if choice.unknown:
+        return None
     if not isinstance(law, ElasticPlastic) or soft is None or peak <= law.yield_force:
-        return 0.0
+        return _elastic_error(choice, peak)
     depth = _depth(law, "force", peak)
     work = law.loading_work(depth)
     changes = [0.0]
@@ -165,6 +164,18 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float:
         other = replace(law, yield_strength=strength)
         changes.append(abs(_force(other, _depth(other, "work", work)) / peak - 1))
     return law.error_at(depth)[0] + choice.error + max(changes)
+
+
+def _elastic_error(choice: Choice, peak: float) -> float | None:
+    """Error of the peak force of an elastic contact by large strains, None beyond their range.
+
+    At equal work the force grows with the stiffness to the power of 0.4.
+    """
+    law = choice.law
+    if not isinstance(law, ElasticPlastic | Hertz | Gonthier):
+        return 0.0
+    strain = _elastic_strain(choice, peak, (peak / law.stiffness) ** (2 / 3))
+    return None if strain > LARGEST_STRAIN else 1 - (1 - _strain_share(strain)) ** 0.4
 
 
 def _force(law: ElasticPlastic, depth: float) -> float:

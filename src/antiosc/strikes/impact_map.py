@@ -499,7 +499,7 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
     except InputError:
         return None
     peak, contact_time = float(struck.peak_force[i]), float(struck.contact_time[i])
-    if choice.unknown or not (peak > 0 and contact_time > 0):
+    if not (peak > 0 and contact_time > 0):
         return None
     return error_of_peak(choice, peak, contact_time)
 

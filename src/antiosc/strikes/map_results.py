@@ -62,9 +62,8 @@ class ImpactMap(Completed):
         no material has a yield_strength.
     stress_points : (P, 3) where that is [m].
     stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
-    law_error : relative error of the largest peak force by the law of its contact and the range of
-        the yield strength; 0 where it does not yield; None where that is not known, or the law was
-        given.
+    law_error : relative error of the largest peak force by the law of its contact: the range of the
+        yield strength and large strains; None where that is not known, or the law was given.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : of the impacts, or None; the law on a flat face.
     laws : (P,) of the sites, where they differ from that; else None.
@@ -206,8 +205,8 @@ class ImpactMap(Completed):
             )
         if self.law_error:
             rows.append(
-                f"the contact yields: the largest peak force may be off by {self.law_error:.0%} by "
-                "its law and the range of the yield strength"
+                f"the largest peak force may be off by {self.law_error:.0%} by the law of its "
+                "contact, the range of the yield strength and large strains among it"
             )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, of=self.peak_stress)

@@ -12,6 +12,7 @@ a smooth solid gives way as a part of a half-space is taken out of r: Hertz's la
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -23,6 +24,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
+from antiosc.engine.contact.surfaces import Matter, matter_of
 from antiosc.impact.bodies import RigidBody, Sphere
 from antiosc.models.modal import Damping, as_damping
 from antiosc_studies.drops.corners import columns, missing
@@ -56,7 +58,8 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
         corner = checks.positive("corner_radius", corner, "m")
     if isinstance(part, Sphere):
         tensor = 0.4 * part.mass * part.radius**2 * np.eye(3)
-        alike = part.radius, part.radius, (part.E, part.nu)
+        matter = part.material if isinstance(part.material, Matter) else None
+        alike = part.radius, part.radius, matter
         return _rigid(part.mass, tensor, np.zeros((1, 3)), np.zeros(3), *alike)
     if isinstance(part, RigidBody):
         if not part.sites:
@@ -77,14 +80,19 @@ def _rigid(
     centre: Array,
     radius: float,
     ball: float = 0.0,
-    material: tuple[float, float] = (np.nan, np.nan),
+    matter: Matter | None = None,
 ) -> FreeBody:
-    """A body without modes, of points with a radius [m]."""
+    """A body without modes, of points with a radius [m]; no matter: rigid."""
     count, none = len(points), np.zeros(0)
+    material = (np.nan, np.nan) if matter is None else (matter.E, matter.nu)
+    strength = np.nan if matter is None else matter.yield_strength or np.nan
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
     alike = np.full(count, ball), np.full((count, 2), radius), np.full((count, 2), material)
     modes = none, none, np.zeros((count, 0, 3))
-    return FreeBody(mass, tensor, points, centre, *alike, *modes, extent or 2 * radius)
+    body = FreeBody(mass, tensor, points, centre, *alike, *modes, extent or 2 * radius)
+    body.strengths = np.full(count, strength)
+    body.matters = () if matter is None else (matter,)
+    return body
 
 
 def _elastic(
@@ -129,6 +137,7 @@ def _elastic(
         radii=np.array([skin.radii(i, rounded) for i in own]),
         materials=skin.materials[own],
         strengths=skin.strengths[own],
+        matters=tuple(_matters(structure)),
         omega=omega,
         decay=(Damping(ratio=RATIO) if given is None else given).decay(omega),
         shapes=np.moveaxis(moved[at], 1, 2).copy(),
@@ -145,6 +154,18 @@ def _elastic(
     if len(own) <= FEW and not many.any():  # all of them will touch: together they cost less
         body.sites(np.arange(len(own)))
     return body
+
+
+def _matters(structure: Structure) -> Iterator[Matter]:
+    """The known materials of a part, without those of directions."""
+    from antiosc.fem.assembly import with_parts
+
+    with suppress(InputError):  # of matrices, which have no material
+        for member in with_parts(structure, "a fall").members():
+            for material, _ in member.part.parts:
+                with suppress(InputError):  # one with directions
+                    if (matter := matter_of(material)) is not None:
+                        yield matter
 
 
 def _least(structure: Structure, skin: Skin) -> float:

@@ -27,11 +27,13 @@ from antiosc_studies.drops.lines import STATIONS
 from antiosc_studies.drops.trajectory import (
     NO_IMPACT,
     Peak,
+    PointContact,
     Trajectory,
     contact_yield,
     initial_state,
+    point_contacts,
+    strained,
     trajectory,
-    yielded,
 )
 
 if TYPE_CHECKING:
@@ -341,7 +343,10 @@ class Fall(Trajectory, Result):
     @property
     def notes(self) -> list[str]:
         """Assumptions that were made, and whether the contact yields."""
-        return [*self.body.notes, *filter(None, [self.contact_verdict, self._lines])]
+        return [
+            *self.body.notes,
+            *filter(None, [self.contact_verdict, self._strained, self._lines]),
+        ]
 
     @property
     def contact_verdict(self) -> str:
@@ -349,12 +354,26 @@ class Fall(Trajectory, Result):
         return self._contact_yield(range(len(self.groups)))
 
     @cached_property
-    def law_error(self) -> float:
-        """Relative error of the largest force of a contact that yields, by its law and the range of
-        the yield strength; 0 where none yields at a point."""
+    def law_error(self) -> float | None:
+        """Relative error of the largest force of a contact at a point by its law: the range of the
+        yield strength, large strains. None: not known, or the floor has a layer or a given law."""
+        largest = self._largest
+        return None if largest is None else largest.error(self.body, self.setting.floor)
+
+    @cached_property
+    def _largest(self) -> PointContact | None:
+        """The contact of the largest force at a point, if its law follows from materials."""
         floor = self.setting.floor
-        found = yielded(self.body, floor, self.episodes)
-        return max(found, key=lambda one: one.force).error(self.body, floor) if found else 0.0
+        if floor.law is not None or floor.layer is not None:
+            return None
+        found = point_contacts(self.body, floor, self.episodes)
+        return max(found, key=lambda one: one.force, default=None)
+
+    @property
+    def _strained(self) -> str:
+        """Sentence on the largest force, if its contact is elastic with large strains; else ""."""
+        largest = self._largest
+        return "" if largest is None else strained(largest, self.body, self.setting.floor)
 
     @cached_property
     def _lines(self) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import Curvature
+from antiosc.engine.contact.surfaces import Matter
 from antiosc_studies.drops.cylinder import Cylinder
 from antiosc_studies.drops.layer_contact import LayerContact
 from antiosc_studies.drops.skin import SMOOTH
@@ -39,6 +40,7 @@ class FreeBody:
         solid are rough until `sites` fits them.
     materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
     strengths : (V,) yield strengths [Pa], NaN where not known; None: of none.
+    matters : its materials, as far as they are known.
     omega, decay : (J,) of the elastic modes [rad/s], [1/s].
     shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
     extent : size of the body [m].
@@ -67,6 +69,7 @@ class FreeBody:
     notes: tuple[str, ...] = ()
     facing: Array | None = None
     strengths: Array | None = None
+    matters: tuple[Matter, ...] = ()
     structure: Structure | None = None
     basis: Array | None = None
     residual: Callable[[IntArray], tuple[Array, Array, Array]] | None = None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,14 +13,14 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr, engineering
-from antiosc.engine.contact import ContactLaw, ElasticPlastic, Hertz
+from antiosc.engine.contact import ContactLaw, ElasticPlastic, Gonthier, Hertz
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import Dent
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
-from antiosc.engine.contact.surfaces import Matter, matter_of
+from antiosc.engine.contact.surfaces import Matter
 from antiosc.fields.margin import HertzContact
 from antiosc.impact.bodies import GRAVITY
-from antiosc.impact.law_error import error_of_peak
+from antiosc.impact.law_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight, State
@@ -353,72 +352,91 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
         for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0).tolist(), strict=True):
             known = _elastic_contact(body, law_at(body, floor, i), i, force) if force > 0 else None
             pressures += [] if known is None else [known]
-    if dents := yielded(body, floor, episodes):
-        worst = max(dents, key=lambda one: one.dent.depth)
-        return f"the contact yields: {worst.dent.text}; {_law_error(worst, body, floor)}"
+    dents = {one.dent: one for one in point_contacts(body, floor, episodes) if one.dent is not None}
+    if dents:
+        worst = max(dents, key=lambda dent: dent.depth)
+        return f"the contact yields: {worst.text}; {_law_error(dents[worst], body, floor)}"
     return max(pressures, key=lambda one: one.share).warning() if pressures else ""
 
 
-class Yielded(NamedTuple):
-    """A contact that yielded: its law, largest force [N] and indentation [m], and its time [s]."""
+class PointContact(NamedTuple):
+    """A contact at a point: its law and relative curvature [1/m], largest force [N] and indentation
+    [m], its time [s], and the dent if it yielded.
+    """
 
-    dent: Dent
-    law: ElasticPlastic
+    which: int
+    law: ElasticPlastic | Hertz | Gonthier
+    curvature: float
     force: float
     depth: float
     contact_time: float
+    dent: Dent | None
 
-    def error(self, body: FreeBody, floor: Floor) -> float:
-        """Relative error of the force by its law and by the range of the yield strength."""
-        strength = self.law.yield_strength
-        soft = next((m for m in _matters(body, floor) if m.yield_strength == strength), None)
-        soft = soft or Matter(self.law.modulus, yield_strength=strength)
-        return error_of_peak(Choice(self.law, "", soft), self.force, self.contact_time)
+    def error(self, body: FreeBody, floor: Floor) -> float | None:
+        """Relative error of the force by its law; None where it is not known."""
+        soft, unknown = None, _unknown(body, floor, self.which)
+        if isinstance(law := self.law, ElasticPlastic):
+            strength = law.yield_strength
+            soft = next(
+                (m for m in (*body.matters, floor.face.matter) if m.yield_strength == strength),
+                None,
+            )
+            soft = soft or Matter(law.modulus, yield_strength=strength)
+        choice = Choice(self.law, "", soft, unknown, curvature=self.curvature)
+        return error_of_peak(choice, self.force, self.contact_time)
 
 
-def yielded(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> list[Yielded]:
-    """The contacts at points that yielded."""
-    found = []
+def point_contacts(
+    body: FreeBody, floor: Floor, episodes: Sequence[Episode]
+) -> Iterator[PointContact]:
+    """The contacts at points with a law of both surfaces."""
     for one in episodes:
         peaks, depths = one.forces()[1].max(axis=0).tolist(), one.sunk().tolist()
         for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
             law, history = law_at(body, floor, i), one.history.contact_histories[k]
-            if not isinstance(law, ElasticPlastic) or force <= law.yield_force:
+            if not isinstance(law, ElasticPlastic | Hertz | Gonthier) or not history.contacts:
                 continue
-            if (dent := history.dent) is not None:
-                start, end = max(history.contacts, key=lambda each: each[1] - each[0])
-                found.append(Yielded(dent, law, force, depths[k], end - start))
-    return found
+            yields = isinstance(law, ElasticPlastic) and force > law.yield_force
+            dent = history.dent if yields else None
+            start, end = max(history.contacts, key=lambda each: each[1] - each[0])
+            bent = 1 / float(body.radii[i].min())
+            yield PointContact(i, law, bent, force, depths[k], end - start, dent)
 
 
-def _matters(body: FreeBody, floor: Floor) -> list[Matter]:
-    """The known materials of a part and of the floor."""
-    parts = []
-    if body.structure is not None:
-        from antiosc.fem.assembly import with_parts  # needs dolfinx, as the structure does
-
-        with suppress(InputError):  # of matrices, which have no material
-            whole = with_parts(body.structure, "a fall")
-            parts = [part for member in whole.members() for part in member.part.parts]
-    found = [floor.face.matter]
-    for material, _ in parts:
-        with suppress(InputError):  # one with directions
-            if (matter := matter_of(material)) is not None:
-                found.append(matter)
-    return found
-
-
-def _law_error(worst: Yielded, body: FreeBody, floor: Floor) -> str:
-    """Sentence on the error of a force by its law."""
-    told = (
-        f"by the law and the range of the yield strength that force may be off by "
-        f"{worst.error(body, floor):.0%}"
+def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
+    """The property on which the error of a law depends and that is not known; "" if all is."""
+    E = float(body.materials[which][0])
+    strong = body.strengths is not None and np.isfinite(body.strengths[which])
+    known = (
+        strong
+        or np.isnan(E)
+        or any(m.known and m.E == E for m in (*body.matters, floor.face.matter))
     )
-    if worst.depth < DEEP * worst.law.radius:
+    return "" if known and floor.face.matter.known else "yield_strength"
+
+
+def strained(one: PointContact, body: FreeBody, floor: Floor) -> str:
+    """Sentence on the force of an elastic contact of large strains; "" if there is none."""
+    if one.dent is not None or one.depth * one.curvature < LEAST_STRAIN:
+        return ""
+    told = _law_error(one, body, floor)
+    return f"the contact is pressed in by {one.depth * one.curvature:.2g} of its radius; {told}"
+
+
+def _law_error(worst: PointContact, body: FreeBody, floor: Floor) -> str:
+    """Sentence on the error of a force by its law."""
+    if _unknown(body, floor, worst.which):
+        return "what that force is worth is not known: give part and floor yield_strength, or material="
+    error = worst.error(body, floor)
+    if error is None:
+        return f"the error of that force is known up to {LARGEST_STRAIN:g}: take a blunter part"
+    cause = "large strains" if worst.dent is None else "the law and the range of the yield strength"
+    told = f"by {cause} that force may be off by {error:.0%}"
+    if worst.dent is None or worst.depth * worst.curvature < DEEP:
         return told
     return (
         f"{told}, since it is pressed in by {engineering(worst.depth, 'm')} where the radius is "
-        f"{engineering(worst.law.radius, 'm')}: give corner_radius= of corners that are blunter"
+        f"{engineering(1 / worst.curvature, 'm')}: give corner_radius= of corners that are blunter"
     )
 
 

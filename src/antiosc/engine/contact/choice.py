@@ -67,6 +67,7 @@ class Choice:
     unknown : what its error depends on and is not known; "" if all is known.
     shares : the least and the largest `elastic_share` that may be meant; None: it is exact.
     error : relative, of the force by an ellipse that a circle stands for.
+    curvature : the larger one of both surfaces together, of a contact at a point [1/m].
     """
 
     law: ContactLaw
@@ -75,6 +76,7 @@ class Choice:
     unknown: str = ""
     shares: tuple[float, float] | None = None
     error: float = 0.0
+    curvature: float = 0.0
 
     @property
     def reason(self) -> str:
@@ -131,13 +133,15 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         restitution = exp(-pi * first.loss / 2)
     if restitution is not None and restitution < 1:
         kind = f"elastic{shape}, with the restitution {restitution:.3g}"
-        return Choice(Gonthier(hertz_stiffness(modulus, A, B), restitution), kind, None, doubt)
+        damped = Gonthier(hertz_stiffness(modulus, A, B), restitution)
+        return Choice(damped, kind, None, doubt, curvature=2 * B)
     if soft.yield_strength is None:
-        return Choice(Hertz(hertz_stiffness(modulus, A, B)), f"elastic{shape}", None, doubt)
+        hertz = Hertz(hertz_stiffness(modulus, A, B))
+        return Choice(hertz, f"elastic{shape}", None, doubt, curvature=2 * B)
     circle = equivalent_circle(modulus, A, B)
     share, shares = _elastic_share(soft, matters[soft is matters[0]], modulus)
     law = ElasticPlastic(circle.modulus, circle.radius, soft.yield_strength, soft.nu, share)
-    return Choice(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error)
+    return Choice(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error, 2 * B)
 
 
 @lru_cache(maxsize=256)
