@@ -46,7 +46,7 @@ def test_the_error_of_a_fall_by_its_law_has_the_range_of_the_strength() -> None:
     assert ao.drop(HARD, 2e-6, floor=ao.Floor(alloy), until=1).law_error == 0
     unknown = ao.drop(BALL, 0.5, floor=ao.Floor(alloy), until=1)
     assert unknown.law_error is None
-    assert "give part and floor yield_strength" in unknown.contact_verdict
+    assert "give part and floor a yield strength" in unknown.contact_verdict
     assert ao.drop(HARD, 0.5, floor=ao.Floor(law=ao.Hertz(1e10)), until=1).law_error is None
 
 

@@ -426,7 +426,7 @@ def strained(one: PointContact, body: FreeBody, floor: Floor) -> str:
 def _law_error(worst: PointContact, body: FreeBody, floor: Floor) -> str:
     """Sentence on the error of a force by its law."""
     if _unknown(body, floor, worst.which):
-        return "what that force is worth is not known: give part and floor yield_strength, or material="
+        return "the error of that force is not known: give part and floor a yield strength"
     error = worst.error(body, floor)
     if error is None:
         return f"the error of that force is known up to {LARGEST_STRAIN:g}: take a blunter part"
