@@ -16,7 +16,7 @@ import antiosc as ao
 from antiosc.base.texts import engineering
 from antiosc_app import cli
 from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.schema import schema
 from paths import MESHES, ROOT
 from refusals import refused
@@ -34,6 +34,7 @@ from scene_files import (
     SWEEP,
     antiosc,
     numbers,
+    objects,
     written,
 )
 
@@ -410,6 +411,27 @@ def test_the_scene_of_the_page_runs(page, tmp_path, capsys):
     ball = ao.Sphere(0.010, material="bearing steel 100Cr6", velocity=2.0)
     hit = ao.simulate(ao.extract(part, site, n=20), ball, duration=1e-3)
     assert hit.peak_force == pytest.approx(peak, rel=1e-9)
+
+
+def test_the_surface_of_a_model_without_a_mesh_chooses_the_law(tmp_path):
+    """As `with_surface` in Python; in a scene of several bodies too; a mesh has its own."""
+    ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nmaterial = "100Cr6"\nvelocity = 0.5\n'
+    surface = '[surface]\nmaterial = "6061"\nradius = 0.02\n'
+    site = MATRICES + 'dof = "z"\n[extract]\nn = 6\n' + surface
+    alone = written(tmp_path, site + ball + "[simulate]\nduration = 1e-3\n")
+    hit = objects(alone).history
+    struck = objects(alone).model.with_surface("6061", radius=0.02)
+    striker = ao.Sphere(0.01, material="100Cr6", velocity=0.5)
+    assert hit.law == ao.simulate(struck, striker, duration=1e-3).law
+    assert isinstance(hit.law, ao.ElasticPlastic)
+    contact = '[[contacts]]\na = "structure:middle"\nb = "ball"\n[run]\nduration = 1e-3\n'
+    several = site + ball.replace("impactor", "bodies.ball") + contact
+    found = objects(written(tmp_path, several, "several.toml")).history
+    assert found["structure:middle", "ball"].law == hit.law
+    with pytest.raises(SceneFileError, match="surface"):
+        objects(written(tmp_path, BRACKET + surface + HIT, "mesh.toml"))
+    with pytest.raises(SceneFileError, match="steel"):
+        objects(written(tmp_path, site.replace("6061", "steal S235") + ball, "name.toml"))
 
 
 @pytest.mark.parametrize(

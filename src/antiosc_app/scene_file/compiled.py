@@ -38,6 +38,7 @@ NEEDS = (
     ("sensors", "find"),
     ("find map stress", MESHED),
     ("find", "sensors"),
+    ("surface", "matrices model frf"),
     ("probes", f"{MESHED} matrices"),
     ("probes stress", f"{_ONE} run"),
     *(("sweep monte_carlo", other) for other in ("impactor", "simulate")),

@@ -255,7 +255,14 @@ def _assembly(build: Builder) -> Call | None:
 
 
 def model(build: Builder, structure: Call | None) -> Call | None:
-    """The reduced model, where something needs one."""
+    """The reduced model, where something needs one, with the surface that the scene gives it."""
+    made = _model(build, structure)
+    if "surface" not in build.data:
+        return made
+    return build.table("surface", given={"self": made})
+
+
+def _model(build: Builder, structure: Call | None) -> Call | None:
     name, sites = source(build), build.named("sites")
     if name == "model":
         return build.table("model")

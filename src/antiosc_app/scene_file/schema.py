@@ -181,7 +181,7 @@ WITHHELD = {
 #: Parameters whose texts are file names, beside those whose annotation says it.
 FILES = ("Structure.from_files.map", "find_impact.signals")
 #: Parameters that take an object of a class or its name, beside those whose annotation says it.
-OBJECTS = {"Floor.material": "Solid"}
+OBJECTS = {"Floor.material": "Solid", "AntiOscillators.with_surface.material": "Solid"}
 #: Functions and classes that only check and store values, or do more than that.
 LIGHT, HEAVY = (
     ("material", "named_impactor", "normal", "lognormal", "uniform", "soil_cone"),
@@ -446,6 +446,9 @@ SECTIONS: dict[str, Section] = {
     "from_frf": Section("table", "from_frf", "the model of a measurement", "frf"),
     "sites": Section("named", "Site", "where the structure is struck"),
     "extract": Section("table", "extract", "the reduction to a model", "structure site"),
+    "surface": Section("table", "AntiOscillators.with_surface",
+        "what a model without a mesh is made of where it is struck, for the law of the contact",
+        "self"),
     "impactor": Section("table", IMPACTORS, "what strikes the structure"),
     "contact": Section("table", LAWS,
         'the contact law between structure and impactor; without it the one they need, "auto"'),
@@ -493,7 +496,7 @@ MODELS = ("model", "frf")
 VARIED = ("impactor", "contact", "simulate")
 STRUCTURAL = (
     *("geometry", "deck", "matrices", "parts", "model", "frf", "material", "structure"),
-    *("at", "points", "assembly", "sites", "extract", "from_frf"),
+    *("at", "points", "assembly", "sites", "extract", "from_frf", "surface"),
 )
 #: Sections of which [monte_carlo] draws values, and its input whose values are points of a map.
 DRAWN, POINT = ("impactor", "contact", "material", "structure", "parts"), "point"
