@@ -27,6 +27,7 @@ DAMPERS = (2.0, 5.0, 11.0, 20.0, 100.0)
 BEAM = closed_form.UniformBeam.timoshenko(
     E=70e9, nu=0.3, rho=2700.0, area=2e-4, inertia=6.7e-9, length=1.0
 )
+#: The exponentials are those of a linear system: the law is given, a spring.
 BALL, LAW, END = ao.RigidMass(0.16, velocity=1.0), ao.Linear(1.2e5), 16e-3
 
 
