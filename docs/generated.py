@@ -113,7 +113,22 @@ def with_lists(text: str, elsewhere: list[str]) -> str:
             lines += [f".. {kind}:: {name}", *(members if kind == "autoclass" else ()), ""]
         return "\n".join([*lines, "```"])
 
-    return LISTED.sub(listed, text)
+    return LISTED.sub(listed, text.replace("%EXTENSION", extension_tables()))
+
+
+def extension_tables() -> str:
+    """Names of `antiosc.extension` by what they are for, and the modules that it says are open."""
+    from antiosc import extension
+
+    stub = (ROOT / "src/antiosc/extension.pyi").read_text(encoding="utf-8")
+    groups = re.split(r"^# (.*)\.$", stub, flags=re.MULTILINE)[1:]  # its first line is of the file
+    rows = ["| names | |", "|---|---|"]
+    for purpose, text in zip(groups[2::2], groups[3::2], strict=True):
+        names = re.findall(r"(\w+) as", text)
+        rows.append(f"| {purpose} | {coded(names)} |")
+    rows += ["", "| modules | |", "|---|---|"]
+    rows += [f"| `{module}` | {purpose} |" for module, purpose in extension.MODULES.items()]
+    return "\n".join(rows)
 
 
 def listed_modules(text: str) -> list[str]:
@@ -135,7 +150,7 @@ def with_names(index: str) -> str:
     rest = next(page for page, text in texts.items() if "%API rest" in text)
     own[rest] = [*own[rest], *(name for name in public_names() if name not in listed)]
     titles = {page: f"[{titled(text)}]({page}.md)" for page, text in texts.items()}
-    rows = [f"| {titles[page]} | {coded(names)} |" for page, names in own.items()]
+    rows = [f"| {titles[page]} | {coded(names)} |" for page, names in own.items() if names]
     return "\n".join([index.split("| page |")[0] + "| page | |", "|---|---|", *rows, ""])
 
 

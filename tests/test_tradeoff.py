@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.strikes.tradeoff import BRACKET, Member, Tradeoff
 from antiosc_app.cli import main
-from antiosc_studies.tradeoff import BRACKET, Member, Tradeoff
 from parts import STEEL, plate
 
 pytestmark = [

@@ -247,6 +247,9 @@ from antiosc.strikes.map_results import (
 from antiosc.strikes.strike import (
     strike as strike,
 )
+from antiosc.strikes.tradeoff import (
+    tradeoff as tradeoff,
+)
 from antiosc_app.export import (
     export as export,
 )
@@ -325,9 +328,6 @@ from antiosc_studies.measured.frf import (
 )
 from antiosc_studies.measured.reading import (
     read_frf as read_frf,
-)
-from antiosc_studies.tradeoff import (
-    tradeoff as tradeoff,
 )
 
 __version__: str

@@ -1,4 +1,4 @@
-"""Joints of assemblies: `antiosc.joints.Bolt`."""
+"""Joints of assemblies; springs, dampers, masses and soil under a part: `antiosc.joints.Bolt`."""
 
 from antiosc.base import lazily
 

@@ -14,3 +14,13 @@ from antiosc.fem.assembly.pins import (
 from antiosc.fem.assembly.tie import (
     Tie as Tie,
 )
+from antiosc.fem.structure.attachments import (
+    Damper as Damper,
+    Footing as Footing,
+    PointMass as PointMass,
+    Spring as Spring,
+)
+from antiosc.models.closed_form.soil import (
+    SoilCone as SoilCone,
+    soil_cone as soil_cone,
+)

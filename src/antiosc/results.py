@@ -1,4 +1,4 @@
-"""Results and what they are made of: `antiosc.results.History`; modules that recover fields."""
+"""Results, and what is computed from them: `antiosc.results.History`, `results.von_mises`."""
 
 from antiosc.base import lazily
 

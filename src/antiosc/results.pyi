@@ -1,5 +1,11 @@
 # Names of this module, for type checkers and for the module itself.
 
+from antiosc.base.stresses import (
+    delamination_load as delamination_load,
+    principal as principal,
+    tsai_hill as tsai_hill,
+    von_mises as von_mises,
+)
 from antiosc.fields.fields import (
     Reactions as Reactions,
 )
@@ -38,9 +44,17 @@ from antiosc.impact.histories.tables import (
 )
 from antiosc.impact.histories.vibration import (
     BodyEnergy as BodyEnergy,
+    body_energy as body_energy,
+    vibration_share as vibration_share,
+)
+from antiosc.models.modal import (
+    SiteModes as SiteModes,
 )
 from antiosc.models.model_file import (
     ReducedMatrices as ReducedMatrices,
+)
+from antiosc.models.motion import (
+    ModalState as ModalState,
 )
 from antiosc.reduce.extraction.superposition import (
     StructureModes as StructureModes,
@@ -50,6 +64,9 @@ from antiosc.strikes.advice import (
 )
 from antiosc.strikes.map_results import (
     ImpactMap as ImpactMap,
+)
+from antiosc_app.view import (
+    View as View,
 )
 from antiosc_studies.chance.nearby import (
     NearbyModels as NearbyModels,
@@ -64,6 +81,7 @@ from antiosc_studies.drops.drop import (
 )
 from antiosc_studies.drops.fall import (
     Fall as Fall,
+    cfc_filter as cfc_filter,
 )
 from antiosc_studies.drops.trajectory import (
     Peak as Peak,
@@ -82,4 +100,7 @@ from antiosc_studies.gradients.of_part import (
 )
 from antiosc_studies.measured.compare import (
     ForceComparison as ForceComparison,
+)
+from antiosc_studies.measured.frf import (
+    FRF as FRF,
 )

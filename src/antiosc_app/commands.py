@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import antiosc
+from antiosc import impact_band
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
 from antiosc.base.texts import engineering
-from antiosc.impact.bodies import GRAVITY
-from antiosc.impact.reference import FIRST_STEPS
-from antiosc.impact.scene import DEFAULT_TOL
-from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
+from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, GRAVITY, MODES
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -28,10 +26,9 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Table, read
 from antiosc_app.scene_file.scene import STUDIES, Compiled
 from antiosc_app.scene_file.schema import schema
-from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
+    from antiosc import Structure
 
 
 def guarded(options: Namespace) -> int:
@@ -211,11 +208,11 @@ def _forecast(scene: Compiled) -> str:
 
 def _factor(structure: Structure) -> str:
     """Entries and memory of the Cholesky factor, by the analysis that makes it."""
-    from antiosc.fem import missing
+    from antiosc.extension import missing
 
     if missing is not None or not hasattr(structure.K, "getSizes"):
         return "by SciPy; not forecast"
-    from antiosc.fem.linalg.solver_choice import BYTES, Plan
+    from antiosc.extension import BYTES, Plan
 
     entries = Plan(structure.K).entries
     if not entries:
@@ -234,7 +231,7 @@ def _of_model(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     if "band" in asked:
         until = engineering(asked["band"], "Hz")
         return [("anti-oscillators", f"as many as needed up to {until}")]
-    from antiosc.reduce.extraction.extract import DEFAULT_COUNT
+    from antiosc.extension import DEFAULT_COUNT
 
     n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
@@ -254,7 +251,7 @@ def _of_fall(asked: Table) -> list[tuple[str, str]]:
 
 def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("simulate", {})
-    from antiosc.reduce.site.surface import PlaneOf
+    from antiosc.extension import PlaneOf
 
     rows = []
     if "strike" in scene.document.data:

@@ -16,18 +16,31 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from antiosc import __version__
+from antiosc import (
+    AntiOscillators,
+    Contact,
+    ContactLaw,
+    Linear,
+    LinearBody,
+    Motion,
+    RigidMass,
+    Scene,
+    Sphere,
+    __version__,
+    impact_band,
+    simulate,
+)
 from antiosc.base import checks, files
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.engine.contact import ContactLaw, Linear
-from antiosc.impact.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.impact.bodies import RigidMass, Sphere
-from antiosc.impact.scene import Scene, simulate
-from antiosc.impact.scene_parts import Contact, SceneParts
-from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody, checked_body
-from antiosc.models.motion import Motion
+from antiosc.extension import (
+    AUTO,
+    BAND_OVER_PULSE,
+    AnyLaw,
+    SceneParts,
+    checked_body,
+    is_auto,
+    law_of,
+)
 from antiosc_app.fmu import identifier, write_c, write_fmu
 from antiosc_app.run_data import CONTACT_TIMES, of_model, of_scene
 

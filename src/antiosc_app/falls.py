@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, point_text
+from antiosc.extension import WorstField, at, surface_of
 from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import ended
-from antiosc_studies.drops.fall import Fall, WorstField
-from antiosc_studies.drops.pictures import at, surface_of
 
 #: Times at which the page shows the part: of each flight at most, of all; and of a force.
 OF_FLIGHT, FRAMES, CURVE = 40, 300, 800
@@ -56,7 +56,7 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
     structure = fall.body.structure
     if structure is None:
         return surface_of(fall)
-    from antiosc.recovery import source  # a rigid body does without meshes
+    from antiosc.extension import source  # a rigid body does without meshes
 
     try:
         nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))

@@ -29,8 +29,7 @@ from antiosc.base.errors import (
 from antiosc_app.scene_file.outline import GEOMETRIES
 
 if TYPE_CHECKING:
-    from antiosc.fem.mesh import Mesh
-    from antiosc.fem.structure.structure import Structure
+    from antiosc import Mesh, Structure
     from antiosc.io.neutral import FileMesh
     from antiosc.io.reading import Piece
 
@@ -99,7 +98,7 @@ def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> For
 
 
 def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
-    from antiosc.io.cad import STATES_UNIT
+    from antiosc.extension import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
     from antiosc.io.neutral import UnitSystem
     from antiosc.io.reading import outline
@@ -229,7 +228,7 @@ def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
 
     One model that can be read says what the others would be.
     """
-    from antiosc.fem.assembly import with_parts
+    from antiosc.extension import with_parts
 
     reason: InputError | None = None
     for unit in units:
@@ -272,7 +271,7 @@ def _likeliest(structure: Structure, unit: str, units: Sequence[str], of_scene: 
 
     `of_scene`: the densities are in SI units.
     """
-    from antiosc.fem.assembly import with_parts
+    from antiosc.extension import with_parts
     from antiosc.io.neutral import UnitSystem
 
     now = UnitSystem.of(unit)

@@ -149,7 +149,7 @@ def solvers() -> list[str]:
 def _cholmod() -> str:
     """CHOLMOD's version and whether it is called directly, or through PETSc and why."""
     try:
-        from antiosc.fem.linalg import cholmod
+        from antiosc.extension import cholmod
     except Exception as error:  # whatever an installed package may raise
         return f"not tried: {error}"
     refusal = cholmod.refusal()

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from antiosc import AntiOscillators, from_free_modes
 from antiosc.base._types import Array
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import ModelInfo
-from antiosc.models.free_modes import from_free_modes
+from antiosc.extension import ModelInfo
 from antiosc_app.set_up import COUNT
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.reduce.site import Site
+    from antiosc import Site, Structure
 
 T = TypeVar("T")
 
@@ -48,7 +46,7 @@ class FreeModes:
     """Free modes of a structure, found in rounds, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:
-        from antiosc.reduce.extraction.eigenmodes import ModeSolver
+        from antiosc.extension import ModeSolver
 
         self._structure, self._solver = structure, ModeSolver(structure)
         #: numbers of modes of the rounds that are left
@@ -80,9 +78,8 @@ class FreeModes:
 
     def _made(self, site: Site) -> AntiOscillators:
         """A model by one solve."""
+        from antiosc.extension import UNNAMED, functional, surfaces
         from antiosc.fem.linalg.algebra import multiply
-        from antiosc.reduce.extraction.extract import UNNAMED, surfaces
-        from antiosc.reduce.site import functional
 
         assert self._known is not None
         structure, (omega, phi) = self._structure, self._known

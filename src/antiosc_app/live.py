@@ -17,23 +17,35 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from antiosc import (
+    ContactLaw,
+    Damping,
+    ElasticPlastic,
+    History,
+    ImpactMap,
+    LinearBody,
+    ModalBody,
+    SceneHistory,
+)
 from antiosc.base._types import Array
 from antiosc.base.texts import engineering, percent, point_text
 from antiosc.engine import library
-from antiosc.engine.contact import ContactLaw
-from antiosc.engine.contact.base import Compiled, is_compiled
-from antiosc.engine.contact.dent import RIM
-from antiosc.engine.contact.laws import ElasticPlastic, Hysteretic
-from antiosc.impact.histories import History, SceneHistory
-from antiosc.impact.histories.parts import QUANTITIES, ErrorBudget
-from antiosc.impact.truncation import softest_model
-from antiosc.models.body import LinearBody, info_of, site_points
-from antiosc.models.modal import Damping, ModalBody
-from antiosc.strikes.map_results import ImpactMap, hardest, trusted
+from antiosc.extension import (
+    QUANTITIES,
+    RIM,
+    Compiled,
+    ErrorBudget,
+    Hysteretic,
+    hardest,
+    info_of,
+    is_compiled,
+    site_points,
+    softest_model,
+    trusted,
+)
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.fields.peaks import PeakField
+    from antiosc import PeakField, Structure
 
 
 #: What the page reads: numbers, texts, arrays, lists and tables of them.

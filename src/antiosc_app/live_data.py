@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from antiosc.fem.structure.structure import Structure
-from antiosc.impact.histories import History
-from antiosc.impact.histories.parts import ErrorBudget
-from antiosc.strikes.map_results import ImpactMap
+from antiosc import History, ImpactMap, Structure
+from antiosc.extension import ErrorBudget
 from antiosc_app.live import Data, blow_of_history, engine, striker_place
 
 

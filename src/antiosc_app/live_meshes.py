@@ -13,21 +13,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
+from antiosc import History, ImpactMap, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
-from antiosc.engine.contact.base import is_compiled
-from antiosc.fem.structure.structure import Structure
-from antiosc.fields.fields import shapes_of
-from antiosc.fields.pictures import MAP_QUANTITIES, outer_faces
-from antiosc.fields.second_order import tensors_at_nodes
-from antiosc.impact.histories import History
+from antiosc.extension import (
+    MAP_QUANTITIES,
+    NodeTensors,
+    checked_body,
+    hardest,
+    is_compiled,
+    outer_faces,
+    shapes_of,
+    sides,
+    source,
+    tensors_at_nodes,
+)
 from antiosc.io.facets import oriented
-from antiosc.models.body import checked_body
-from antiosc.recovery import source
-from antiosc.recovery.place import NodeTensors
-from antiosc.strikes.impact_map import sides
-from antiosc.strikes.map_results import ImpactMap, hardest
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.

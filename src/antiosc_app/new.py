@@ -22,12 +22,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, warnings_to
-from antiosc.impact.bodies import Sphere
-from antiosc.impact.coarse import coarse_at
-from antiosc.impact.two_bodies import impact_band
+from antiosc.extension import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc_app.report import rendered
@@ -37,9 +36,8 @@ from antiosc_app.scene_file.outline import Outline, check_size
 from antiosc_app.scene_file.run import results
 
 if TYPE_CHECKING:
-    from antiosc.fem.mesh import Mesh
-    from antiosc.fem.mesh.surface import Faces
-    from antiosc.fem.structure.structure import Structure
+    from antiosc import Mesh, Structure
+    from antiosc.extension import Faces
     from antiosc.io.reading import Piece
 
 T = TypeVar("T")
@@ -260,7 +258,7 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
 
 def inspect_structure(part: Structure) -> Inspection:
     """Look at the largest of the meshes of a structure."""
-    from antiosc.fem.assembly import with_parts
+    from antiosc.extension import with_parts
 
     meshes = [member.part.mesh for member in with_parts(part).members()]
     return _inspect_mesh(max(meshes, key=lambda mesh: (mesh.tdim, mesh.n_cells)), {}, part)
@@ -268,7 +266,7 @@ def inspect_structure(part: Structure) -> Inspection:
 
 def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspection:
     """Look at a mesh; `structure`: that of a deck, which has its own supports."""
-    from antiosc.fem.mesh.surface import Faces
+    from antiosc.extension import Faces
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
@@ -319,8 +317,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
 
 def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
     """Whether `extract(…, error="estimate")` takes a part."""
-    from antiosc.fem.structure.structure import refuse_dampers
-    from antiosc.reduce.error.model_errors import ModelErrors
+    from antiosc.extension import ModelErrors, refuse_dampers
 
     if structure is None:
         return mesh.tdim != 2 or mesh.gdim == 2 or mesh.cell == "triangle"
@@ -336,9 +333,7 @@ def _flat(
     mesh: Mesh, outer: Faces, structure: Structure | None, site: tuple[Array, Array, float | None]
 ) -> tuple[float, float] | None:
     """Modulus [Pa] and ratio of a flat face where nothing is known of the surface at a site."""
-    from antiosc.fem.mesh.curvature import curvature
-    from antiosc.reduce.site.curvature import material_at
-    from antiosc.reduce.site.surface import surface_at
+    from antiosc.extension import curvature, material_at, surface_at
 
     point, direction, radius = site
     try:
@@ -359,7 +354,7 @@ def _outside_hollows(
     mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
     """Sites of a solid, those into which the ball would fit last."""
-    from antiosc.fem.mesh.curvature import curvature
+    from antiosc.extension import curvature
 
     hollow = []
     for site in sites:
@@ -381,7 +376,8 @@ def _movable(
 ) -> tuple[Array, Array, float | None]:
     """The first site that supports of a deck leave free, with a patch if its material has one;
     one whose patch they hold partly where there is no other."""
-    from antiosc.reduce.site import Site, functional
+    from antiosc import Site
+    from antiosc.extension import functional
 
     partly = None
     for point, usual, radius in chain([first], others):

@@ -24,12 +24,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import antiosc
+from antiosc import AntiOscillators, History
 from antiosc.base import checks, progress
 from antiosc.base.errors import AntioscError, InputError, RangeError, warnings_to
-from antiosc.impact.auto_contact import AUTO
-from antiosc.impact.histories import History
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import info_of
+from antiosc.extension import AUTO, info_of
 from antiosc_app import falls, live, live_data, new, report, results
 from antiosc_app.kept import MODELS, FreeModes, Kept
 from antiosc_app.live import Data
@@ -62,9 +60,8 @@ from antiosc_app.set_up import (
 )
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.reduce.site import Site
-    from antiosc_studies.drops.fall import Fall, WorstField
+    from antiosc import Fall, Site, Structure
+    from antiosc.extension import WorstField
 
 #: A step of an answer: the set-up, and what else the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]

@@ -22,11 +22,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import antiosc
+from antiosc import Fall, History, ImpactMap, SceneHistory
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.process import loading
-from antiosc.impact.histories import History, SceneHistory
-from antiosc.strikes.map_results import ImpactMap
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
@@ -40,11 +39,9 @@ from antiosc_app.results import (
 from antiosc_app.scene_file.run import Results, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
-from antiosc_studies.drops.fall import Fall
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.fields.peaks import PeakField
+    from antiosc import PeakField, Structure
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -174,7 +171,7 @@ def write_report(
     target = checked(os.fspath(checks.path("path", file)))
     checks.instance("result", what, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
     if structure is not None:
-        from antiosc.fem.structure.structure import Structure
+        from antiosc import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
     found = Results(title=target.stem if title is None else checks.text("title", title))

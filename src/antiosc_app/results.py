@@ -16,17 +16,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
-from antiosc.fields.deformed import plot_deformed
-from antiosc.fields.pictures import MAP_QUANTITIES, plot_map
-from antiosc.impact.bodies import GRAVITY
-from antiosc.impact.histories import History, SceneHistory, error_scope
-from antiosc.impact.histories.parts import CAUSES, QUANTITIES, ErrorBudget
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import info_of, site_points
+from antiosc.extension import (
+    CAUSES,
+    GRAVITY,
+    MAP_QUANTITIES,
+    QUANTITIES,
+    ErrorBudget,
+    error_scope,
+    hardest,
+    info_of,
+    plot_deformed,
+    plot_map,
+    site_points,
+    trusted,
+)
 from antiosc.plot.charts import (
     legend_beside,
     new_figure,
@@ -35,8 +43,6 @@ from antiosc.plot.charts import (
     plot_motion,
     save_figure,
 )
-from antiosc.strikes.advice import advise
-from antiosc.strikes.map_results import hardest, trusted
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import Results, varied
@@ -45,10 +51,7 @@ from antiosc_app.scene_file.scene import probe_times
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc.fields.peaks import PeakField
-    from antiosc_studies.chance.sample import Sample
-    from antiosc_studies.drops.drop import Drops
-    from antiosc_studies.drops.fall import Fall
+    from antiosc import Drops, Fall, PeakField, Sample
 
 
 #: Most curves of one chart.

@@ -10,22 +10,27 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc import Impactor, LinearBody, Obstacle, RigidMass, SceneHistory, Sphere
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
-from antiosc.engine.contact.base import is_compiled
 from antiosc.engine.march import FINE
 from antiosc.engine.system import BodyModes, Given, System, posed
+from antiosc.extension import (
+    SceneBody,
+    SceneParts,
+    Settings,
+    energy_gain,
+    inexact_message,
+    integrate,
+    integrate_exact,
+    is_compiled,
+    open_contacts,
+    scene_body,
+    set_initial_forces,
+    stretch_of,
+)
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.bodies import Impactor, Obstacle, RigidMass, SceneBody, Sphere, scene_body
-from antiosc.impact.histories import SceneHistory
-from antiosc.impact.histories.energy import energy_gain
-from antiosc.impact.histories.run_end import inexact_message, open_contacts
-from antiosc.impact.reference import Settings
-from antiosc.impact.scene import integrate, integrate_exact, set_initial_forces
-from antiosc.impact.scene_parts import SceneParts
-from antiosc.models.body import LinearBody
-from antiosc.models.stretch import stretch_of
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
 OF_CONTACT = {

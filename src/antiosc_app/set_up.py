@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from antiosc import IMPACTORS
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
-from antiosc.impact.bodies import IMPACTORS
 from antiosc_app.new import Inspection
 
 #: A table of a scene.

@@ -7,12 +7,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from antiosc import Mesh, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.fem.assembly import with_parts
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.structure.structure import Structure
-from antiosc.recovery import source
+from antiosc.extension import Faces, source, with_parts
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.new import ON_PLANE, Inspection, sides_of

@@ -20,8 +20,7 @@ from antiosc_app.scene_file.run import communicator
 from antiosc_app.server import Server
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.reduce.site import Site
+    from antiosc import Site, Structure
 
 #: Who may show the page in a frame: nobody, or a notebook of this machine.
 NOBODY, NOTEBOOKS = "'none'", "'self' http://127.0.0.1:* http://localhost:*"
@@ -91,8 +90,8 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
         No file, a structure without a mesh, or a run on several MPI ranks.
     """
     if not isinstance(part, str | os.PathLike):
-        from antiosc.fem.assembly import with_parts
-        from antiosc.fem.structure.structure import Structure
+        from antiosc import Structure
+        from antiosc.extension import with_parts
 
         checks.instance("part", part, Structure, "a Structure or the path of a file")
         with_parts(part)

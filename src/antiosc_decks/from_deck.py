@@ -4,12 +4,29 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 
+from antiosc import (
+    AnisotropicSolid,
+    Beam,
+    Damper,
+    Laminate,
+    Layer,
+    PointMass,
+    Section,
+    Shell,
+    Solid,
+    Spring,
+    Structure,
+    Support,
+    Truss,
+)
 from antiosc.base._types import IntArray
 from antiosc.base.checks import (
     flag,
@@ -21,24 +38,38 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError
-from antiosc.fem.assembly.assemble import assemble_checked
+from antiosc.extension import (
+    Attachment,
+    Family,
+    GivenSheet,
+    SolverChoice,
+    assemble_checked,
+    attachments_of,
+    distributed,
+    flattened,
+    numbered_elements,
+    sound,
+)
 from antiosc.fem.assembly.joint import Joint
-from antiosc.fem.elements import Layer, Section
-from antiosc.fem.elements.beam import Beam, Truss
-from antiosc.fem.elements.shell import GivenSheet, Laminate, Nearest, Shell
-from antiosc.fem.elements.solid import AnisotropicSolid, Solid
-from antiosc.fem.elements.weak_form import Family
-from antiosc.fem.linalg.solver import Choice
-from antiosc.fem.mesh import distributed
-from antiosc.fem.mesh.reading import flattened, numbered_elements
-from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.platform import collective, on_root, warn
-from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
-from antiosc.fem.structure.structure import Structure
-from antiosc.fem.structure.support import Support
 from antiosc.io.neutral import Model, RawMesh, UnitSystem
 from antiosc.io.reading import NumberedElements, pieces_error, read_parts
 from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """A direction for each cell: that (n, 3) of the nearest of n places (n, 3)."""
+
+    places: ArrayLike
+    directions: Sequence[Sequence[float]]
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Directions (3, n) at points (3, n)."""
+        from scipy.spatial import cKDTree
+
+        nearest = cKDTree(np.asarray(self.places)).query(x.T)[1]
+        return np.asarray(self.directions)[nearest].T
 
 
 def point_name(number: int) -> str:
@@ -58,7 +89,7 @@ def joined(
     model: Model,
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring | Damper],
-    solver: Choice,
+    solver: SolverChoice,
 ) -> Structure:
     """One structure of the parts; `supports` may name groups of any part."""
     joints = model["joints"]
@@ -130,7 +161,7 @@ def read_model(
     free: bool = False,
     elements: NumberedElements | None = None,
     root: str | Path | None = None,
-    solver: Choice = "auto",
+    solver: SolverChoice = "auto",
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Structure:
@@ -312,7 +343,7 @@ def _part(
     raw: RawMesh,
     name: str,
     comm: MPI.Comm,
-    solver: Choice,
+    solver: SolverChoice,
     more: Sequence[Support],
     added: Sequence[Attachment],
 ) -> Structure:

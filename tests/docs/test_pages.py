@@ -26,7 +26,7 @@ LIGHT = {
     *("howto/report", "api/gradients"),
     *("howto/measured", "tutorials/measured"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops", "api/chance"),
-    *("api/errors", "api/exports", "api/measured", "api/find"),
+    *("api/errors", "api/exports", "api/extension", "api/measured", "api/find"),
 }
 MESHED = {"howto/open", "howto/deck", "howto/drop", "howto/damping"}
 #: The first programs of these pages are jobs that an engineer does: so many lines at most.

@@ -30,3 +30,18 @@ def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[]
         return getattr(import_module("antiosc"), name)
 
     return names, getattr_, lambda: names
+
+
+def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
+    """`__all__` and `__getattr__` of a module that gives the names of its stub, as they are."""
+    modules = listed(module)
+    values: dict[str, Any] = {}
+
+    def getattr_(name: str) -> Any:
+        if name not in modules:
+            raise AttributeError(f"{Path(module).stem} has no name {name!r}")
+        if name not in values:
+            values[name] = getattr(import_module(modules[name]), name)
+        return values[name]
+
+    return sorted(modules), getattr_

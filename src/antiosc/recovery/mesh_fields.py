@@ -26,14 +26,20 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import ClosestPoint, ClosestPoints, closest_many, size_at
+from antiosc.fem.mesh.surface import (
+    ClosestPoint,
+    ClosestPoints,
+    closest_many,
+    kind_of_cells,
+    outer_corners,
+    size_at,
+)
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress import named_from
 from antiosc.fem.prestress.loaded_part import initial_strain
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure.meshed import Member, MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure
-from antiosc.io.neutral import FACETS, KINDS
 from antiosc.recovery.place import (
     NO_OUTLINE,
     NodeTensors,
@@ -291,7 +297,7 @@ def at_nodes(
     """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)) on rank 0."""
     parts = with_parts(structure).fields(shapes, part)
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
-    kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
+    kinds = [kind_of_cells(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
     return points, list(zip(kinds, cells, strict=True)), found
 
 
@@ -404,7 +410,7 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
     if not parts:
         raise InputError("a mesh of lines has no surface: write_series writes its motion.")
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
-    faces = [_outer(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
+    faces = [outer_corners(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
     if len({f.shape[1] for f in faces}) > 1:  # of several parts: quadrilaterals as triangles
         faces = [
             np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
@@ -426,23 +432,6 @@ def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
                 weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
                 values[axis] = weights @ shapes[dofs]
     return np.asarray(member.at.rotation @ mesh.comm.bcast(values, root=nearest.rank))
-
-
-def _kind(mesh: Mesh, cells: IntArray) -> str:
-    """meshio's name of the kind of cells."""
-    return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
-
-
-def _outer(cell: str, cells: IntArray) -> IntArray:
-    """Corners of the outer faces of solids, or of plane cells, in order around each face."""
-    faces = [cells[:, list(f)] for f in FACETS[cell]]
-    if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
-        return cells[:, [edge[0] for edge in FACETS[cell]]]
-    listed = np.vstack(faces)
-    _, first, count = np.unique(
-        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return np.asarray(listed[first[count == 1]])
 
 
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:

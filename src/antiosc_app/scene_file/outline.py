@@ -27,7 +27,7 @@ from antiosc.base.errors import (
     finite_element_packages,
     without_warnings,
 )
-from antiosc.fem.reach import SNAP_SHARE
+from antiosc.extension import SNAP_SHARE
 from antiosc.io.neutral import SIDES
 from antiosc_app import pieces
 from antiosc_app.scene_file.build import Call, calls_in
@@ -35,7 +35,7 @@ from antiosc_app.scene_file.document import Place, label, unknown
 from antiosc_app.scene_file.scene import Compiled
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure import Placement
+    from antiosc import Placement
 
 #: Largest file that is read for its groups, bytes.
 LARGEST = 50_000_000
@@ -138,7 +138,7 @@ def outlines(found: Compiled) -> list[Outline]:
 def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
-        from antiosc.fem.structure import placement
+        from antiosc.extension import placement
     at = {} if found.structure is None else found.structure.arguments.get("at", {})
     boxes = {
         part: one.placed(placement(part, at[part].made if part in at else None))
@@ -213,9 +213,9 @@ def outline(call: Call) -> Outline:
 def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]:
     """(names of groups, [(points [m], size of the largest cell [m])]) of a file."""
     with finite_element_packages():
+        from antiosc.extension import outline_of_deck
         from antiosc.io.neutral import UnitSystem
         from antiosc.io.reading import outline as opened
-        from antiosc_decks.from_deck import outline_of_deck
     if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
         unit = call.arguments.get("unit")
         keys = ("solid", "fragments", "piece")

@@ -228,7 +228,7 @@ def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | 
 
     def stretching(structure: Any, model: Any) -> object:
         with finite_element_packages():
-            from antiosc.strikes.second_order import stretching as with_forces
+            from antiosc.extension import stretching as with_forces
         return with_forces(structure, model)
 
     return Call(stretching, {"structure": part, "model": made})

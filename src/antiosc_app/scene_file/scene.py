@@ -22,11 +22,10 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 import antiosc
+from antiosc import ContactLaw, History
 from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
-from antiosc.engine.contact.base import ContactLaw
-from antiosc.impact.auto_contact import AUTO
-from antiosc.impact.histories import History
+from antiosc.extension import AUTO
 from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
 from antiosc_app.scene_file.document import Document, Place, Table, label
 from antiosc_app.scene_file.schema import (
@@ -40,10 +39,8 @@ from antiosc_app.scene_file.schema import (
 )
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.fields.peaks import PeakField
-    from antiosc.models.anti_oscillators import AntiOscillators
-    from antiosc_studies.drops.fall import Fall, WorstField
+    from antiosc import AntiOscillators, Fall, PeakField, Structure
+    from antiosc.extension import WorstField
 
 T = TypeVar("T")
 #: Number of even times over a run at which probes are evaluated, besides those of the run.
@@ -334,7 +331,7 @@ def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> 
 
     def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
         with finite_element_packages():
-            from antiosc.strikes.second_order import simulated
+            from antiosc.extension import simulated
         return simulated(structure, model, functools.partial(_struck_by, make, given))
 
     given = {"structure": found.structure, "model": found.model, **impact.arguments}
@@ -501,14 +498,14 @@ def requested(build: Builder, found: Compiled) -> None:
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
     """The fields of the criteria for which the materials have strengths; {} without any."""
     with finite_element_packages():
-        from antiosc.fields.margin import criteria_of
+        from antiosc.extension import criteria_of
     return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
     """The field of the criterion that a fall exposes most; None for materials without strengths."""
     with finite_element_packages():
-        from antiosc.fields.margin import criteria_of
+        from antiosc.extension import criteria_of
     structure: Any = self.body.structure
     found = [self.worst(name) for name in criteria_of(structure)]
     return max(found, key=lambda field: field.margin().exposure, default=None)

@@ -24,10 +24,9 @@ from typing import Any, Literal
 import numpy as np
 
 import antiosc
+from antiosc import ContactLaw, LinearBody
 from antiosc.base import checks
-from antiosc.engine.contact.base import ContactLaw
-from antiosc.models.body import LinearBody
-from antiosc.models.modal import as_damping
+from antiosc.extension import as_damping
 
 # -- kinds of values
 

@@ -13,6 +13,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from antiosc import ImpactMap, simulate_many
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import (
@@ -25,8 +26,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.files import atomic_file, check_readable
 from antiosc.base.progress import counting
-from antiosc.impact.batch import check_executor, completed_calls, rows_of, simulate_many
-from antiosc.strikes.map_results import ImpactMap
+from antiosc.extension import check_executor, completed_calls, rows_of
 from antiosc_studies.chance.sample import Sample
 
 #: Least number of runs that are made, stored and, with an executor, sent together; and the largest

@@ -18,16 +18,13 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from antiosc import AntiOscillators, Site, Structure, extract, from_free_modes
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.texts import ReprMixin
+from antiosc.extension import functional, refuse_dampers
 from antiosc.fem.linalg.algebra import dot, multiply, rows
-from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.free_modes import from_free_modes
-from antiosc.reduce.extraction.extract import extract
-from antiosc.reduce.site import Site, functional
 from antiosc_studies.chance.monte_carlo import is_name, quantiles
 
 #: Squared length of a direction over that of the shapes, below which it adds nothing to the space.

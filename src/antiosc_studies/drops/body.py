@@ -20,27 +20,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from antiosc import Damping, RigidBody, Sphere
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
 from antiosc.engine.contact.surfaces import Matter, matter_of
-from antiosc.impact.bodies import RigidBody, Sphere
-from antiosc.models.modal import Damping, as_damping
+from antiosc.extension import as_damping
 from antiosc_studies.drops.corners import columns, missing
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.lines import cylinders
 from antiosc_studies.drops.skin import THIN, Skin, hull, skin_of
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.reduce.site import Site
+    from antiosc import Site, Structure
 
 
 #: Radius [m] of a sharp corner where none is given, at most a quarter of the least dimension.
 CORNER = 1e-3
 #: Free elastic modes where none are asked for, and most: their shapes and forces fill the memory.
-MODES, MOST_MODES = 60, 5000
+MODES: int = 60
+MOST_MODES = 5000
 #: Damping ratio of the free modes where none is given.
 RATIO = 0.01
 #: Vertices of the hull up to which the patches of all of them are made with the modes.
@@ -68,7 +68,7 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
         radius = CORNER if corner is None else corner
         return _rigid(part.mass, part.inertia, points - centre, centre, radius)
     with finite_element_packages():
-        from antiosc.fem.structure.structure import Structure
+        from antiosc import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
     return _elastic(part, modes, given, corner)
 
@@ -101,9 +101,7 @@ def _elastic(
     """The free body of a structure: its free modes and the points of its hull."""
     from scipy.spatial import cKDTree
 
-    from antiosc.fem.structure.structure import refuse_dampers
-    from antiosc.recovery import source
-    from antiosc.reduce.extraction.eigenmodes import ModeSolver
+    from antiosc.extension import ModeSolver, refuse_dampers, source
 
     if structure.comm.size > 1:
         raise InputError("a drop runs on one rank; start it without mpirun.")
@@ -158,7 +156,7 @@ def _elastic(
 
 def _matters(structure: Structure) -> Iterator[Matter]:
     """The known materials of a part, without those of directions."""
-    from antiosc.fem.assembly import with_parts
+    from antiosc.extension import with_parts
 
     with suppress(InputError):  # of matrices, which have no material
         for member in with_parts(structure, "a fall").members():
@@ -187,7 +185,7 @@ def _residual(
     which: IntArray,
 ) -> tuple[Array, Array, Array]:
     """Shapes, residual compliances and radii of patches at vertices of the hull `own`."""
-    from antiosc.reduce.site import functionals
+    from antiosc.extension import functionals
 
     chosen = own[which]
     sites = [_site(skin, k, corner) for k in chosen.tolist()]
@@ -213,7 +211,7 @@ def _residual(
 
 def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple[float, float]:
     """Principal radii [m] at a vertex; at smooth places of a solid from the surface around it."""
-    from antiosc.reduce.site.curvature import curvature_at
+    from antiosc.extension import curvature_at
 
     if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
         return skin.radii(which, corner)
@@ -226,7 +224,7 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
 
 def _site(skin: Skin, which: int, corner: float) -> Site:
     """The site of a vertex; on solids a patch, whose size on edges and corners is their radius."""
-    from antiosc.reduce.site import Site
+    from antiosc import Site
 
     normal = skin.normals[which]
     push = -normal if normal.any() else np.array([0.0, 0.0, 1.0])

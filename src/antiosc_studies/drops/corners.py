@@ -16,9 +16,8 @@ from antiosc.base._types import Array
 from antiosc.base.errors import without_warnings
 
 if TYPE_CHECKING:
-    from antiosc.fem.mesh import Mesh
-    from antiosc.fem.structure.meshed import MeshedStructure
-    from antiosc.reduce.site import Functional, Site
+    from antiosc import Mesh, Site
+    from antiosc.extension import Functional, MeshedStructure
 
 #: Edges of the cells at a corner over its radius: the force of a plastic block changes by 1.2 %
 #: from 1 to 0.5, and by 0.3 % from 0.5 to 0.25.
@@ -53,10 +52,9 @@ def missing(part: MeshedStructure, sites: list[Site]) -> Array | None:
 
 def tetrahedra(mesh: Mesh) -> Mesh:
     """A mesh of hexahedra with 24 straight tetrahedra in each, and its groups of cells."""
-    from antiosc.fem.mesh import distributed
+    from antiosc.extension import distributed, gathered
     from antiosc.io.neutral import KINDS, RawMesh
     from antiosc.io.reading import compact
-    from antiosc.reduce.error.bisection import gathered
 
     pieces = gathered(mesh, np.zeros(mesh.n_cells))
     assert pieces is not None  # there is one rank
@@ -85,10 +83,9 @@ def tetrahedra(mesh: Mesh) -> Mesh:
 
 def straightened(mesh: Mesh) -> Mesh:
     """The mesh with straight edges."""
-    from antiosc.fem.mesh import distributed
+    from antiosc.extension import distributed, gathered
     from antiosc.io.neutral import KINDS, RawMesh
     from antiosc.io.reading import compact
-    from antiosc.reduce.error.bisection import gathered
 
     if mesh.order == 1:
         return mesh
@@ -101,7 +98,7 @@ def straightened(mesh: Mesh) -> Mesh:
 
 
 def _finer(mesh: Mesh, sites: list[Site]) -> Mesh:
-    from antiosc.reduce.error.remeshing import OfMesh
+    from antiosc.extension import OfMesh
 
     refine: list[Any] = [(site.point, FINE * float(site.radius or 0.0)) for site in sites]
     return OfMesh(mesh).first(np.inf, refine)
@@ -109,8 +106,8 @@ def _finer(mesh: Mesh, sites: list[Site]) -> Mesh:
 
 def _compliance(part: MeshedStructure, mesh: Mesh, sites: list[Site]) -> Array:
     """Elastic compliance (n, 3, 3) of the free part on a mesh."""
-    from antiosc.fem.structure.structure import Structure
-    from antiosc.reduce.site import functionals
+    from antiosc import Structure
+    from antiosc.extension import functionals
 
     structure = object.__new__(Structure)
     with without_warnings():

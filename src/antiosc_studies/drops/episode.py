@@ -16,25 +16,21 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.linalg import block_diag
 
+from antiosc import Contact, Inertia, ModalState, Obstacle, Scene, SceneHistory, SiteModes
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.engine.march import FINE as FINEST, Run, run as march_once
 from antiosc.engine.system import Kept, System
-from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.bodies import Obstacle
-from antiosc.impact.histories import SceneHistory
-from antiosc.impact.histories.energy import impulses
-from antiosc.impact.histories.run_end import COMPLETED, STOPPED
-from antiosc.impact.scene import (
-    Scene,
+from antiosc.extension import (
+    COMPLETED,
+    STOPPED,
     check_range,
+    impulses,
     integrate_exact,
     set_initial_forces as begin,
 )
-from antiosc.impact.scene_parts import Contact
+from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.states import forces, integrated_states, interpolated, locate
-from antiosc.models.modal import SiteModes
-from antiosc.models.motion import Inertia, ModalState
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.flight import State, turned
 from antiosc_studies.drops.floor import Setting, law_at

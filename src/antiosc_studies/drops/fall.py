@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import Result
-from antiosc.fields.peaks import PeakField, peak_field
-from antiosc.fields.spectra import ShockSpectrum, srs
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
 from antiosc_studies.drops.flight import Flight, State, ringing, turned
@@ -219,9 +218,7 @@ class Fall(Trajectory, Result):
             return np.zeros(3), rigid
         if body.structure is None or body.basis is None:
             return checks.array("at", at, (3,)) - body.centre, rigid
-        from antiosc.fem.reach import Reach
-        from antiosc.recovery import source
-        from antiosc.reduce.site import point_of
+        from antiosc.extension import Reach, point_of, source
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)

@@ -9,18 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from antiosc import ContactLaw, Gonthier, LinearBody, ModalBody, ModalState, Power, SiteModes
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
-from antiosc.engine.contact import ContactLaw, Gonthier, Power
-from antiosc.engine.contact.choice import choose
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
-from antiosc.engine.damping import StackedModes
-from antiosc.models.body import LinearBody, checked_body
-from antiosc.models.modal import ModalBody, SiteModes
-from antiosc.models.motion import ModalState
+from antiosc.extension import StackedModes, checked_body, choose
 
 #: A loss factor is at most this.
 LARGEST_LOSS = 1.0

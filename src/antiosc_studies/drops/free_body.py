@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from antiosc import ContactLaw
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
 from antiosc_studies.drops.cylinder import Cylinder
@@ -18,7 +18,7 @@ from antiosc_studies.drops.layer_contact import LayerContact
 from antiosc_studies.drops.skin import SMOOTH
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.structure import Structure
+    from antiosc import Structure
 
 #: Points of a solid are one contact that lie closer together than this share of the extent.
 APART = 0.04

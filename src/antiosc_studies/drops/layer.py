@@ -80,7 +80,7 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     """
     from scipy.spatial import cKDTree
 
-    from antiosc.recovery import source
+    from antiosc.extension import source
 
     assert body.structure is not None
     assert body.basis is not None

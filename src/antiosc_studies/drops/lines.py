@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from antiosc import Tabulated
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import engineering
-from antiosc.engine.contact import Tabulated
 from antiosc.engine.contact.curvature import LINE, Curvature
 from antiosc.engine.contact.geometry import effective_modulus
-from antiosc.engine.contact.line import line_curve
+from antiosc.extension import line_curve
 from antiosc_studies.drops.cylinder import STATIONS, Cylinder, rule
 from antiosc_studies.drops.flight import State
 from antiosc_studies.drops.floor import Floor
@@ -155,7 +155,7 @@ def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
 
 def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
     """The straight lines of the surface of a solid; own: numbers of the points in the skin."""
-    from antiosc.reduce.site.curvature import curvature_at
+    from antiosc.extension import curvature_at
 
     assert body.structure is not None
     found, left = [], own[skin.lines[own] & (skin.half[own] == 0)]
@@ -204,7 +204,7 @@ def _cylinder(
     material, centre = skin.materials[at], middle - body.centre
     if np.isnan(material).any():
         return None
-    from antiosc.recovery import source
+    from antiosc.extension import source
 
     structure: Any = body.structure
     nodes, _, moved = source(structure).at_nodes(structure, body.basis)
@@ -259,7 +259,8 @@ def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
 
 def _compliance(body: FreeBody, one: Cylinder) -> float:
     """Compliance of a part along a line minus those of its modes and of a half-space [m/N]."""
-    from antiosc.reduce.site import Site, functionals
+    from antiosc import Site
+    from antiosc.extension import functionals
 
     structure: Any = body.structure
     assert body.basis is not None

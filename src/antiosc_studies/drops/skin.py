@@ -12,8 +12,8 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.meshed import MeshedStructure
-    from antiosc.fem.structure.structure import Structure
+    from antiosc import Structure
+    from antiosc.extension import MeshedStructure
 
 
 #: Cosine of the angle between the facets at a vertex and its mean normal, below which it is sharp.
@@ -114,7 +114,7 @@ def _ways() -> Array:
 
 def skin_of(structure: Structure) -> Skin:
     """The surface of a structure of meshes, or the nodes of given matrices with coordinates."""
-    from antiosc.fem.structure.structure import on_mesh  # needs the finite-element packages
+    from antiosc.extension import on_mesh  # needs the finite-element packages
 
     matrices: Any = structure.matrices
     if matrices.located:
@@ -142,7 +142,7 @@ def of_points(points: Array) -> Skin:
 
 def of_mesh(part: MeshedStructure) -> Skin:
     """The surface of one mesh."""
-    from antiosc.reduce.site.map_sites import surface
+    from antiosc.extension import surface
 
     ground = surface(part, None)
     x, normals, count = ground.points, ground.normals, ground.elements.shape[1]

@@ -18,22 +18,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc import ContactLaw, Damping, Hertz, History, RigidMass, Structure
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Result
-from antiosc.engine.contact import ContactLaw, Hertz
-from antiosc.fem.assembly import with_parts
+from antiosc.extension import (
+    ABOVE,
+    AUTO,
+    AnyLaw,
+    FreeSites,
+    Where,
+    as_damping,
+    free_sites,
+    on_plane,
+    refuse_dampers,
+    residual,
+    with_parts,
+)
 from antiosc.fem.platform import collective, warn
-from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.impact.auto_contact import AUTO, AnyLaw
-from antiosc.impact.bodies import RigidMass
-from antiosc.impact.histories import History
-from antiosc.models.free_modes import residual
-from antiosc.models.modal import Damping, as_damping
 from antiosc.plot.charts import figure_or_path, panels
-from antiosc.strikes.impact_map import ABOVE, FreeSites, Where, free_sites, on_plane
 from antiosc_studies.find.forward import Struck, Surface, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, of_shapes, recording
 from antiosc_studies.find.search import POOR, Fit, Scan, most_probable, scan

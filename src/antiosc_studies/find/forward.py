@@ -7,15 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from antiosc import ContactLaw, ElasticPlastic, History, Linear, ModalBody, RigidMass
 from antiosc.base._types import Array, IntArray
-from antiosc.engine.contact import ContactLaw, ElasticPlastic, Linear
-from antiosc.impact.bodies import RigidMass
-from antiosc.impact.histories import History
-from antiosc.impact.reference import Settings
-from antiosc.impact.scene import simulate_impact
-from antiosc.impact.two_bodies import Impact
-from antiosc.models.body import ModalModel
-from antiosc.models.modal import ModalBody
+from antiosc.extension import Impact, ModalModel, Settings, simulate_impact
 from antiosc_studies.find.recording import Recording
 
 #: Sites from which a value is interpolated, of surfaces and of lines.

@@ -13,16 +13,13 @@ import scipy.sparse
 from numpy.typing import ArrayLike
 from scipy import signal
 
+from antiosc import Structure
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
-from antiosc.fem.reach import Reach
-from antiosc.fem.structure.structure import Structure
-from antiosc.recovery import source
-from antiosc.recovery.place import place
-from antiosc.reduce.site import point_of
+from antiosc.extension import Reach, place, point_of, source
 from antiosc_studies.measured.tables import (
     MOTIONS,
     TIMES,

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import fft
 
+from antiosc import History
 from antiosc.base._types import Array
 from antiosc.base.progress import counting
-from antiosc.impact.histories import History
 from antiosc_studies.find.forward import Blow, Chart, Seen, Struck
 from antiosc_studies.measured.fit import covariance, lowered
 

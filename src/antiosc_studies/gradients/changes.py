@@ -18,24 +18,35 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from antiosc import (
+    AntiOscillators,
+    Contact,
+    ContactLaw,
+    Damping,
+    DampingMatrix,
+    History,
+    Impactor,
+    ModalBody,
+    Motion,
+    RigidMass,
+    Sphere,
+)
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import library
 from antiosc.engine.adjoint import Slopes
-from antiosc.engine.contact import ContactLaw
-from antiosc.engine.damping import DampingMatrix, from_factors
+from antiosc.extension import (
+    SAFETY,
+    TRUNCATION_SAFETY,
+    Impact,
+    SceneParts,
+    assemble_pair,
+    from_factors,
+    set_initial_forces,
+    softest_model,
+)
 from antiosc.impact.assembly import Assembly, assemble_scene
-from antiosc.impact.bodies import Impactor, RigidMass, Sphere
-from antiosc.impact.error_budget import SAFETY
-from antiosc.impact.histories import History
-from antiosc.impact.scene import set_initial_forces
-from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.impact.states import integrated_states
-from antiosc.impact.truncation import TRUNCATION_SAFETY, softest_model
-from antiosc.impact.two_bodies import Impact, assemble_pair
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.modal import Damping, ModalBody
-from antiosc.models.motion import Motion
 from antiosc_studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]

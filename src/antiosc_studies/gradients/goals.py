@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc import AntiOscillators, History
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import library
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
-from antiosc.impact.histories import History
 from antiosc.impact.states import (
     forces,
     integrated_starts,
@@ -24,7 +24,6 @@ from antiosc.impact.states import (
     starts,
     states,
 )
-from antiosc.models.anti_oscillators import AntiOscillators
 
 TINY = float(np.finfo(float).tiny)
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'

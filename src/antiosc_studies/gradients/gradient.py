@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc import ContactLaw
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, value_text
 from antiosc.engine import adjoint, library
-from antiosc.engine.contact import ContactLaw
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc_studies.gradients.changes import (
     Taken,
@@ -258,7 +258,7 @@ def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the parameters of a part, or by arguments x of a function that builds it."""
-    from antiosc.fields.fields import checked_shapes  # loads dolfinx
+    from antiosc.extension import checked_shapes  # loads dolfinx
     from antiosc_studies.gradients.of_part import (
         SAME_PART,
         SHRUNK,

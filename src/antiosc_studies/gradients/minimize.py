@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc import History, simulate
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Result
-from antiosc.impact.auto_contact import law_of
-from antiosc.impact.histories import History
-from antiosc.impact.scene import simulate
-from antiosc.impact.two_bodies import Impact, assemble_pair
+from antiosc.extension import Impact, assemble_pair, law_of
 from antiosc_studies.gradients.changes import changed
 from antiosc_studies.gradients.goals import GOALS, Sampled
 from antiosc_studies.gradients.of_run import derived

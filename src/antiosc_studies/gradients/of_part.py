@@ -21,23 +21,26 @@ import numpy as np
 import scipy.linalg
 import ufl
 
+from antiosc import AntiOscillators, DampingMatrix, Site, Structure, extract
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Completed
 from antiosc.engine import adjoint
-from antiosc.engine.damping import DampingMatrix, in_coordinates
-from antiosc.fem.elements.weak_form import measure
+from antiosc.extension import (
+    ErrorOption,
+    MeshedStructure,
+    checked_shapes,
+    functional,
+    in_coordinates,
+    located,
+    measure,
+    on_mesh,
+    refuse_prestress,
+)
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
-from antiosc.fields.fields import checked_shapes
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.reduce.extraction.extract import ErrorOption, extract
-from antiosc.reduce.site import Site, functional
-from antiosc.reduce.site.sites import located
 from antiosc_studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
 from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds
 from antiosc_studies.gradients.of_run import by_modes, derived, model_name, shown_goal

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import find_peaks
 
+from antiosc import AntiOscillators, Damping, from_free_modes
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import (
@@ -19,10 +20,7 @@ from antiosc.base.errors import (
     warn,
     without_warnings,
 )
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import MeasuredBand, ModelInfo
-from antiosc.models.free_modes import from_free_modes
-from antiosc.models.modal import Damping
+from antiosc.extension import MeasuredBand, ModelInfo
 from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
 from antiosc_studies.measured.frf import FRF, POWER, Modes, Pairs, Tail
 

@@ -54,7 +54,7 @@ from antiosc.fem.assembly.parts import (
     on_every_rank,
 )
 from antiosc.fem.linalg.petsc_algebra import from_csr
-from antiosc.fem.linalg.solver import Choice, checked_choice
+from antiosc.fem.linalg.solver import SolverChoice, checked_choice
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.prestress.joined import with_prestress
@@ -355,7 +355,7 @@ def assemble(
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
     attached: Sequence[Attachment] = (),
-    solver: Choice = "auto",
+    solver: SolverChoice = "auto",
     prestress: Prestress | None = None,
 ) -> Structure:
     """One structure of several parts, joined by linear constraints u = T q.
@@ -424,7 +424,7 @@ def assemble_checked(
     points: Mapping[str, Sequence[float]] | None = None,
     supports: Sequence[Support] = (),
     attached: Sequence[Attachment] = (),
-    solver: Choice = "auto",
+    solver: SolverChoice = "auto",
     apart: bool = False,
     prestress: Prestress | None = None,
 ) -> Structure:

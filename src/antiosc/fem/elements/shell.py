@@ -546,18 +546,3 @@ class GivenSheet(Sheet):
     def bar_speed(self) -> float:
         """√(E/ρ), m/s, along the stiffer direction."""
         return sqrt(float((1 / np.diag(np.linalg.inv(np.asarray(self.A))))[:2].max()) / self.mass)
-
-
-@dataclass(frozen=True, eq=False)
-class Nearest:
-    """A direction for each cell: that (n, 3) of the nearest of n places (n, 3)."""
-
-    places: ArrayLike
-    directions: Sequence[Sequence[float]]
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """Directions (3, n) at points (3, n)."""
-        from scipy.spatial import cKDTree
-
-        nearest = cKDTree(np.asarray(self.places)).query(x.T)[1]
-        return np.asarray(self.directions)[nearest].T

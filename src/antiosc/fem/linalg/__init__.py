@@ -7,12 +7,12 @@ from collections.abc import Callable
 from antiosc.base._types import Array, Matrix
 from antiosc.fem.linalg import scipy_factors
 from antiosc.fem.linalg.algebra import by_scipy
-from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.linalg.solver import Solver, SolverChoice
 
 
 def solver_for(
     A: Matrix,
-    choice: Choice,
+    choice: SolverChoice,
     motions: Callable[[], Array],
     coarser: Callable[[], Matrix | None] = lambda: None,
 ) -> Solver:

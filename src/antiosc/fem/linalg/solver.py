@@ -19,7 +19,7 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import multiply, norms, roots
 
 #: Of a solver: "auto" is direct if the factor fits in memory.
-Choice = Literal["auto", "direct", "iterative"]
+SolverChoice = Literal["auto", "direct", "iterative"]
 
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 SOLUTION_GROWTH = 1e14
@@ -33,9 +33,9 @@ SINGULAR = (
 log = logging.getLogger(__name__)
 
 
-def checked_choice(choice: Choice) -> Choice:
+def checked_choice(choice: SolverChoice) -> SolverChoice:
     """`choice`, or InputError."""
-    checks.choice("solver", choice, get_args(Choice))
+    checks.choice("solver", choice, get_args(SolverChoice))
     return choice
 
 

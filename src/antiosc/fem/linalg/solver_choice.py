@@ -67,7 +67,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     multiply,
     with_entries,
 )
-from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
+from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver, SolverChoice
 from antiosc.fem.linalg.two_levels import TwoLevels, coarse_of
 from antiosc.fem.platform import agree, on_root, warn
 
@@ -457,7 +457,7 @@ QUADRATIC = 15.0
 INTERFACE = 6_000
 
 
-def solver_for(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
+def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels) -> Solver:
     """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
     `levels` tells what a multigrid needs of the part. Where A's product is by strains the solver of
@@ -469,7 +469,7 @@ def solver_for(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
     return _of_entries(A, choice, levels)
 
 
-def _of_entries(A: PETSc.Mat, choice: Choice, levels: Levels) -> Solver:
+def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels) -> Solver:
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     if choice == "iterative":

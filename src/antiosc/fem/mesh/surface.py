@@ -17,6 +17,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh, clamped, excess, near, projected
 from antiosc.fem.platform import compat
 from antiosc.io.cad import FACE
+from antiosc.io.neutral import FACETS, KINDS
 
 #: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
 DEGREE = 6
@@ -32,6 +33,23 @@ class Quadrature:
     X: Array
     x: Array  # (n, 3) coordinates [m]
     weight: Array  # (n,) [m, m² or m³; 1 for points]
+
+
+def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
+    """meshio's name of the kind of cells."""
+    return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+
+
+def outer_corners(cell: str, cells: IntArray) -> IntArray:
+    """Corners of the outer faces of solids, or of plane cells, in order around each face."""
+    faces = [cells[:, list(f)] for f in FACETS[cell]]
+    if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
+        return cells[:, [edge[0] for edge in FACETS[cell]]]
+    listed = np.vstack(faces)
+    _, first, count = np.unique(
+        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(listed[first[count == 1]])
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:

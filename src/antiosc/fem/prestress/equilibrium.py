@@ -27,7 +27,7 @@ from antiosc.fem.linalg.algebra import (
     multiply,
     sum_of,
 )
-from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.linalg.solver import Solver, SolverChoice
 
 #: Energy of a Newton step over that of the state at which it is the last one.
 CONVERGED = 1e-14
@@ -80,7 +80,7 @@ class Equilibrium:
     reserve: float
 
 
-def found(of: Loaded, choice: Choice) -> Equilibrium:
+def found(of: Loaded, choice: SolverChoice) -> Equilibrium:
     """The static equilibrium; InputError beyond buckling, or if none is found."""
     q, added = _equilibrium(of)
     geometric = of.stiffness(q, geometric=True)

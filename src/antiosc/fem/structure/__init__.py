@@ -32,7 +32,7 @@ from antiosc.fem.linalg.algebra import (
     softness,
     sum_of,
 )
-from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.linalg.solver import Solver, SolverChoice
 from antiosc.fem.prestress import Preload
 from antiosc.io.dof_map import DofMap
 from antiosc.models.motion import Inertia
@@ -419,7 +419,7 @@ class StructureMatrices:
     rigid_modes: Array
     #: first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes
     first_shift: float
-    solver: Choice = "auto"
+    solver: SolverChoice = "auto"
     C: Matrix | None = field(default=None, kw_only=True)  # damping, of given matrices
     #: the static state in which K is taken
     preload: Preload | None = field(default=None, kw_only=True)

@@ -32,7 +32,7 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
-from antiosc.fem.linalg.solver import Choice, checked_choice
+from antiosc.fem.linalg.solver import SolverChoice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
@@ -475,7 +475,7 @@ def assembled(
     *,
     order: int,
     attached: Sequence[Attachment],
-    solver: Choice,
+    solver: SolverChoice,
 ) -> MeshedStructure:
     """The matrices of a mesh; parameters and errors are those of `Structure`."""
     if not isinstance(mesh, Mesh):

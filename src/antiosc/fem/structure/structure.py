@@ -21,7 +21,7 @@ from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.linalg.solver import Solver, SolverChoice
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
@@ -45,7 +45,7 @@ class Options(TypedDict):
 
     order: int
     attached: Sequence[Attachment]
-    solver: Choice
+    solver: SolverChoice
     prestress: Prestress | None
 
 
@@ -128,7 +128,7 @@ class Structure(ReprMixin):
         *,
         order: int = 2,
         attached: Sequence[Attachment] = (),
-        solver: Choice = "auto",
+        solver: SolverChoice = "auto",
         prestress: Prestress | None = None,
     ) -> None:
         """Assemble the structure of a mesh."""
