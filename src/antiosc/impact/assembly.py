@@ -27,7 +27,7 @@ from antiosc.impact.bodies import SceneBody, may_rotate, scene_body, stacked_fir
 from antiosc.impact.scene_parts import Contact, SceneParts
 from antiosc.impact.states import modal_loads
 from antiosc.models.body import is_thin
-from antiosc.models.stretch import Stretch, refuse_stretch
+from antiosc.models.stretch import Stretch, refuse_stretch, stretch_of
 
 DEPTH_TOL = 0.1  # relative error of a depth
 
@@ -197,6 +197,7 @@ class Assembly:
     contact_time_estimate : expected time of a contact [s], the shortest.
     may_rotate : whether the rotation of a body is known, and not 0.
     thin : whether a body is of sheets that are held.
+    stretches : whether a body has second-order forces.
     stretched : of bodies that stretch, the second-order forces that have rows in the march.
     """
 
@@ -208,6 +209,7 @@ class Assembly:
     contact_time_estimate: float
     may_rotate: bool
     thin: bool
+    stretches: bool
     stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
 
     @cached_property
@@ -267,7 +269,8 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
 
     stretch : whether bodies may stretch; the assembly is that of their linear motion.
     """
-    if not stretch:
+    stretches = any(stretch_of(body) is not None for body in scene.bodies.values())
+    if stretches and not stretch:
         refuse_stretch(scene.bodies)
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
@@ -305,7 +308,8 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     system = posed(modes, laws, R, offsets, breaks, tangents, first)
     time = expect_contacts(scene, system, local, duration)
     turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
-    return Assembly(given_parts(scene, bodies), G, laws, notes, system, time, turns, thin)
+    parts = given_parts(scene, bodies)
+    return Assembly(parts, G, laws, notes, system, time, turns, thin, stretches)
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:

@@ -54,7 +54,6 @@ from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, info_of
 from antiosc.models.motion import Motion
-from antiosc.models.stretch import stretch_of
 
 H = TypeVar("H", bound=History)
 
@@ -164,7 +163,7 @@ def integrate(
     With bodies that stretch the linear run comes first (`antiosc.impact.stretching`).
     """
     linear, check = _integrate(kind, assembly, duration, settings)
-    if not any(stretch_of(body.body) is not None for body in assembly.bodies.values()):
+    if not assembly.stretches:
         return linear, check
     if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
         raise InputError(

@@ -120,14 +120,18 @@ class Impact(NamedTuple):
     gravity: float | Sequence[float] = 0.0
     gap: float | None = None
 
+    @property
+    def stretches(self) -> bool:
+        """Whether a body has second-order forces."""
+        return stretch_of(self.model) is not None or stretch_of(self.impactor) is not None
+
     def group(self) -> tuple[object, ...] | None:
         """Key that is equal for impacts which one C call can solve together; None for others."""
         if (
             not is_compiled(self.contact)
             or _has_coupled_damping(self.model)
             or _has_coupled_damping(self.impactor)
-            or stretch_of(self.model) is not None
-            or stretch_of(self.impactor) is not None
+            or self.stretches
         ):
             return None
         still = isinstance(self.gravity, int | float) and self.gravity == 0
@@ -165,7 +169,8 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
 
     stretch : whether they may stretch; the assembly is that of their linear motion.
     """
-    if not stretch:
+    stretches = impact.stretches
+    if stretches and not stretch:
         refuse_stretch({"structure": impact.model, "impactor": impact.impactor})
     model, impactor, contact, duration, _, gravity, gap = impact
     pair = modal_pair(impact)
@@ -177,7 +182,7 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     contact_time = system.expect_contact(pair.mass, duration)
     parts, (one, other) = partial(_parts, contact, gap, gravity, pair), pair.modes
     turns, thin = may_rotate(one) or may_rotate(other), is_thin(model) or is_thin(impactor)
-    return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin)
+    return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin, stretches)
 
 
 def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pair: Pair) -> Parts:
