@@ -18,6 +18,11 @@ from antiosc.engine.contact.laws import (
 from antiosc.engine.contact.line import (
     line_curve as line_curve,
 )
+from antiosc.engine.contact.peak_error import (
+    LARGEST_STRAIN as LARGEST_STRAIN,
+    LEAST_STRAIN as LEAST_STRAIN,
+    error_of_peak as error_of_peak,
+)
 from antiosc.engine.damping import (
     StackedModes as StackedModes,
     from_factors as from_factors,
@@ -152,11 +157,6 @@ from antiosc.impact.histories.run_end import (
     STOPPED as STOPPED,
     inexact_message as inexact_message,
     open_contacts as open_contacts,
-)
-from antiosc.impact.law_error import (
-    LARGEST_STRAIN as LARGEST_STRAIN,
-    LEAST_STRAIN as LEAST_STRAIN,
-    error_of_peak as error_of_peak,
 )
 from antiosc.impact.reference import (
     FIRST_STEPS as FIRST_STEPS,

@@ -1,5 +1,6 @@
 """The law that a contact needs: Hertz's below yield, bit for bit, and told with its error."""
 
+import re
 from dataclasses import replace
 from math import inf, pi, sqrt
 
@@ -9,11 +10,13 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import materials
+from antiosc.base.texts import percent
 from antiosc.engine.contact.choice import choose
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
+from antiosc.engine.contact.peak_error import TABOR
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
-from antiosc.impact.law_error import TABOR, strain_rate
+from antiosc.impact.law_error import strain_rate
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
 STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]
@@ -285,6 +288,25 @@ def test_what_yields_is_said_first():
     assert "where Hertz's law ends" in given.summary()
     assert given.verdict.count("yields") == 1
     assert hits["known"].numbers()["verdict"] == hits["known"].verdict
+
+
+def test_the_error_by_the_law_is_told_without_an_estimate_of_the_mesh():
+    hits = budgets()
+    shown = {
+        name: hit.summary().split("force error")[1].splitlines()[0] for name, hit in hits.items()
+    }
+    share = float(re.search(r"law ([\d.]+) %, numerical", shown["known"])[1]) / 100
+    row = hits["known"].error_budget["peak_force"].law
+    assert row < share < 1.5 * row  # by the work of the contact: the part takes its own
+    assert "law 0 %" in shown["slow"]
+    assert "law not known" in shown["unknown"]
+    assert "law" not in shown["given"]
+    assert f"law {percent(row)}" in error_line(hits["known"])
+
+
+def error_line(hit):
+    """What a summary says of the error of the force."""
+    return hit.summary().split("force error")[1].splitlines()[0]
 
 
 def test_choosing_is_quick():

@@ -39,6 +39,7 @@ from antiosc.base.stresses import equivalent
 from antiosc.base.texts import engineering, point_text as placed
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import SHARP
+from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.second_order import is_flat
@@ -56,7 +57,6 @@ from antiosc.impact.histories.linear_theory import (
     beyond_quartic,
     deflection,
 )
-from antiosc.impact.law_error import error_of_peak
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.impact.two_bodies import Impact, impact_band

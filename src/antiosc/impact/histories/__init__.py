@@ -281,9 +281,15 @@ def error_scope(history: History) -> str:
 
 
 def error_text(history: History) -> str:
-    """The error of the force of a history as text, with what it covers."""
+    """The error of the force of a history as text: of the law of its strongest contact, and the
+    numerical error with what it covers."""
+    budget = vars(history).get("error_budget")
+    if budget:
+        return budget.causes_text("peak_force")
+    strongest = max(history.contact_histories, key=lambda one: one.peak_force)
     known = percent(history.error["force"]) if "force" in history.error else "not estimated"
-    return f"{known} ({error_scope(history)})"
+    numerical = f"numerical {known} ({error_scope(history)})"
+    return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))
 
 
 def history_sites(history: History) -> dict[str, tuple[float, ...]]:

@@ -170,11 +170,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             return f"{value}, numerical ± {percent(bar.without_law)}"
         return f"{value} ± {percent(bar.total)}"
 
+    def causes_text(self, name: str) -> str:
+        """The shares of the causes in the error of a quantity as text."""
+        bar = self.bars[name]
+        return ", ".join(f"{cause} {percent(getattr(bar, cause))}" for cause in self.causes)
+
     def __str__(self) -> str:
         lines = []
-        for name, bar in self.bars.items():
-            causes = ", ".join(f"{c} {percent(getattr(bar, c))}" for c in self.causes)
-            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {causes}")
+        for name in self.bars:
+            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {self.causes_text(name)}")
         return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
 
 

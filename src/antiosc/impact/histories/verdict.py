@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from antiosc.base.errors import InputError
-from antiosc.base.texts import engineering
+from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.choice import Choice, elastic_pressure
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
+from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.impact.auto_contact import chosen
 from antiosc.impact.histories.parts import OneContact
 
@@ -61,6 +62,15 @@ def law_text(contact: OneContact) -> str:
     if choice is None or choice.law != law:
         return f"{name}, as given"
     return f"{name}: {choice.reason}"
+
+
+def law_error_text(contact: OneContact) -> str:
+    """The error of the peak force by the law that was chosen, in words; "" for a law as given."""
+    choice = choice_at(contact)
+    if choice is None or choice.law != contact.law or not contact.peak_force > 0:
+        return ""
+    share = error_of_peak(choice, contact.peak_force, contact.contact_time)
+    return "law not known" if share is None else f"law {percent(share)}"
 
 
 def _of_law(contact: OneContact, law: ElasticPlastic) -> str:

@@ -1,0 +1,101 @@
+"""The error of a peak force by the contact's law, without another run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+
+from antiosc.engine.contact.choice import Choice
+from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
+
+#: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
+TABOR = 0.2
+#: Share of Hertz's force that large strains change, over the root of indentation by radius, and the
+#: range in which it is taken: a rigid sphere on an elastic half-space (nu = 0.3) has 3.8, 5.4, 6.7,
+#: 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by the grid
+#: (benchmarks/elastoplastic/finite_strain.py elastic).
+STRAINED, LEAST_STRAIN, LARGEST_STRAIN = 0.38, 0.01, 0.1
+#: Errors of the law grow with the depth: the largest then changes the peak by more than the same
+#: error at all depths, 1.29 times as much at most (benchmarks/elastoplastic/pairs.py).
+GROWS = 1.4
+#: Largest error of a force that is repeated.
+MOST = 0.9
+
+
+def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
+    """Relative error of a peak force [N] by its law, without another run; None: not known.
+
+    Where the contact yields, the measured error of the law and of an ellipse, and what the least
+    and the largest yield strength make of the force at equal work; elsewhere what large strains do.
+    """
+    law, soft = choice.law, choice.soft
+    if choice.unknown:
+        return None
+    if not isinstance(law, ElasticPlastic) or soft is None or peak <= law.yield_force:
+        return _elastic_error(choice, peak)
+    depth = _depth(law, "force", peak)
+    work = law.loading_work(depth)
+
+    def change(others: list[ElasticPlastic]) -> float:
+        peaks = [_force(other, _depth(other, "work", work)) for other in others]
+        return max((abs(one / peak - 1) for one in peaks), default=0.0)
+
+    strengths = soft.strengths_at(mean_strain_rate(law, depth, contact_time))
+    by_strength = [replace(law, yield_strength=strength) for strength in strengths]
+    return change(laws_of_error(law, depth, choice.error)) + change(by_strength)
+
+
+def laws_of_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[ElasticPlastic]:
+    """The law with E and Y scaled so that its forces change by its measured error at a depth [m]
+    and by that of an ellipse."""
+    share = min(GROWS * law.error_at(depth)[0] + elliptic, MOST)
+    return [
+        replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
+        for factor in (1 - share, 1 + share)
+    ]
+
+
+def elastic_strain(choice: Choice, peak: float, depth: float) -> float:
+    """Largest indentation over the relative radius, of a contact at a point that stays elastic."""
+    law = choice.law
+    yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
+    return 0.0 if yields else depth * choice.curvature
+
+
+def strain_share(strain: float) -> float:
+    """Share of the force that large strains may change at an indentation over the radius."""
+    return STRAINED * sqrt(strain) if strain >= LEAST_STRAIN else 0.0
+
+
+def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> float:
+    """Strain rate [1/s] of a contact with a largest indentation [m]."""
+    return 2 * TABOR * sqrt(depth / law.radius) / contact_time
+
+
+def _elastic_error(choice: Choice, peak: float) -> float | None:
+    """Error of the peak force of an elastic contact by large strains, None beyond their range.
+
+    At equal work the force grows with the stiffness to the power of 0.4.
+    """
+    law = choice.law
+    if not isinstance(law, ElasticPlastic | Hertz | Gonthier):
+        return 0.0
+    strain = elastic_strain(choice, peak, (peak / law.stiffness) ** (2 / 3))
+    return None if strain > LARGEST_STRAIN else 1 - (1 - strain_share(strain)) ** 0.4
+
+
+def _force(law: ElasticPlastic, depth: float) -> float:
+    return law.force(depth, 0.0, law.touch(1.0))
+
+
+def _depth(law: ElasticPlastic, of: str, value: float) -> float:
+    """The indentation [m] at which the force [N] or the work [J] of loading has this value."""
+    from scipy.optimize import brentq
+
+    def beyond(depth: float) -> float:
+        return (_force(law, depth) if of == "force" else law.loading_work(depth)) - value
+
+    high = law.yield_indentation
+    while beyond(high) < 0:
+        high *= 4
+    return float(brentq(beyond, 0.0, high, xtol=1e-9 * high))
