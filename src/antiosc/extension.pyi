@@ -58,6 +58,8 @@ from antiosc.fem.linalg.solver_choice import (
 )
 from antiosc.fem.mesh import (
     distributed as distributed,
+)
+from antiosc.fem.mesh.closest import (
     projected as projected,
 )
 from antiosc.fem.mesh.curvature import (

@@ -26,14 +26,8 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import (
-    ClosestPoint,
-    ClosestPoints,
-    closest_many,
-    kind_of_cells,
-    outer_corners,
-    size_at,
-)
+from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many, size_at
+from antiosc.fem.mesh.surface import kind_of_cells, outer_corners
 from antiosc.fem.platform import agree, compat
 from antiosc.fem.prestress import named_from
 from antiosc.fem.prestress.loaded_part import initial_strain

@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.mesh import surface
+from antiosc.fem.mesh.closest import closest
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.site import functional
@@ -301,7 +301,7 @@ def test_the_nearest_point_is_the_nearest(part):
     points[:, mesh.gdim :] = 0
     spacing = np.ptp(nodes, axis=1).max()
     for point in points:
-        place = surface.closest(mesh, point)
+        place = closest(mesh, point)
         assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
         brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
         assert place.distance <= brute + 1e-9

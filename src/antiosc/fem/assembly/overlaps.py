@@ -11,7 +11,7 @@ import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem.assembly.layout import Sparse
-from antiosc.fem.mesh import clamped, excess, near, projected
+from antiosc.fem.mesh.closest import clamped, excess, near, projected
 from antiosc.fem.mesh.surface import Entities, largest
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member

@@ -24,7 +24,8 @@ from scipy.sparse.csgraph import connected_components
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, Curvature
-from antiosc.fem.mesh import Mesh, clamped, projected
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.closest import clamped, projected
 from antiosc.fem.mesh.surface import Faces
 from antiosc.io.neutral import CadSurface
 

@@ -1,4 +1,4 @@
-"""Points on a mesh: of its groups with weights, on its outer faces, and the closest to others.
+"""Points on a mesh: of its groups with weights, and on its outer faces.
 
 The faces at which impacts are possible are the outer facets of a solid and the cells of a sheet.
 """
@@ -14,7 +14,8 @@ from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.mesh import Mesh, clamped, excess, near, projected
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh.closest import clamped, excess, near, projected
 from antiosc.fem.platform import compat
 from antiosc.io.cad import FACE
 from antiosc.io.neutral import FACETS, KINDS
@@ -177,174 +178,6 @@ def centre(mesh: Mesh, group: str) -> Array:
     points = quadrature(mesh, dim, entities, DEGREE)
     total = mesh.comm.allreduce(points.weight.sum())
     return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)
-
-
-#: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
-OUTSIDE_CELL = 1e-9
-
-
-@dataclass(frozen=True)
-class ClosestPoint:
-    """The point of the structure closest to a given one."""
-
-    #: rank that owns the cell, and the cell's number there
-    rank: int
-    cell: int
-    #: reference coordinates (tdim,) in the cell
-    X: Array
-    #: the closest point itself (3,), m
-    x: Array
-    #: its distance to the given point, m
-    distance: float
-
-
-@dataclass(frozen=True, eq=False)
-class ClosestPoints:
-    """As `ClosestPoint` for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
-
-    rank: IntArray
-    cell: IntArray
-    X: Array
-    x: Array
-    distance: Array
-
-    def __len__(self) -> int:
-        return len(self.rank)
-
-    def __getitem__(self, i: int) -> ClosestPoint:
-        return ClosestPoint(
-            int(self.rank[i]), int(self.cell[i]), self.X[i], self.x[i], float(self.distance[i])
-        )
-
-
-def closest(mesh: Mesh, point: Array) -> ClosestPoint:
-    """The closest point of the mesh, the same answer on every rank; `point` has shape (3,)."""
-    return closest_many(mesh, np.asarray(point)[None])[0]
-
-
-def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
-    """The closest points of the mesh to points of shape (P, 3), the same answer on every rank.
-
-    Points inside cells are found together; the others one by one, cell by cell.
-    """
-    cell, X, distance = _inside(mesh, points)
-    found = np.array(mesh.comm.allgather(np.isfinite(distance)))
-    x = points.copy()
-    for i in np.flatnonzero(~found.any(axis=0)):
-        nearest = _closest_here(mesh, points[i])
-        if nearest is not None:
-            cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance
-    rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
-    mine = rank == mesh.comm.rank
-    own = [np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)]
-    cell, X, x, distance = (mesh.comm.allreduce(a) for a in own)
-    return ClosestPoints(rank, cell, X, x, distance)
-
-
-def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
-    """Largest distance [m] between corners of the cell of the closest point, on all ranks."""
-    x = corners_at(mesh, nearest)
-    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
-
-
-def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
-    """Corners (n, 3) of the cell with the closest point, on all ranks."""
-    corners = None
-    if mesh.comm.rank == nearest.rank:
-        corners = mesh.geometry.nodes[nearest.cell][: len(mesh.geometry.corners)]
-    return np.asarray(mesh.comm.bcast(corners, root=nearest.rank))
-
-
-def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell, reference coordinates, distance) of points inside cells of this rank; inf elsewhere.
-
-    Of several cells that share the point the first is taken.
-    """
-    cell, distance = np.zeros(len(points), dtype=int), np.full(len(points), np.inf)
-    X = np.zeros((len(points), mesh.tdim))
-    low, high = mesh.boxes
-    if not len(low):
-        return cell, X, distance
-    reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    item, point = near((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
-    geometry = mesh.geometry
-    margin = OUTSIDE_CELL * reach[item, None]
-    boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
-    item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
-    start = np.tile(geometry.centre(), (len(item), 1))
-    xi = projected(
-        lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
-    )
-    off = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
-    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (off <= OUTSIDE_CELL * reach[item])
-    item, point, xi, off = item[holds], point[holds], xi[holds], off[holds]
-    order = np.lexsort((-item, point))  # the first cell is written last
-    cell[point[order]], X[point[order]] = item[order], xi[order]
-    distance[point[order]] = off[order]
-    return cell, X, distance
-
-
-def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
-    """The closest point on this rank: cells by the distance of their boxes until none can be
-    closer.
-    """
-    n_cells = compat.cell_map(mesh.dolfinx).size_local
-    if not n_cells:
-        return None
-    low, high = mesh.boxes
-    bound = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
-    best: ClosestPoint | None = None
-    for cell in np.argsort(bound, kind="stable"):
-        if best is not None and bound[cell] >= best.distance:
-            break
-        nearest = _closest_in(mesh, int(cell), point)
-        if best is None or nearest.distance < best.distance:
-            best = nearest
-    return best
-
-
-def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
-    """The closest point of one cell: the foot of the perpendicular, or a point of its boundary."""
-    geometry = mesh.geometry
-    scale = float(np.ptp(geometry.nodes[cell], axis=0).max())
-    one = np.array([cell])
-
-    def at(X: Array) -> tuple[Array, Array]:
-        return geometry.at(one, X.reshape(1, -1))
-
-    middle = geometry.centre()
-    X = projected(lambda _, X: at(X), point[None], middle[None], affine=geometry.affine)
-    if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= OUTSIDE_CELL:
-        X = clamped(X, geometry.simplex)
-
-        from scipy.optimize import minimize  # loaded where it is used: it takes long
-
-        def objective(X: Array) -> tuple[float, Array]:
-            x, J = at(X)
-            gap = (x[0] - point) / scale
-            return float(gap @ gap), 2 * (gap @ J[0]) / scale
-
-        inside: list[dict[str, object]] = []
-        if geometry.simplex and mesh.tdim > 1:
-            inside = [
-                {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}
-            ]
-        starts = [X[0]] if geometry.affine else [X[0], middle]
-        results = [
-            minimize(
-                objective,
-                start,
-                jac=True,
-                method="SLSQP",
-                bounds=[(0, 1)] * mesh.tdim,
-                constraints=inside,
-                options={"ftol": 1e-15, "maxiter": 200},
-            )
-            for start in starts
-        ]
-        X = clamped(min(results, key=lambda r: r.fun).x[None], geometry.simplex)
-    x = at(X)[0][0]
-    return ClosestPoint(mesh.comm.rank, cell, X[0], x, float(np.linalg.norm(x - point)))
 
 
 #: Faces whose normals differ by less than this cosine lie on one side of an edge.

@@ -36,15 +36,8 @@ from antiosc.fem.linalg.solver import SolverChoice, checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import (
-    DEGREE,
-    ClosestPoints,
-    Faces,
-    Quadrature,
-    closest_many,
-    largest,
-    quadrature,
-)
+from antiosc.fem.mesh.closest import ClosestPoints, closest_many
+from antiosc.fem.mesh.surface import DEGREE, Faces, Quadrature, largest, quadrature
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure import (
     Dissipation,

@@ -20,7 +20,8 @@ from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.surface import ClosestPoint, Faces, closest_many, corners_at, size_at
+from antiosc.fem.mesh.closest import ClosestPoint, closest_many, corners_at, size_at
+from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure

@@ -13,8 +13,8 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import PLANE, Curvature
 from antiosc.fem.assembly import with_parts
+from antiosc.fem.mesh.closest import closest
 from antiosc.fem.mesh.curvature import curvature
-from antiosc.fem.mesh.surface import closest
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure

@@ -17,7 +17,8 @@ import scipy.sparse
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.mesh.surface import ClosestPoints, Contact, Faces, closest, closest_many, size_at
+from antiosc.fem.mesh.closest import ClosestPoints, closest, closest_many, size_at
+from antiosc.fem.mesh.surface import Contact, Faces
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -1,0 +1,259 @@
+"""Points of cells and faces that are closest to given ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from antiosc.base._types import Array, IntArray
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.platform import compat
+
+#: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them: what
+#: is left is its square.
+FOOT_STEPS, FOOT_SETTLED = 12, 1e-8
+#: A foot that leaves its cell by more than this is not sought any further (reference lengths).
+FOOT_BEYOND = 1.0
+
+
+def projected(
+    at: Callable[[IntArray, Array], tuple[Array, Array]],
+    points: Array,
+    start: Array,
+    *,
+    affine: bool,
+    along: Array | None = None,
+) -> Array:
+    """Reference coordinates (n, t) at which x(ξ) is nearest to each point, in or out of its cell.
+
+    Gauss–Newton iteration; it stops for points whose projection lies far outside the cell.
+
+    Parameters
+    ----------
+    at : numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t))
+    points : (n, 3)
+    start : (n, t)
+    affine : whether one step is exact
+    along : (n, 3) unit vectors, optional; the points are projected along these directions.
+    """
+    xi = np.array(start)
+    moving = np.arange(len(points))
+    for _ in range(1 if affine else FOOT_STEPS):
+        x, J = at(moving, xi[moving])
+        gap = points[moving] - x
+        if along is not None:
+            n = along[moving]
+            gap = gap - n * np.einsum("nd,nd->n", n, gap)[:, None]
+            J = J - n[:, :, None] * np.einsum("nd,ndt->nt", n, J)[:, None, :]
+        normal = np.einsum("ndt,nds->nts", J, J)
+        size = np.einsum("ntt->n", normal)[:, None, None] + np.finfo(float).tiny
+        # A direction in which the surface does not extend stays where it is.
+        normal = normal / size + 1e-14 * np.eye(xi.shape[1])
+        right = np.einsum("ndt,nd->nt", J, gap)[..., None] / size
+        step = np.linalg.solve(normal, right)[..., 0]
+        xi[moving] += step
+        here = xi[moving]
+        far = (here.min(axis=1) < -FOOT_BEYOND) | (here.max(axis=1) > 1 + FOOT_BEYOND)
+        moving = moving[(np.abs(step).max(axis=1) > FOOT_SETTLED) & ~far]
+        if not len(moving):
+            break
+    return xi
+
+
+def excess(xi: Array, simplex: bool) -> Array:
+    """How far reference coordinates (n, t) lie outside their cells (n,); <= 0 inside."""
+    above = xi.sum(axis=1) - 1 if simplex else xi.max(axis=1) - 1
+    return np.maximum(-xi.min(axis=1), above)
+
+
+def clamped(xi: Array, simplex: bool) -> Array:
+    """Reference coordinates (n, t) moved to the nearest point of their cells."""
+    xi = np.clip(xi, 0.0, 1.0)
+    if simplex:
+        xi = xi / np.maximum(xi.sum(axis=1, keepdims=True), 1.0)
+    return xi
+
+
+def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
+    """Pairs (item, point) with |centre − point| <= reach, items and points as numbers."""
+    if not len(points) or not len(centres):
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    low, high = points.min(axis=0), points.max(axis=0)
+    gap = np.maximum(0.0, np.maximum(low - centres, centres - high))
+    close = np.flatnonzero(np.linalg.norm(gap, axis=1) <= reach)
+    found = cKDTree(points).query_ball_point(centres[close], reach[close])
+    count = np.array([len(f) for f in found], dtype=int)
+    item = np.repeat(close, count)
+    point = np.concatenate([np.zeros(0, dtype=int), *[np.asarray(f, dtype=int) for f in found]])
+    return item, point
+
+
+#: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
+OUTSIDE_CELL = 1e-9
+
+
+@dataclass(frozen=True)
+class ClosestPoint:
+    """The point of the structure closest to a given one."""
+
+    #: rank that owns the cell, and the cell's number there
+    rank: int
+    cell: int
+    #: reference coordinates (tdim,) in the cell
+    X: Array
+    #: the closest point itself (3,), m
+    x: Array
+    #: its distance to the given point, m
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """As `ClosestPoint` for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
+
+    rank: IntArray
+    cell: IntArray
+    X: Array
+    x: Array
+    distance: Array
+
+    def __len__(self) -> int:
+        return len(self.rank)
+
+    def __getitem__(self, i: int) -> ClosestPoint:
+        return ClosestPoint(
+            int(self.rank[i]), int(self.cell[i]), self.X[i], self.x[i], float(self.distance[i])
+        )
+
+
+def closest(mesh: Mesh, point: Array) -> ClosestPoint:
+    """The closest point of the mesh, the same answer on every rank; `point` has shape (3,)."""
+    return closest_many(mesh, np.asarray(point)[None])[0]
+
+
+def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
+    """The closest points of the mesh to points of shape (P, 3), the same answer on every rank.
+
+    Points inside cells are found together; the others one by one, cell by cell.
+    """
+    cell, X, distance = _inside(mesh, points)
+    found = np.array(mesh.comm.allgather(np.isfinite(distance)))
+    x = points.copy()
+    for i in np.flatnonzero(~found.any(axis=0)):
+        nearest = _closest_here(mesh, points[i])
+        if nearest is not None:
+            cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance
+    rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
+    mine = rank == mesh.comm.rank
+    own = [np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)]
+    cell, X, x, distance = (mesh.comm.allreduce(a) for a in own)
+    return ClosestPoints(rank, cell, X, x, distance)
+
+
+def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
+    """Largest distance [m] between corners of the cell of the closest point, on all ranks."""
+    x = corners_at(mesh, nearest)
+    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+
+
+def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
+    """Corners (n, 3) of the cell with the closest point, on all ranks."""
+    corners = None
+    if mesh.comm.rank == nearest.rank:
+        corners = mesh.geometry.nodes[nearest.cell][: len(mesh.geometry.corners)]
+    return np.asarray(mesh.comm.bcast(corners, root=nearest.rank))
+
+
+def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
+    """(cell, reference coordinates, distance) of points inside cells of this rank; inf elsewhere.
+
+    Of several cells that share the point the first is taken.
+    """
+    cell, distance = np.zeros(len(points), dtype=int), np.full(len(points), np.inf)
+    X = np.zeros((len(points), mesh.tdim))
+    low, high = mesh.boxes
+    if not len(low):
+        return cell, X, distance
+    reach = 0.5 * np.linalg.norm(high - low, axis=1)
+    item, point = near((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
+    geometry = mesh.geometry
+    margin = OUTSIDE_CELL * reach[item, None]
+    boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
+    item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
+    start = np.tile(geometry.centre(), (len(item), 1))
+    xi = projected(
+        lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
+    )
+    off = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
+    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (off <= OUTSIDE_CELL * reach[item])
+    item, point, xi, off = item[holds], point[holds], xi[holds], off[holds]
+    order = np.lexsort((-item, point))  # the first cell is written last
+    cell[point[order]], X[point[order]] = item[order], xi[order]
+    distance[point[order]] = off[order]
+    return cell, X, distance
+
+
+def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
+    """The closest point on this rank: cells by the distance of their boxes until none can be
+    closer.
+    """
+    n_cells = compat.cell_map(mesh.dolfinx).size_local
+    if not n_cells:
+        return None
+    low, high = mesh.boxes
+    bound = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
+    best: ClosestPoint | None = None
+    for cell in np.argsort(bound, kind="stable"):
+        if best is not None and bound[cell] >= best.distance:
+            break
+        nearest = _closest_in(mesh, int(cell), point)
+        if best is None or nearest.distance < best.distance:
+            best = nearest
+    return best
+
+
+def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
+    """The closest point of one cell: the foot of the perpendicular, or a point of its boundary."""
+    geometry = mesh.geometry
+    scale = float(np.ptp(geometry.nodes[cell], axis=0).max())
+    one = np.array([cell])
+
+    def at(X: Array) -> tuple[Array, Array]:
+        return geometry.at(one, X.reshape(1, -1))
+
+    middle = geometry.centre()
+    X = projected(lambda _, X: at(X), point[None], middle[None], affine=geometry.affine)
+    if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= OUTSIDE_CELL:
+        X = clamped(X, geometry.simplex)
+
+        from scipy.optimize import minimize  # loaded where it is used: it takes long
+
+        def objective(X: Array) -> tuple[float, Array]:
+            x, J = at(X)
+            gap = (x[0] - point) / scale
+            return float(gap @ gap), 2 * (gap @ J[0]) / scale
+
+        inside: list[dict[str, object]] = []
+        if geometry.simplex and mesh.tdim > 1:
+            inside = [
+                {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}
+            ]
+        starts = [X[0]] if geometry.affine else [X[0], middle]
+        results = [
+            minimize(
+                objective,
+                start,
+                jac=True,
+                method="SLSQP",
+                bounds=[(0, 1)] * mesh.tdim,
+                constraints=inside,
+                options={"ftol": 1e-15, "maxiter": 200},
+            )
+            for start in starts
+        ]
+        X = clamped(min(results, key=lambda r: r.fun).x[None], geometry.simplex)
+    x = at(X)[0][0]
+    return ClosestPoint(mesh.comm.rank, cell, X[0], x, float(np.linalg.norm(x - point)))
