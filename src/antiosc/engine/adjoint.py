@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ctypes import byref
 from dataclasses import dataclass
-from itertools import accumulate
 from math import prod
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.engine.march import Run, check_status, return_space, take_space
-from antiosc.engine.system import System
+from antiosc.engine.system import System, side_by_side
 
 
 @dataclass(eq=False)
@@ -70,25 +69,29 @@ def gradient(
         time=at[0], force=at[1], depth=at[2], states=at[3], exits=at[4],
     )  # fmt: skip
     goal = library.Goal(len(readings), *at[5:])
-    s, laws = system, (len(system.laws), library.LAW_SLOPES)
-    like = [s.omega, s.decay, s.beta, s.R, s.loads, s.offsets, s.slip, s.q, s.v, s.pressed]
-    like.append(np.zeros(0) if s.gamma is None else s.gamma)
-    shapes: list[tuple[int, ...]] = [each.shape for each in like]
-    shapes.insert(6, laws)
-    ends = [0, *accumulate([prod(shape) for shape in shapes])]
-    block = np.zeros(ends[-1])
-    out = [block[a:b].reshape(n) for a, b, n in zip(ends, ends[1:], shapes, strict=False)]
+    out, slopes = _slopes_of(system)
+    if space.work is None:
+        space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
+    work = library.address(space.work), space.work.nbytes
+    places = byref(run), byref(goal), byref(slopes)
+    answer = library.library.aom_gradient(space.stepper, *places, *work)
+    return_space(given, space)
+    return Slopes(*out), slopes.grazing, answer
+
+
+def _slopes_of(system: System) -> tuple[list[Array], library.Slopes]:
+    """Zeros of the shapes of `Slopes`, and where the C library finds them."""
+    s = system
+    shapes = [s.omega.shape, s.decay.shape, s.beta.shape, s.R.shape, s.loads.shape, s.offsets.shape]
+    shapes += [(len(s.laws), library.LAW_SLOPES), s.slip.shape, s.q.shape, s.v.shape]
+    shapes += [s.pressed.shape, (0,) if s.gamma is None else s.gamma.shape]
+    places = side_by_side([prod(shape) for shape in shapes])
+    block = np.zeros(places[-1].stop)
+    out = [block[own].reshape(shape) for own, shape in zip(places, shapes, strict=True)]
     begin = library.address(block)
-    slopes = library.Slopes(*[begin + 8 * end for end in ends[:-1]])
+    slopes = library.Slopes(*[begin + 8 * own.start for own in places])
     if s.gamma is None:
         slopes.gamma = None
         if not s.decay.any():
             slopes.decay = None
-    if space.work is None:
-        space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
-    work = library.address(space.work), space.work.nbytes
-    answer = library.library.aom_gradient(
-        space.stepper, byref(run), byref(goal), byref(slopes), *work
-    )
-    return_space(given, space)
-    return Slopes(*out), slopes.grazing, answer
+    return out, slopes

@@ -10,6 +10,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.engine import library
 from antiosc.models.body import LinearBody
+from antiosc.models.modal import ModalBody
 
 #: Bodies processed together, and times at which u is evaluated in addition to those of the force:
 #: at least, at most, and in a period of the first mode.
@@ -36,19 +37,23 @@ def peak_deflections(
 
 
 def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float) -> Array:
-    modal = [body.modal() for body in bodies]
-    omega, b, decay = (
-        _padded_rows([m.omega for m in modal], 0.0),
-        _padded_rows([m.b for m in modal], 0.0),
-        _padded_rows([np.zeros(m.b.size) if m.decay is None else m.decay for m in modal], 0.0),
-    )
-    r = np.array([m.r for m in modal])
-    peak = np.zeros(len(modal))
-    first = max((w[w > 0].min() for w in omega if (w > 0).any()), default=0.0)
-    samples = int(np.clip(A_PERIOD * duration * first / (2 * np.pi), SAMPLES, MOST_SAMPLES))
-    for _, q, F in motions(omega, b, decay, forces, duration, samples):
-        peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F)
+    modes = [body.modal() for body in bodies]
+    omega = _padded_rows([each.omega for each in modes], 0.0)
+    b = _padded_rows([each.b for each in modes], 0.0)
+    decay = _padded_rows([_decay(each) for each in modes], 0.0)
+    residual = np.array([each.r for each in modes])
+    first = max((row[row > 0].min() for row in omega if (row > 0).any()), default=0.0)
+    periods = duration * first / (2 * np.pi)
+    samples = int(np.clip(A_PERIOD * periods, SAMPLES, MOST_SAMPLES))
+    peak = np.zeros(len(modes))
+    for _, q, force in motions(omega, b, decay, forces, duration, samples):
+        u = np.sum(b * q, axis=1) + residual * force
+        peak = np.maximum(peak, u)
     return peak
+
+
+def _decay(modes: ModalBody) -> Array:
+    return np.zeros(modes.b.size) if modes.decay is None else modes.decay
 
 
 def motions(
@@ -60,32 +65,36 @@ def motions(
     where a body has fewer than another. omega, b, decay : (S, J) of the modes.
     """
     even = np.linspace(0, duration, samples)
-    times = [np.union1d(even, time) for time, _ in forces]
-    steps = zip(times, forces, strict=True)
-    force = [
-        np.interp(at, t, F, left=0.0, right=0.0) if t.size else np.zeros_like(at)
-        for at, (t, F) in steps
-    ]
-    time, F = _padded_rows(times, None), _padded_rows(force, 0.0)
+    times = [np.union1d(even, given) for given, _ in forces]
+    values = [_at(each, force) for each, force in zip(times, forces, strict=True)]
+    time = _padded_rows(times, None)
+    force = _padded_rows(values, 0.0)
     q, v = np.zeros_like(b), np.zeros_like(b)
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
         P, W, S, J0, J1, _ = library.responses(omega, decay, h[:, None])
-        rise = (b.T * ((F[:, k + 1] - F[:, k]) / np.where(h > 0, h, 1.0))).T
-        push = b * F[:, k, None]
-        q, v = (
-            P * q + S * v + push * J0 + rise * J1,
-            W * v - omega**2 * S * q + push * S + rise * J0,
-        )
-        yield time[:, k + 1], q, F[:, k + 1]
+        slope = (force[:, k + 1] - force[:, k]) / np.where(h > 0, h, 1.0)
+        rise = (b.T * slope).T
+        push = b * force[:, k, None]
+        after = P * q + S * v + push * J0 + rise * J1
+        v = W * v - omega**2 * S * q + push * S + rise * J0
+        q = after
+        yield time[:, k + 1], q, force[:, k + 1]
+
+
+def _at(times: Array, force: Force) -> Array:
+    """A force at times [s]."""
+    known, values = force
+    if not known.size:
+        return np.zeros_like(times)
+    return np.interp(times, known, values, left=0.0, right=0.0)
 
 
 def _padded_rows(rows: Sequence[Array], filler: float | None) -> Array:
     """Rows of different length as one array; None repeats the last value."""
     size = max(row.size for row in rows)
-    return np.array(
-        [
-            np.pad(row, (0, size - row.size), constant_values=row[-1] if filler is None else filler)
-            for row in rows
-        ]
-    )
+    padded = []
+    for row in rows:
+        value = row[-1] if filler is None else filler
+        padded.append(np.pad(row, (0, size - row.size), constant_values=value))
+    return np.array(padded)

@@ -7,7 +7,7 @@ of the mesh. The largest change of each is taken, and all are added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from antiosc.engine.contact import ContactLaw
@@ -58,7 +58,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     return with_floor(total), ""
 
 
-def causes(raw: History, choice: Choice) -> Iterator[list[ContactLaw]]:
+def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
     """For each cause of error, the laws that differ by this error."""
     yield list(_by_curvature(raw, choice.law))
     strain = elastic_strain(choice, raw.peak_force, raw.deepest)
