@@ -14,7 +14,7 @@ from antiosc.base.texts import percent
 from antiosc.engine.contact.choice import choose
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
-from antiosc.engine.contact.peak_error import TABOR
+from antiosc.engine.contact.peak_error import TABOR, error_of_peak
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
 from antiosc.impact.law_error import strain_rate
 
@@ -371,3 +371,22 @@ def test_the_strength_of_a_material_at_a_rate():
     assert given.strengths_at(0.0) == (300e6, 300e6)
     with pytest.raises(ao.InputError, match="rate must be D"):
         ao.Solid(210e9, 0.3, 7850.0, rate=(40.0,))
+
+
+def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
+    """The usual strength stays elastic, the lowest does not: the row is the change by it."""
+    weak = replace(ALLOY, yield_range=(0.3 * ALLOY.yield_strength, ALLOY.yield_strength))
+    struck = model(Surface(weak), strain_error=np.diag([1e3, 1e3, 1e3]))
+    ball = ao.Sphere(0.01, material="100Cr6", velocity=0.005)
+    hit = ao.simulate(struck, ball, duration=5e-3)
+    assert hit.dent is None
+    other = replace(hit.law, yield_strength=weak.yield_range[0])
+    change = abs(ao.simulate(struck, ball, other, duration=5e-3).peak_force / hit.peak_force - 1)
+    assert change > 0.01
+    assert hit.error_budget["peak_force"].law == pytest.approx(change, rel=0.05)
+    choice = choose(Surface(weak), ball.surface())
+    at_equal_work = error_of_peak(choice, hit.peak_force, hit.contact_time)
+    assert change < at_equal_work < 1.5 * change  # a structure that gives way changes less
+    exact = replace(weak, yield_range=None)
+    alone = choose(Surface(exact), ball.surface())
+    assert error_of_peak(alone, hit.peak_force, hit.contact_time) == 0.0

@@ -18,9 +18,10 @@ from antiosc.engine.contact.peak_error import (
     elastic_strain,
     laws_of_error,
     mean_strain_rate,
+    other_strengths,
     strain_share,
 )
-from antiosc.engine.contact.surfaces import Matter, Surface
+from antiosc.engine.contact.surfaces import Surface
 from antiosc.impact.auto_contact import choice_of
 from antiosc.impact.histories import History
 from antiosc.impact.histories.parts import NO_ERROR, differences, with_floor
@@ -66,11 +67,10 @@ def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
     law, soft = choice.law, choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
         return
-    if raw.peak_force <= law.yield_force:
-        return
-    yield laws_of_error(law, raw.deepest, choice.error)
-    yield [replace(law, elastic_share=share) for share in choice.shares or ()]
-    yield list(_by_strength(law, soft, raw))
+    if raw.peak_force > law.yield_force:
+        yield laws_of_error(law, raw.deepest, choice.error)
+        yield [replace(law, elastic_share=share) for share in choice.shares or ()]
+    yield other_strengths(law, soft, raw.peak_force, strain_rate(law, raw))
 
 
 def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
@@ -101,13 +101,6 @@ def _bent(surface: Surface, change: float) -> Surface:
     """A surface with changed curvatures [1/m]; flat directions stay flat."""
     low, high = (k + change if k else k for k in surface.curvatures)
     return replace(surface, curvatures=(low, high), error=0.0)
-
-
-def _by_strength(law: ElasticPlastic, soft: Matter, raw: History) -> Iterator[ContactLaw]:
-    """The law with the lowest yield strength, and with the highest at the run's strain rate."""
-    for strength in soft.strengths_at(strain_rate(law, raw)):
-        if strength != law.yield_strength:
-            yield replace(law, yield_strength=strength)
 
 
 def strain_rate(law: ElasticPlastic, raw: History) -> float:

@@ -1,7 +1,5 @@
 // What is said of the present impact, as antiosc.impact.histories.verdict says it of a computed one.
 
-const FAST = 300; // m/s: faster blows are not those of this program
-
 // Relative speed from which a contact that yields does so, of a law and both bodies' mobility [1/kg].
 function yield_speed({ params, mobility }) {
   const [k, y] = params;
@@ -24,17 +22,16 @@ function contact_sentence(hit, yields) {
   if (!yields || !yields.rim || !hit.contacts) return "";
   const [k, y] = hit.posed.params, { radius, strength } = yields;
   const modulus = 0.75 * k / Math.sqrt(radius), elastic = (2.5 * hit.work / k) ** 0.4;
-  const pressure = 2 * modulus / Math.PI * Math.sqrt(elastic / radius), fastest = yield_speed(hit.posed);
-  const share = `${engineering(pressure, "Pa")}, ${general(pressure / strength)} times the yield`;
-  const from = engineering(fastest, "m/s"), of = engineering(strength, "Pa");
+  const pressure = 2 * modulus / Math.PI * Math.sqrt(elastic / radius), told = engineering(pressure, "Pa");
+  const from = engineering(yield_speed(hit.posed), "m/s"), of = engineering(strength, "Pa");
   if (!(hit.dent > 0)) {
-    const onset = fastest < FAST ? `; it yields from ${from} on` : "";
-    return `The contact stays elastic: its pressure is ${share} strength ${of}${onset}.`;
+    const share = general(Math.sqrt(elastic / y));
+    return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}).`;
   }
   const across = engineering(2 * rim_radius(yields, y, hit.deepest), "m", 2);
   const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}` : "";
   return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${rebound}.`
-    + ` It yields from ${from} on; Hertz's pressure would be ${share} strength ${of}.`;
+    + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}.`;
 }
 
 // The largest stress of the part; "" until the picture has followed the sliders.

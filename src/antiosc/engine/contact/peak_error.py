@@ -7,6 +7,7 @@ from math import sqrt
 
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
+from antiosc.engine.contact.surfaces import Matter
 
 #: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
 TABOR = 0.2
@@ -29,20 +30,29 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
     and the largest yield strength make of the force at equal work; elsewhere what large strains do.
     """
     law, soft = choice.law, choice.soft
-    if choice.unknown:
-        return None
-    if not isinstance(law, ElasticPlastic) or soft is None or peak <= law.yield_force:
-        return _elastic_error(choice, peak)
+    elastic = None if choice.unknown else _elastic_error(choice, peak)
+    if elastic is None or not isinstance(law, ElasticPlastic) or soft is None:
+        return elastic
     depth = _depth(law, "force", peak)
-    work = law.loading_work(depth)
+    work, rate = law.loading_work(depth), mean_strain_rate(law, depth, contact_time)
 
     def change(others: list[ElasticPlastic]) -> float:
         peaks = [_force(other, _depth(other, "work", work)) for other in others]
         return max((abs(one / peak - 1) for one in peaks), default=0.0)
 
-    strengths = soft.strengths_at(mean_strain_rate(law, depth, contact_time))
-    by_strength = [replace(law, yield_strength=strength) for strength in strengths]
-    return change(laws_of_error(law, depth, choice.error)) + change(by_strength)
+    by_error = laws_of_error(law, depth, choice.error) if peak > law.yield_force else []
+    return elastic + change(by_error) + change(other_strengths(law, soft, peak, rate))
+
+
+def other_strengths(
+    law: ElasticPlastic, soft: Matter, peak: float, rate: float
+) -> list[ElasticPlastic]:
+    """The law with the lowest yield strength, and with the highest at a strain rate [1/s].
+
+    Of those by which the contact yields, and of both where it yields by the law.
+    """
+    found = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
+    return [one for one in found if one != law and peak > min(law.yield_force, one.yield_force)]
 
 
 def laws_of_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[ElasticPlastic]:

@@ -10,9 +10,6 @@ from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.impact.auto_contact import chosen
 from antiosc.impact.histories.parts import OneContact
 
-#: Speed [m/s] above which none of the yield is told: no contact is quasi-static there.
-FAST = 300.0
-
 
 def choice_at(contact: OneContact) -> Choice | None:
     """The law that the surfaces of a contact require; None if they are unknown."""
@@ -76,17 +73,18 @@ def law_error_text(contact: OneContact) -> str:
 def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
     """The sentence on a contact with an elastic-plastic law."""
     pressure = elastic_pressure(law, contact.deepest)
-    strength = engineering(law.yield_strength, "Pa")
-    mass = float(contact._record.assembly.system.mass[contact._row])
-    fastest = law.yield_speed(mass)
-    speed = engineering(fastest, "m/s")
-    share = f"{engineering(pressure, 'Pa')}, {pressure / law.yield_strength:.3g} times the yield"
+    told, strength = engineering(pressure, "Pa"), engineering(law.yield_strength, "Pa")
     if contact.peak_force <= law.yield_force or contact.dent is None:
-        onset = f"; it yields from {speed} on" if fastest < FAST else ""
-        return f"The contact stays elastic: its pressure is {share} strength {strength}{onset}."
-    e = contact.restitution
+        share = pressure / elastic_pressure(law, law.yield_indentation)
+        return (
+            f"The contact stays elastic: its pressure is {told}, {share:.3g} times that of first"
+            f" yield (yield strength {strength})."
+        )
+    mass = float(contact._record.assembly.system.mass[contact._row])
+    speed, e = engineering(law.yield_speed(mass), "m/s"), contact.restitution
     rebound = "" if e is None else f"; restitution {e:.2f}"
     return (
         f"The contact yields: {contact.dent.text}{rebound}. It yields from {speed} on; Hertz's"
-        f" pressure would be {share} strength {strength}."
+        f" pressure would be {told}, {pressure / law.yield_strength:.3g} times the yield strength"
+        f" {strength}."
     )
