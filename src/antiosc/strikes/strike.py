@@ -533,7 +533,7 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) 
     model = replace(hit.model, info=replace(hit.model.info, strike=records))
     dofs = ", ".join(str(one["dofs"]) for one in records)
     worst = budget.without_law
-    story = f"Meshes of {dofs} dofs; bar {100 * worst:.2g} % for tol = {100 * tol:g} %."
+    story = f"Meshes of {dofs} dofs; bar without law {100 * worst:.2g} % for tol = {100 * tol:g} %."
     if worst > tol and not told:
         share = max(bar.model for bar in budget.values())
         told = (
