@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import engineering, point_text
+from antiosc.base.texts import capitalised, engineering, point_text
 from antiosc.extension import WorstField, at, surface_of
 from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
@@ -120,7 +120,7 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
             f"in {fall.missed} of {len(fall.episodes)} contacts the forces did not reach tol"
         )
     ended = (one.rstrip(".") for one in sentences if one)
-    return [f"{one[0].upper()}{one[1:]}." for one in ended]
+    return [f"{capitalised(one)}." for one in ended]
 
 
 def part_text(fall: Fall) -> str:

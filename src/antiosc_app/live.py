@@ -28,7 +28,7 @@ from antiosc import (
     SceneHistory,
 )
 from antiosc.base._types import Array
-from antiosc.base.texts import engineering, percent, point_text
+from antiosc.base.texts import capitalised, engineering, percent, point_text
 from antiosc.engine import library
 from antiosc.extension import (
     QUANTITIES,
@@ -406,10 +406,9 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     sentences = []
     for peak in fields.values():
         if peak.exposure is not None:
-            sentence = peak.margin().sentence
-            sentences.append(f"{sentence[0].upper()}{sentence[1:]}.")
+            sentences.append(f"{capitalised(peak.margin().sentence)}.")
         if peak.doubt:
-            sentences.append(f"{peak.doubt[0].upper()}{peak.doubt[1:].rstrip('.')}.")
+            sentences.append(f"{capitalised(peak.doubt).rstrip('.')}.")
     if not fields and worst is not None:
         value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
         sentences.append(

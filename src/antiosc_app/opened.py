@@ -27,6 +27,7 @@ import antiosc
 from antiosc import AntiOscillators, History
 from antiosc.base import checks, progress
 from antiosc.base.errors import AntioscError, InputError, RangeError, warnings_to
+from antiosc.base.texts import capitalised
 from antiosc.extension import AUTO, info_of
 from antiosc_app import falls, live, live_data, new, report, results
 from antiosc_app.kept import MODELS, FreeModes, Kept
@@ -169,7 +170,7 @@ class Opened:
                     found = work()
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(LINE.sub("", str(error.__cause__ or error))) from None
-            return {**found, "warnings": list(dict.fromkeys(messages))}
+            return {**found, "warnings": list(dict.fromkeys(map(capitalised, messages)))}
 
         self._count(1)
         return self._work.submit(told).result()
@@ -404,7 +405,7 @@ def _told_of_file(look: new.Inspection) -> str:
     side = " × ".join(f"{1e3 * c:.4g}" for c in look.high - look.low)
     unit = look.read.get("unit")
     taken = f", its file in {unit} (antiosc open --unit)" if unit else ""
-    return " ".join([f"{side} mm{taken}.", *(note[:1].upper() + note[1:] for note in look.notes)])
+    return " ".join([f"{side} mm{taken}.", *map(capitalised, look.notes)])
 
 
 def _key(scene: Compiled, sections: tuple[str, ...]) -> str:

@@ -26,6 +26,7 @@ from antiosc import Fall, History, ImpactMap, SceneHistory
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.process import loading
+from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
@@ -225,7 +226,7 @@ def page(found: Results) -> str:
         Path(__file__).with_name("page") / "report.html",
         title=found.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        warnings=found.warnings,
+        warnings=map(capitalised, found.warnings),
         headline=headline,
         sections=_untold((each for one in parts for each in one.sections.items()), headline),
         details=[(n, [advice_of(found), *blocks]) for n, blocks in model.sections.items()],

@@ -692,12 +692,12 @@ def _map(results: Results) -> Presentation:
     if found.doubtful.any():
         sites += f"; {found.doubtful.sum()} doubtful ones are not in these ranges"
     rows = [("sites", sites)]
-    units = {name: MAP_QUANTITIES[name][1] for name in quantities if name in MAP_QUANTITIES}
+    meant = {name: MAP_QUANTITIES.get(name, (_words(name), "")) for name in quantities}
     for name, values in quantities.items():
         known = values[trusted(found)]
         known = known[np.isfinite(known)]
         if known.size:
-            rows.append((_words(name), range_text(known.min(), known.max(), units.get(name, ""))))
+            rows.append((meant[name][0], _range(known, meant[name][1])))
     for name, own in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(own)} sites"
         if found.peak_force is not None:
@@ -705,7 +705,7 @@ def _map(results: Results) -> Presentation:
             force = engineering(found.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))
-    heads = {n: f"{n} ({units[n]})" if units.get(n) else n for n in quantities}
+    heads = {name: f"{name} ({unit})" if unit else name for name, (_, unit) in meant.items()}
     table = {"surface": found.names.tolist()} if len(surfaces) > 1 else {}
     table |= {f"{axis} (m)": found.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": found.points, "surface": found.names.tolist(), **quantities}
@@ -717,11 +717,17 @@ def _map(results: Results) -> Presentation:
         fields={"map.vtu": found.write},
         sections={"Map": [rows]},
         pictures=[
-            Picture(f"Map: {_words(q)}", f"{heads[q]} over the surface.",
-                    partial(plot_map, found, quantity=q))
+            Picture(f"Map: {meant[q][0]}", f"{meant[q][0].capitalize()} ({meant[q][1]}) over the"
+                    " surface.", partial(plot_map, found, quantity=q))
             for q in ("peak_force", "contact_time", "k0") if q in quantities
         ],
     )  # fmt: skip
+
+
+def _range(values: Array, unit: str) -> str:
+    """The smallest and the largest value; angular frequencies in Hz."""
+    values, unit = (values / (2 * np.pi), "Hz") if unit == "rad/s" else (values, unit)
+    return range_text(values.min(), values.max(), unit)
 
 
 #: Object of a scene -> how it is presented.

@@ -42,7 +42,7 @@ pytestmark = pytest.mark.fem
 
 
 #: What a report shows of a map.
-MAPPED = ("peak force", "contact time", "k0")
+MAPPED = ("peak force", "contact time", "static stiffness")
 
 
 PART = f"""\

@@ -230,6 +230,12 @@ def range_text(low: float, high: float, unit: str = "") -> str:
     return " to ".join(engineering(end, unit, 4) for end in (low, high))
 
 
+def capitalised(sentence: str) -> str:
+    """The sentence with a capital letter, unless it begins with the name of a file or a variable."""
+    first = sentence.partition(" ")[0].rstrip(",:")
+    return sentence[:1].upper() + sentence[1:] if first.isalpha() else sentence
+
+
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit for a table column with this largest value: (1e6, "µs")."""
     if unit == "kg" and 0 < largest < 1:

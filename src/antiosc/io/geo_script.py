@@ -21,6 +21,7 @@ from typing import NamedTuple
 from antiosc.base.errors import MeshError
 
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")
+MESHES = (".msh", ".inp", ".bdf", ".unv", ".med", ".stl", ".vtk")
 #: `Command expression;`: commands that run programs, or read or write files. They may also be names
 #: of variables; they are commands only if an argument follows.
 FILE_COMMANDS = {
@@ -153,6 +154,11 @@ def _check(tokens: list[Token], k: int, name: str) -> str | None:
     if word in FILE_COMMANDS and after.kind in ("string", "name"):
         if word == "Merge" and second.text == ";" and _is_beside(after, CAD):
             return after.text[1:-1]
+        if word in INCLUDING and _is_beside(after, MESHES):
+            raise MeshError(
+                f"{name} merges the mesh {after.text[1:-1]} (line {token.line}), which a geometry "
+                "may not: read that file in its place."
+            )
         raise _refusal(name, token, f"{word} {after.text[:60]}")
     if word in FILE_FIELDS and before.text == "=":
         raise _refusal(name, token, f"a field of type {word}")

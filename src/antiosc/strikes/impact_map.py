@@ -36,7 +36,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
 from antiosc.base.stresses import equivalent
-from antiosc.base.texts import engineering, point_text as placed
+from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import SHARP
 from antiosc.engine.contact.peak_error import error_of_peak
@@ -465,15 +465,17 @@ def _laws(
     sites = zip(found.points, found.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
     lengths = striker is None or 0.0 in striker.curvatures
-    for i, (point, direction, radius) in enumerate(sites):
-        own = _surface(structure, point, direction, radius, lengths)
-        body = PlaneOf(structure, own)
-        try:
-            laws.append(law_of(AUTO, body, impactor))
-        except InputError:  # a hollow of the impactor's size
-            laws.append(plane)
-            sharp[i] = True
-        sharp[i] |= own is not None and own.kind in SHARP
+    with counting("laws of the sites", len(found), structure.comm.rank) as ready:
+        for i, (point, direction, radius) in enumerate(sites):
+            own = _surface(structure, point, direction, radius, lengths)
+            body = PlaneOf(structure, own)
+            try:
+                laws.append(law_of(AUTO, body, impactor))
+            except InputError:  # a hollow of the impactor's size
+                laws.append(plane)
+                sharp[i] = True
+            sharp[i] |= own is not None and own.kind in SHARP
+            ready(i + 1)
     return laws, sharp
 
 
@@ -580,8 +582,8 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
     left = int(np.sum(result.error > accuracy))
     if left:
         warn(
-            f"Z may be off by more than {accuracy:g} at {left} of {len(result)} sites up to "
-            f"{engineering(result.band, 'Hz')} (at worst {result.error.max():.1e}): raise n or"
+            f"Z may be off by more than {percent(accuracy)} at {left} of {len(result)} sites up to "
+            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): raise n or"
             " modes, lower the band, or extract those sites (see .error).",
             AccuracyWarning,
         )

@@ -75,6 +75,12 @@ def test_a_trusted_script_runs_as_gmsh_runs_it(tmp_path, marked):
     assert happened()
 
 
+def test_a_script_that_merges_a_mesh_names_it(tmp_path):
+    path = tmp_path / "part.geo"
+    path.write_text('// a view of results\nMerge "cylinder.msh";\n')
+    assert "cylinder.msh (line 2)" in refusal(path)
+
+
 SNEAKY = [
     'SystemCall "x";',
     'System "x";',

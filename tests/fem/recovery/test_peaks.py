@@ -12,6 +12,7 @@ from antiosc.base.stresses import extreme_principal
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fields import peaks
+from antiosc.impact.histories import factors
 from antiosc.reduce.site import functional
 from mpi import START, one_and_several
 from parts import unreduced
@@ -76,6 +77,19 @@ def test_a_run_too_long_for_all_its_motion_is_told(struck, monkeypatch):
     with pytest.warns(ao.AccuracyWarning, match="give times"):
         peak = ao.peak_field(part, long, "acceleration")
     assert f"up to {peak.error:.3g} m/s² more" in peak.summary()
+
+
+def test_runs_of_many_nodes_are_looked_at_in_parts(struck, monkeypatch):
+    """The same peaks, while the motion at few times is in the memory together."""
+    part, hit = struck
+    fine = ao.simulate(hit.model, BALL, LAW, 5e-4, step=1e-7)
+    once, counts, at = ao.peak_field(part, fine, "acceleration"), [], ao.History.at
+    monkeypatch.setattr(peaks, "MOST", len(fine.time) // 3)
+    monkeypatch.setattr(factors, "AT_ONCE", 100)
+    monkeypatch.setattr(ao.History, "at", lambda h, t: (counts.append(len(t)), at(h, t))[1])
+    seldom = ao.peak_field(part, fine, "acceleration")
+    np.testing.assert_allclose(seldom.values, once.values, rtol=1e-3, atol=1e-6 * once.values.max())
+    assert max(counts) <= max(2 * peaks.FEWEST, peaks.WINDOW) < len(fine.time)
 
 
 def test_times_and_nodes_of_an_envelope(struck, monkeypatch):

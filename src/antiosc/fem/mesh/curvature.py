@@ -170,8 +170,8 @@ def curvature(
             "give the law of the contact."
         )
     size = mesh.extent()
-    patch = _patch(faces, point, WIDEST * size)
-    at = patch.only(patch.touching)
+    near = _patch(faces, point)
+    at = near.only(near.touching)
     cad = _on_cad(mesh, at)
     if cad is not None:
         at = replace(at, normals=cad.along_sides())
@@ -186,20 +186,21 @@ def curvature(
     if cad is not None:
         found = _from_cad(cad, at, x, normal, size)
     else:
+        patch = _patch(faces, point, WIDEST * size, FACES_WIDE)
         label = patch.surfaces(faces.sheet)
         smooth = patch.only(np.isin(label, label[patch.touching]))
         found = _from_nodes(smooth, x, normal)
     return _with_length(faces, found, size) if lengths and found.kind == LINE else found
 
 
-def _patch(faces: Faces, point: Array, reach: float) -> Patch:
-    """Faces whose middles lie within `reach` [m], or within a few face sizes if that is more."""
+def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) -> Patch:
+    """Faces within `reach` [m] of the nearest one, or within `wide` sizes of it if that is more."""
     comm = faces.mesh.comm
     away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(away.min(initial=np.inf)))
     there = np.flatnonzero(away <= min(nearest) + faces.radii)
     largest = max(comm.allgather(float(faces.radii[there].max(initial=0.0))))
-    chosen = np.flatnonzero(away <= min(nearest) + max(reach, FACES_WIDE * largest))
+    chosen = np.flatnonzero(away <= min(nearest) + max(reach, wide * largest))
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     around = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     xi = projected(

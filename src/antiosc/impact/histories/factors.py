@@ -19,6 +19,8 @@ from antiosc.models.stretch import Stretch, stretch_of
 
 #: What knows the motion of a body.
 AnyHistory = RunHistory | BodyHistory
+#: Times whose motion is in the memory together.
+AT_ONCE = 2000
 
 
 def no_field_message(model: object) -> str:
@@ -130,20 +132,21 @@ def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
 
 
 def modal_amplitudes(
-    history: AnyHistory, times: Array, body: str, derivative: int
+    history: RunHistory, times: Array, body: str, derivative: int
 ) -> tuple[Array, Array, Array]:
     """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,).
 
     Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
     forces slowly; 0 of rigid-body modes.
     """
-    own, one = modes_of(history, body), _motion_at(history, times, body)
-    omega = own.omega
-    # of the oscillation x: x' = v and x'' = a
-    swing = np.hypot(omega * one.v, one.a).max(axis=0)
-    sizes = np.zeros(omega.size)
+    own = modes_of(history, body)
+    omega, swing, sizes = own.omega, np.zeros(own.omega.size), np.zeros(own.omega.size)
+    for some in np.array_split(times, -(-len(times) // AT_ONCE)):
+        one = _motion_at(history, some, body)
+        # of the oscillation x: x' = v and x'' = a
+        swing = np.maximum(swing, np.hypot(omega * one.v, one.a).max(axis=0))
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
-    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, one.forces.shape[1])))
+    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, own.B.shape[1])))
     return omega, shapes, sizes
 
 

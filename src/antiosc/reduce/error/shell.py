@@ -298,7 +298,7 @@ class SheetRecovery:
 
     def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
         self._part, self.count = part, shapes.shape[1]
-        strains = StrainsOfSheets(part, shapes, pieces)
+        self._strains = strains = StrainsOfSheets(part, shapes, pieces)
         self._space = compat.lagrange(part.mesh.dolfinx, DEGREE, 0)
         every = np.arange(compat.cell_map(part.mesh.dolfinx).size_local)
         dofs = compat.cell_dofs(self._space, (0,), every).astype(np.int64)
@@ -309,7 +309,8 @@ class SheetRecovery:
         self._dofs = dofs.reshape(len(every), -1)
         table, self._points = compat.tabulate(self._space, (), strains.X), len(strains.X)
         width = max(1, BLOCK_NUMBERS // (STRAINS * self._points * self.count))
-        self._blocks: list[tuple[slice, SheetStrains, scipy.sparse.csr_matrix]] = []
+        # the strains of all blocks may not fit the memory: they are taken anew
+        self._blocks: list[tuple[slice, scipy.sparse.csr_matrix]] = []
         mass = scipy.sparse.csc_matrix((len(known), len(known)))
         loads = np.zeros((len(known), STRAINS * self.count))
         for first in range(0, len(every), width):
@@ -322,7 +323,7 @@ class SheetRecovery:
             at = scipy.sparse.csr_matrix(
                 (values.ravel(), columns.ravel(), starts), shape=(rows, len(known))
             )
-            self._blocks.append((some, own, at))
+            self._blocks.append((some, at))
             weighted = at.T @ scipy.sparse.diags(own.weights)
             mass = mass + weighted @ at
             loads += weighted @ own.own.reshape(rows, -1)
@@ -336,7 +337,9 @@ class SheetRecovery:
     def blocks(self) -> Iterator[Block]:
         """All cells, in blocks."""
         number = self._part.part_of_cells()
-        for some, own, at in self._blocks:
+        every = np.arange(len(number))
+        for some, at in self._blocks:
+            own = self._strains.at(every[some])
             recovered = (at @ self._values).reshape(own.own.shape)
             yield Block(some, own, recovered, self._D[np.repeat(number[some], self._points)])
 
