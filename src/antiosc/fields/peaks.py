@@ -59,6 +59,8 @@ Reals = NDArray[np.floating[Any]]
 TIME_ERROR, FLOOR = 0.01, 0.1
 #: Steps over the run, at least and at most.
 FEWEST, MOST = 500, 40_000
+#: Nodes of a history that are looked at, however few steps its modes need.
+NODES = 5000
 #: Times that are looked at together, and parts of a step about a maximum.
 WINDOW, PARTS = 1000, 8
 #: Bytes of the values of a block of nodes at these times.
@@ -150,14 +152,26 @@ def _step(
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """The nodes, with evenly spaced times between nodes farther apart than the step."""
+    """The nodes, with evenly spaced times between nodes farther apart than the step.
+
+    Of more than `NODES` no more than steps, evenly by their number: most of them lie in contacts.
+    """
     nodes = np.unique(nodes)
+    steps = (nodes[-1] - nodes[0]) / step if step else 0.0
+    nodes = _evenly(nodes, max(NODES, int(steps)))
     nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * (nodes[-1] - nodes[0]))]
     gaps = np.diff(nodes)
     parts = np.maximum(np.ceil(gaps / step), 1).astype(int) if step else np.ones(len(gaps), int)
     first = np.repeat(np.cumsum(parts) - parts, parts)
     share = (np.arange(parts.sum()) - first) / np.repeat(parts, parts)
     return np.append(np.repeat(nodes[:-1], parts) + share * np.repeat(gaps, parts), nodes[-1])
+
+
+def _evenly(times: Array, most: int) -> Array:
+    """At most so many of the times, the first and the last among them."""
+    if len(times) <= most:
+        return times
+    return times[np.linspace(0, len(times) - 1, most).astype(int)]
 
 
 def _parabola_maxima(t: Array, y: Array) -> Array:
@@ -455,8 +469,7 @@ def peak_field(
         factors = functools.partial(stress_amplitudes, structure, history, body=body)
     static = recovered != "motion" and structure.matrices.preload is not None
     if times is None and not isinstance(history, BodyHistory):
-        if len(at) > MOST:  # where the nodes are dense, those that are left are, too
-            at = at[np.linspace(0, len(at) - 1, MOST).astype(int)]
+        at = _evenly(at, MOST)
         omega, modal, sizes = modal_amplitudes(history, at, body, derivative)
         if stretch_in(history, body) is None:
             # a spring is stretched by no more than the body

@@ -85,6 +85,7 @@ def test_runs_of_many_nodes_are_looked_at_in_parts(struck, monkeypatch):
     fine = ao.simulate(hit.model, BALL, LAW, 5e-4, step=1e-7)
     once, counts, at = ao.peak_field(part, fine, "acceleration"), [], ao.History.at
     monkeypatch.setattr(peaks, "MOST", len(fine.time) // 3)
+    monkeypatch.setattr(peaks, "NODES", len(fine.time) // 5)
     monkeypatch.setattr(factors, "AT_ONCE", 100)
     monkeypatch.setattr(ao.History, "at", lambda h, t: (counts.append(len(t)), at(h, t))[1])
     seldom = ao.peak_field(part, fine, "acceleration")
