@@ -231,7 +231,7 @@ def range_text(low: float, high: float, unit: str = "") -> str:
 
 
 def capitalised(sentence: str) -> str:
-    """The sentence with a capital letter, unless it begins with the name of a file or a variable."""
+    """The sentence with a capital letter, unless it begins with a name of a file or a variable."""
     first = sentence.partition(" ")[0].rstrip(",:")
     return sentence[:1].upper() + sentence[1:] if first.isalpha() else sentence
 
