@@ -420,9 +420,9 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
 
 def _absorbed(hit: History) -> str:
     """The share of the striker's energy that stays in the part."""
-    if len(hit.bodies) != 2 or not hit.contacts:
+    if len(hit.assembly.bodies) != 2 or not hit.contacts:
         return ""
-    striker = list(hit.bodies.values())[1]
+    striker = list(hit.at([0.0, hit.time[-1]]).values())[1]
     before, after = (float(striker.kinetic[k] + striker.strain[k]) for k in (0, -1))
     if before <= 0 or after > before:
         return ""
