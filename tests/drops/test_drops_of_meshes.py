@@ -13,6 +13,7 @@ from scipy.special import j1
 
 import antiosc as ao
 from antiosc.engine.contact.line import line_indentation
+from antiosc_studies.drops import corners
 from antiosc_studies.drops.body import free_body
 from parts import box, line
 
@@ -264,6 +265,20 @@ def test_a_corner_with_a_radius_has_a_limit_in_the_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_mesh_of_a_part_is_factorized_once_for_all_its_corners(monkeypatch) -> None:
+    """Corners that touch later take a finer mesh each, and lack the same as all at once."""
+    made, free = [], corners._free
+    monkeypatch.setattr(corners, "_free", lambda *own: (made.append(own), free(*own))[1])
+    part = ao.Structure(box((2, 2, 2), (0.04, 0.03, 0.02)), STEEL).matrices
+    ends = ((0.0, 1), (0.04, -1))
+    sites = [ao.Site((x, 0, 0), (d, 1, 1), 1e-3, tangential=True) for x, d in ends]
+    later = corners.Corners()
+    found = np.concatenate([later.missing(part, [one]) for one in sites])
+    assert len(made) == 3
+    together = corners.Corners().missing(part, sites)
+    np.testing.assert_allclose(found, together, atol=0.1 * abs(together).max())
+
+
 def test_sharp_and_flat_places(case: ao.Structure) -> None:
     with pytest.raises(ao.InputError, match=r"sharp corner at \(0.12, 0.06, 0\) m: give"):
         ao.contact_between(case, STEEL, at=(0.12, 0.06, 0.0))

@@ -27,7 +27,7 @@ from antiosc.base.errors import InputError, finite_element_packages, without_war
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
 from antiosc.engine.contact.surfaces import Matter, matter_of
 from antiosc.extension import as_damping
-from antiosc_studies.drops.corners import columns, missing
+from antiosc_studies.drops.corners import Corners, columns
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.lines import cylinders
 from antiosc_studies.drops.skin import THIN, Skin, hull, skin_of
@@ -144,7 +144,7 @@ def _elastic(
         facing=None if skin.half.any() else skin.normals[own],
         structure=structure,
         basis=phi,
-        residual=partial(_residual, structure, phi, omega, skin, own, rounded),
+        residual=partial(_residual, structure, Corners(), phi, omega, skin, own, rounded),
         lines=skin.points[skin.lines] - centre,
     )
     body.cylinders = cylinders(body, skin, own)
@@ -177,6 +177,7 @@ def _least(structure: Structure, skin: Skin) -> float:
 
 def _residual(
     structure: Structure,
+    corners: Corners,
     phi: Array,
     omega: Array,
     skin: Skin,
@@ -193,7 +194,7 @@ def _residual(
         found = functionals(structure, sites)
     B = np.column_stack([columns(one) for one in found])
     Y = structure.factorize().solve_block(B)
-    lacks = _lacking(structure, skin, chosen, sites)
+    lacks = _lacking(structure, corners, skin, chosen, sites)
     x, shapes, residual = omega**2 + structure.shift, [], []
     for n, (k, one) in enumerate(zip(chosen, found, strict=True)):
         b, y = (each[:, 3 * n : 3 * n + 3] for each in (B, Y))
@@ -234,7 +235,9 @@ def _site(skin: Skin, which: int, corner: float) -> Site:
     return Site(place, tuple(push.tolist()), radius if solid else None, tangential=True)
 
 
-def _lacking(structure: Structure, skin: Skin, chosen: IntArray, sites: list[Site]) -> Array:
+def _lacking(
+    structure: Structure, corners: Corners, skin: Skin, chosen: IntArray, sites: list[Site]
+) -> Array:
     """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
     found = np.zeros((len(sites), 3, 3))
     sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
@@ -247,7 +250,7 @@ def _lacking(structure: Structure, skin: Skin, chosen: IntArray, sites: list[Sit
     for number, member in enumerate(members):
         those = sharp[nearest == number]
         own = [_in_part(sites[i], member) for i in those]
-        lacks = missing(member.part, own) if len(those) else None
+        lacks = corners.missing(member.part, own) if len(those) else None
         if lacks is not None:
             found[those] = lacks
     return found

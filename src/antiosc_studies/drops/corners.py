@@ -16,7 +16,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import without_warnings
 
 if TYPE_CHECKING:
-    from antiosc import Mesh, Site
+    from antiosc import Mesh, Site, Structure
     from antiosc.extension import Functional, MeshedStructure
 
 #: Edges of the cells at a corner over its radius: the force of a plastic block changes by 1.2 %
@@ -30,24 +30,37 @@ SIDES = np.array(
 TOGETHER = 8
 
 
-def missing(part: MeshedStructure, sites: list[Site]) -> Array | None:
-    """Compliances (n, 3, 3) [m/N] that the mesh of a part lacks at sites with a patch.
+class Corners:
+    """What the meshes of the parts of one body lack at corners; each is factorized once."""
 
-    Along the direction of each and across it, in the order of `Functional`. None for meshes of
-    other cells than tetrahedra and hexahedra.
-    """
-    if part.mesh.cell == "tetrahedron":
-        coarse = simplices = straightened(part.mesh)
-    elif part.mesh.cell == "hexahedron":
-        coarse, simplices = part.mesh, tetrahedra(part.mesh)
-    else:
-        return None
-    found = []
-    for first in range(0, len(sites), TOGETHER):
-        some = sites[first : first + TOGETHER]
-        fine = _finer(simplices, some)
-        found.append(_compliance(part, fine, some) - _compliance(part, coarse, some))
-    return np.concatenate(found)
+    def __init__(self) -> None:
+        self._known: dict[MeshedStructure, tuple[Mesh, Structure]] = {}
+
+    def missing(self, part: MeshedStructure, sites: list[Site]) -> Array | None:
+        """Compliances (n, 3, 3) [m/N] that the mesh of a part lacks at sites with a patch.
+
+        Along the direction of each and across it, in the order of `Functional`. None for meshes
+        of other cells than tetrahedra and hexahedra.
+        """
+        if part.mesh.cell not in ("tetrahedron", "hexahedron"):
+            return None
+        simplices, coarse = self._of(part)
+        found = []
+        for first in range(0, len(sites), TOGETHER):
+            some = sites[first : first + TOGETHER]
+            fine = _free(part, _finer(simplices, some))
+            found.append(_compliance(fine, some) - _compliance(coarse, some))
+        return np.concatenate(found)
+
+    def _of(self, part: MeshedStructure) -> tuple[Mesh, Structure]:
+        """A mesh of straight tetrahedra, and the free part on its own mesh with straight edges."""
+        if part not in self._known:
+            if part.mesh.cell == "tetrahedron":
+                coarse = simplices = straightened(part.mesh)
+            else:
+                coarse, simplices = part.mesh, tetrahedra(part.mesh)
+            self._known[part] = simplices, _free(part, coarse)
+        return self._known[part]
 
 
 def tetrahedra(mesh: Mesh) -> Mesh:
@@ -104,14 +117,22 @@ def _finer(mesh: Mesh, sites: list[Site]) -> Mesh:
     return OfMesh(mesh).first(np.inf, refine)
 
 
-def _compliance(part: MeshedStructure, mesh: Mesh, sites: list[Site]) -> Array:
-    """Elastic compliance (n, 3, 3) of the free part on a mesh."""
+def _free(part: MeshedStructure, mesh: Mesh) -> Structure:
+    """The part without supports on another mesh."""
     from antiosc import Structure
-    from antiosc.extension import functionals
+
 
     structure = object.__new__(Structure)
     with without_warnings():
         structure._hold(part.again(mesh, ()), time.perf_counter())
+    return structure
+
+
+def _compliance(structure: Structure, sites: list[Site]) -> Array:
+    """Elastic compliance (n, 3, 3) of a free part."""
+    from antiosc.extension import functionals
+
+    with without_warnings():
         found = functionals(structure, sites)
     B = np.column_stack([columns(one) for one in found])
     Y = structure.factorize().solve_block(B)
