@@ -121,7 +121,6 @@ def _free(part: MeshedStructure, mesh: Mesh) -> Structure:
     """The part without supports on another mesh."""
     from antiosc import Structure
 
-
     structure = object.__new__(Structure)
     with without_warnings():
         structure._hold(part.again(mesh, ()), time.perf_counter())
