@@ -432,7 +432,7 @@ def _law_error(worst: PointContact, body: FreeBody, floor: Floor) -> str:
         return "the error of that force is not known: give part and floor a yield strength"
     error = worst.error(body, floor)
     if error is None:
-        return f"the error of that force is known up to {LARGEST_STRAIN:g}: take a blunter part"
+        return f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a blunter part"
     cause = "large strains" if worst.dent is None else "the law and the range of the yield strength"
     told = f"by {cause} that force may be off by {error:.0%}"
     if worst.dent is None or worst.depth * worst.curvature < DEEP:
