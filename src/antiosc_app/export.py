@@ -357,7 +357,7 @@ def _scene(
 
 
 def _chain(model: object, ending: str) -> AntiOscillators:
-    """The model with a residual mass > 0; InputError for one that is no chain of springs."""
+    """The model with a residual mass > 0; InputError where it is no chain of springs."""
     if not isinstance(model, AntiOscillators) or model.sites:
         raise InputError(
             f"a file {ending} holds AntiOscillators of one site; got {type(model).__name__}"

@@ -299,7 +299,7 @@ def text(title: str, data: RunData) -> str:
 
 
 def _sources() -> str:
-    """The sources of a run in one, without their includes of each other."""
+    """The C sources of a run as one text, without #include of each other."""
     found = sources()
     parts = [_OWN_INCLUDE.sub("", found[each]) for each in _NEEDED]
     return _NOT_OF_A_RUN.sub("", "".join(parts))

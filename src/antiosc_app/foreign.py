@@ -151,7 +151,7 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
 
 
 def _of_solids(looked: FileMesh, notes: list[str]) -> list[Read]:
-    """Ways to mesh the solids of a CAD file, which has a line for each in its outline."""
+    """Options of reading the solids of a CAD file, in the order in which they are tried."""
     from antiosc.io.reading import described_pieces
 
     solids = _solids(looked)

@@ -125,7 +125,7 @@ SUPERSCRIPTS = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
 def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
-    """The impact for the page; None for one that the page cannot repeat.
+    """The impact as data for the page; None where the page cannot repeat it.
 
     It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
     start, under loads that do not change, without dampers that couple modes, of strikers that do

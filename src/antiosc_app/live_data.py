@@ -8,7 +8,7 @@ from antiosc_app.live import Data, blow_of_history, engine, striker_place
 
 
 def data_of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
-    """The data of a map, on every rank; None for one that the page cannot strike anew."""
+    """The data of a map, on every rank; None where the page cannot strike it again."""
     from antiosc_app import live_meshes  # needs dolfinx
 
     struck = live_meshes.sites_of_map(found, structure)
@@ -20,7 +20,7 @@ def data_of_map(found: ImpactMap, structure: Structure | None) -> Data | None:
 def data_of_history(
     hit: History, structure: Structure | None, budget: ErrorBudget | None
 ) -> Data | None:
-    """The data of an impact, on every rank; None for one that the page cannot repeat."""
+    """The data of an impact, on every rank; None where the page cannot repeat it."""
     own = blow_of_history(hit, budget)
     if own is None:
         return None

@@ -353,7 +353,7 @@ def _flat(
 def _outside_hollows(
     mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
-    """Sites of a solid, those into which the ball would fit last."""
+    """Sites of a solid; those in hollows into which the ball does not fit come last."""
     from antiosc.extension import curvature
 
     hollow = []
@@ -374,8 +374,7 @@ def _movable(
     first: tuple[Array, Array, float | None],
     others: Iterator[tuple[Array, Array, float | None]],
 ) -> tuple[Array, Array, float | None]:
-    """The first site that supports of a deck leave free, with a patch if its material has one;
-    one whose patch they hold partly where there is no other."""
+    """The first site that supports leave free, else one that they hold in part; with a patch."""
     from antiosc import Site
     from antiosc.extension import functional
 

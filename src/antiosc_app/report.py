@@ -83,7 +83,7 @@ def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
 
 
 def write_output(found: Results, target: Path) -> list[Path]:
-    """The files that the scene asks for, written on the first rank; their paths."""
+    """Write the files that the scene asks for, on the first rank; returns their paths."""
     asked = found.compiled.output
     wanted = Output() if asked is None else asked.made
     written: list[Path] = []
@@ -260,7 +260,7 @@ def _untold(
 
 
 def _rows_untold(rows: list[tuple[str, object]], told: set[str]) -> list[tuple[str, object]]:
-    """Rows without those that are told; a row without a name has that of the row above."""
+    """Rows whose values stand nowhere else on the page; a nameless row has the name above."""
     kept, name = [], ""
     for own, value in rows:
         name = own or name

@@ -560,7 +560,7 @@ class Probe:
 
 
 def _signals(probes: Sequence[Probe], ax: Axes) -> None:
-    """The signals of probes with one unit in it; of others the shares of their largest values."""
+    """Draw the signals of probes in their unit, or of several units as shares of their maxima."""
     signals = [probe.signal() for probe in probes[:CURVES]]
     largest = [float(np.abs(values).max()) for _, _, values, _ in signals]
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}

@@ -187,7 +187,7 @@ def of_model(model: LinearBody) -> RunData:
 
 
 def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool) -> RunData:
-    """A scene; `plain`: names without those of bodies, as `simulate` has them."""
+    """Data of a scene's run; `plain`: names of results without a body, as of `simulate`."""
     for contact in scene.contacts:
         if not is_compiled(contact.law):
             raise InputError(

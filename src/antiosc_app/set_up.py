@@ -37,7 +37,7 @@ FIRST, FIRST_OF_BALL = "steel S235", "bearing steel 100Cr6"
 #: fall, as in the pages about drops.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
-FRICTION, IMPACTS, MODES = 0.3, 3, 20
+FRICTION, IMPACTS, MODES = 0.3, 3, 20  # of a floor; of a fall
 #: Inclination of a fall on a face [degree]: none lands quite flat, on all its vertices at once.
 TILT = (2.0, 1.0, 0.0)
 #: Duration of the impact on a solid or a bar [s].

@@ -134,7 +134,7 @@ def _between(known: Points, first: int, last: int, count: int, step: int) -> Mad
 def element_copies(
     card: Card, blocks: Sequence[Block], labels: Sequence[IntArray], nodes: Numbering
 ) -> Iterator[tuple[Block, IntArray, int]]:
-    """Elements in rows, layers and blocks of one (*ELGEN) by steps, with the number of that one."""
+    """Elements copied in rows, layers and blocks (*ELGEN) with steps of nodes and of numbers."""
     for row in card.rows():
         master, *rest = (whole_number(word, row.place) for word in row.fields if word)
         row.needs(rest, "2 numbers are needed at least.")

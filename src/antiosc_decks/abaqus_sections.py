@@ -232,7 +232,7 @@ class Sections:
         self.builder.add(name, elements, Family(kind, arguments, card.place))
 
     def _refuse_nodal(self, card: Card, blocks: Sequence[Block]) -> None:
-        """MeshError for beams whose dimensions are those of their nodes."""
+        """MeshError for beams whose dimensions are given at their nodes."""
         known = np.flatnonzero(np.isfinite(self.thickness))
         nodal = any(np.isin(block.nodes, known).any() for block in blocks)
         own = not nodal and "NODALTHICKNESS" not in card.options

@@ -156,7 +156,7 @@ class ModelBuilder:
         return found | {"nu12": nu12, "rho": self.rho(material), "thickness": thick, "angle": angle}
 
     def add(self, name: str, elements: IntArray, family: Family) -> None:
-        """Set the section of elements; a later one replaces an earlier one."""
+        """Set the section of elements, in place of an earlier one."""
         self.of_element[elements] = len(self.families)
         self.families.append(family)
         self.names.append(name)

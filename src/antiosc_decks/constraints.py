@@ -91,7 +91,7 @@ class Constraints:
             self.equations.append(kept)
 
     def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
-        """Fix motions (6,) of a node along rows of `frame`: those (6,) that become supports."""
+        """Fix motions (6,) of a node along rows of `frame`; mask (6,) of those to be supported."""
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
             own = fixed[first : first + 3]

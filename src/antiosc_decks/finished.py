@@ -30,7 +30,7 @@ FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder) -> BoolArray:
-    """Springs and masses for rods, but those of a truss, and panels; which they are."""
+    """Turn rods outside of trusses, and panels, into springs and masses; mask of these elements."""
     rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
     masses: dict[int, tuple[float, Place]] = {}
     for block, some in deck.numbered():
@@ -334,7 +334,7 @@ def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
 
 
 def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
-    """Leave out elements, and what acts on nodes of those that are not chosen."""
+    """Keep the chosen elements; leave out the others, and what acts on their nodes alone."""
     if kept.all():
         return
     deck, gone = builder.deck, builder.gone

@@ -264,7 +264,7 @@ ALONG = 1e-9
 
 
 class End(NamedTuple):
-    """An end that is not its node: rows of both, what holds them together, along which axes."""
+    """An end of a beam away from its node: both rows, the motions that join them, their axes."""
 
     row: int
     node: int

@@ -386,6 +386,7 @@ SEVERAL = {
     **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), 4),
     **dict.fromkeys(("PDAMP", "PMASS"), 2),
 }
+#: Fields of CBAR and CBEAM that are blank together: property, orientation, offsets' axes.
 _OF_BARS = ((1,), (4, 5, 6), (7,))
 #: Entry -> the one that gives defaults, of which fields that are blank together.
 DEFAULTS = {
@@ -500,7 +501,7 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def fill(entries: Sequence[Entry]) -> None:
-    """Blank fields are those of the entry that gives defaults in the same part."""
+    """Fill blank fields from the entry of defaults (BAROR, GRDSET, …) in the same part."""
     names = {name for name, _ in DEFAULTS.values()}
     given = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
     for entry in entries if given else ():
@@ -515,7 +516,7 @@ def fill(entries: Sequence[Entry]) -> None:
 
 
 def renew(entries: Sequence[Entry]) -> list[Entry]:
-    """Make entries of older versions what they are now; the further ones that this needs."""
+    """Rewrite entries of old versions as current ones; returns entries to be added."""
     made: dict[str, Entry] = {}
     more: list[Entry] = []
     known = {entry.text(0) for entry in entries if entry.name == "PSOLID"}

@@ -283,7 +283,7 @@ class NastranDeck:
                 self.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
 
     def constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
-        """(rows of nodes, components such as "123", entry) of one set of single-point ones."""
+        """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
         for entry in self.named("SPC", "SPC1"):
             if entry.whole(0) != number:
                 continue

@@ -20,6 +20,7 @@ from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
 from antiosc_decks.sources import lines
 
+#: The motions of a node: three displacements, three rotations.
 ALL = (0, 1, 2, 3, 4, 5)
 #: Share of an arm below which it lies along the spring.
 ROUNDING_ARM = 1e-9
@@ -107,7 +108,7 @@ class Joints:
         self._follow(self._nodes(entry, words), self.found.at(entry, 1), motions, entry)
 
     def _seconct(self, entry: Entry) -> None:
-        """Pairs of a node of one superelement and one of another, which are one node."""
+        """Pairs of nodes of two superelements that SECONCT makes one node."""
         words = entry.words(8)
         plain = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
         entry.needs(plain, "SECONCT is read as pairs of nodes.")

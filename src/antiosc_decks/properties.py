@@ -274,7 +274,7 @@ def curved(deck: Deck, elements: IntArray) -> bool:
 
 
 def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) -> Everywhere:
-    """Vectors at the middles of elements, and of the triangles into which they are cut, in m."""
+    """One vector per element at its middle [m], and at those of a quadrilateral's triangles."""
     places, directions = [], []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
         thirds = range(4) if len(x) == 4 else ()

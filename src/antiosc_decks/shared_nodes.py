@@ -208,7 +208,7 @@ def row_of(matrix: Sparse, k: int) -> Row:
 
 #: Distance from the tied place, as a share of the distance between the tied nodes.
 TIED_NEAR = 1e-3
-LEAST_WEIGHT = 1e-9
+LEAST_WEIGHT = 1e-9  # smaller shares are rounding of the shape functions
 
 
 class CoincidentNodes:
@@ -377,7 +377,7 @@ def _followers(
 
 
 def _sum(terms: Sequence[Row]) -> Row:
-    """Rows as one: their sum, if it is one of a matrix."""
+    """The sum of rows, as columns and values of a sparse matrix."""
     columns, values = (np.concatenate(both) for both in zip(*terms, strict=True))
     return columns, values
 

@@ -65,7 +65,7 @@ class Sources:
         return self.lines(self.path, self.name)
 
     def enter(self, named: str, at: Place) -> list[str]:
-        """Lines of an included file, until `leave`; MeshError: none, one outside, an open one."""
+        """Read an included file until `leave`; MeshError: missing, outside, or already open."""
         named = named.strip().strip("'\"").strip()
         at.needs(named, "an include without the name of a file.")
         try:
@@ -105,7 +105,7 @@ class Sources:
 
 
 def _root(path: Path) -> Path:
-    """The folder of a deck, or the one above where the deck and both folders are the user's own."""
+    """The folder that includes may not leave: the deck's, or its parent if the user owns both."""
     folder = path.resolve().parent
     above = folder.parent
     try:

@@ -269,9 +269,7 @@ class StackedModes:
         return found.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:
-        """Derivatives (J,) by the initial displacements, from those by the (a, b) that `state`
-        returns.
-        """
+        """Derivatives (J,) by initial displacements, from those by the result (a, b) of `state`."""
         found = np.zeros(self.free)
         for free, own, _, first in self._spans():
             both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
@@ -503,9 +501,7 @@ def _groups(poles: Numbers) -> list[list[int]]:
 def _pairs(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
-    """(w, d, c_a, c_b) of real poles, each negative one paired with the nearest slower positive
-    one.
-    """
+    """Real poles in pairs (w, d, c_a, c_b): a negative one with the nearest slower positive one."""
     found: list[tuple[float, float, Array, Array]] = []
     rest = sorted(plus, key=lambda one: one[0])  # the fastest first
 

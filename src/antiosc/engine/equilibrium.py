@@ -17,6 +17,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.system import System
 
+#: Steps of the search for rest: the scenes of the quick tests need 10 at most.
 _ITERATIONS = 400
 
 

@@ -50,7 +50,7 @@ READING = np.dtype([("step", np.int64), ("at", float), ("stays", np.int64)])
 DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK, PAUSED, LAW_FAILED = range(8)
 # kinds of laws
 LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, ELASTIC_PLASTIC = range(9)
-TABLE, USER = 9, 10
+TABLE, USER = 9, 10  # after these
 # branches of a law
 APART, FORWARD, CUT, BACK = range(4)
 

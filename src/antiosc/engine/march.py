@@ -18,7 +18,7 @@ from antiosc.engine.system import Given, Kept, Key, System
 
 Array = NDArray[np.float64]
 
-_RECORDS = library.Record * 3
+_RECORDS = library.Record * 3  # the runs with three steps of which the last two are compared
 _FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
 FINE = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s

@@ -142,8 +142,9 @@ class System:
 
     @cached_property
     def marched(self) -> System:
-        """The system in the modes that the march integrates: first-order ones where damping
-        couples the modes. Its loads are those on both, (K, 2 I)."""
+        """The system in the modes that the C library integrates: first-order ones where damping
+        couples the modes, with loads (K, 2 I) on displacements and velocities.
+        """
         first = self.first
         if first is None:
             return self

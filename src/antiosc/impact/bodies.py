@@ -252,7 +252,7 @@ def _mass_modes(mass: float) -> ModalBody:
 
 #: Steel (handbook values), Pa and kg/m³.
 STEEL = {"E": 210e9, "nu": 0.3}
-STEEL_DENSITY = 7850.0
+STEEL_DENSITY = 7850.0  # handbook value
 #: Ice at 0 °C, kg/m³ (handbook value).
 ICE_DENSITY = 917.0
 #: Standard gravity, m/s².

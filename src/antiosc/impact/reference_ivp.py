@@ -27,7 +27,7 @@ from antiosc.engine.march import Run, run
 from antiosc.engine.system import System
 from antiosc.impact.states import starts
 
-MOST_SWEEPS = 500
+MOST_SWEEPS = 500  # the scenes of the quick tests need 10 at most
 SWEEP_TOL = 1e-13  # change of a force in a sweep, relative to the largest
 
 

@@ -317,6 +317,7 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
 
 Budget = Callable[[History], ErrorBudget]
 
+#: Relative error of the forces by the step: little beside the errors of meshes and of laws.
 DEFAULT_TOL = 1e-3
 
 

@@ -322,7 +322,7 @@ def softest_model(model: AntiOscillators, next_omega: float | None = None) -> An
 
 
 def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> Array:
-    """Coordinates of the model in those of the softest one (one of the site, n modes, hidden ones).
+    """Matrix from coordinates of the softest model (site, n modes, hidden) to the model's.
 
     In the softest model psi_0 moves against the site: no damper is known to act on that motion.
     """

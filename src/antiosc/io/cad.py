@@ -175,7 +175,7 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
 
 
 def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
-    """Remove all solids but one, 1 being that of the largest volume."""
+    """Remove all solids but one, by its rank in volume (1 is the largest)."""
     solids = gmsh.model.getEntities(3)
     if not solids:  # of sheets: their pieces are those of the mesh
         return names

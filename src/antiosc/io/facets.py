@@ -396,7 +396,7 @@ def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntAr
 
 
 def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
-    """The pieces of the surface of each body: the outer one, then its cavities.
+    """The surfaces of each body: the outer surface, then its cavities.
 
     `alone`: one of them is wanted, and others may pierce it.
     """
@@ -439,7 +439,7 @@ def _inside(skin: Skin, count: int) -> Array:
 
 
 def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
-    """The pieces of one body, 1 being that of the largest volume."""
+    """The pieces of one body, by their rank in volume (1 is the largest)."""
     if piece > len(bodies):
         raise MeshError(f"{name} has {len(bodies)} bodies; there is no piece {piece}.")
     volume = np.abs(np.bincount(skin.piece, volumes(skin.points, skin.triangles)))

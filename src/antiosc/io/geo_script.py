@@ -104,7 +104,7 @@ def _meant(tokens: list[Token]) -> list[Token]:
 def _included(
     text: str, name: str, beside: Callable[[str], str], depth: int = 0
 ) -> Iterator[Token]:
-    """The tokens of a script with those that it includes, without the commands that write files."""
+    """The tokens of a script and of the scripts it includes, without commands that write files."""
     if depth > DEEPEST:
         raise MeshError(f"{name} includes scripts more than {DEEPEST} deep, or itself.")
     tokens = list(_tokens(text, name))

@@ -330,11 +330,12 @@ ORDER = {
     "wedge": ((0, 2, 4, 9, 11, 13), (1, 3, 5, 10, 12, 14, 6, 7, 8)),
     "hexahedron": ((0, 2, 4, 6, 12, 14, 16, 18), (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
 }
+#: Numbers of data sets (SDRC I-DEAS): units, nodes of three ages, elements.
 UNITS_SET, NODES_SET, OLD_NODES_SET, SINGLE_NODES_SET = 164, 2411, 781, 15
-ELEMENT_SETS = 2412, 780
+ELEMENT_SETS = 2412, 780  # new and old
 #: Groups: with four numbers for each member, and with two.
 GROUPS = {**dict.fromkeys((2435, 2452, 2467, 2477), 4), **dict.fromkeys((2429, 2430, 2432), 2)}
-OF_NODES, OF_ELEMENTS = 7, 8
+OF_NODES, OF_ELEMENTS = 7, 8  # kinds of members
 
 
 @dataclass

@@ -167,7 +167,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
 
 
 def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
-    """Mask of `rows` whose entries, in any order, are those of one of `others`."""
+    """Mask of `rows` that are, in any order of their entries, rows of `others`."""
     if rows.shape[1] != others.shape[1]:
         return np.zeros(len(rows), dtype=bool)
     return np.isin(keys(rows), keys(others))

@@ -27,6 +27,7 @@ BUILT_IN = {
     **dict.fromkeys(facets.SURFACES, FileReader(facets.read, library="meshio")),
 }
 MESHIO = FileReader(read_by_meshio, library="meshio")
+#: Bytes from its begin by which the type of a file is recognized.
 FIRST_BYTES = 2**20
 
 

@@ -57,7 +57,7 @@ class Problems:
             self.raise_if_any()
 
     def error(self, place: Place, sentence: str) -> SceneFileError:
-        """An error of this one mistake, which was found while the scene runs."""
+        """The error of one mistake that is found while the scene runs."""
         line = lines_of(self.text, [self._origin(place)])[0]
         return SceneFileError(f"{self.name}:{line}: {sentence}")
 

@@ -98,7 +98,7 @@ class Compiled(Objects[Call | None]):
 
     @property
     def striking(self) -> bool:
-        """Whether the impact is one of [strike], which chooses mesh and model."""
+        """Whether the scene has [strike], which chooses mesh and model."""
         return self.history is not None and self.history.name == "strike"
 
     def does(self) -> list[str]:

@@ -122,7 +122,7 @@ class Unknown:
 
 
 class _Names(dict[str, object]):
-    """Names for annotations; one that a module imports for type checkers only is Unknown."""
+    """Names that annotations refer to; those imported for type checkers alone are Unknown."""
 
     def __missing__(self, name: str) -> object:
         known = (vars(one).get(name) for one in (builtins, typing, collections.abc))

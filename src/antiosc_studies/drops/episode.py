@@ -444,7 +444,7 @@ class Episode:
 
     @property
     def stored(self) -> float:
-        """Energy of the contacts at the end [J]: > 0 of those that go on."""
+        """Energy of the contacts at the end [J]; > 0 where some are still closed."""
         if self.body.layer_contact is not None:
             closed = (one for one in self.held.values() if one.kept.closed and one.stiffness > 0)
             return self.layer + sum(

@@ -135,7 +135,7 @@ class FreeBody:
         return Curvature.of_radii(*self.radii[which].tolist())
 
     def touching_as(self, which: list[int]) -> BoolArray:
-        """(V,) whether a point belongs to the contact of one of the points `which`.
+        """(V,) mask of points that share a contact with one of the points `which`.
 
         Points of a solid are the same contact that are close together and face the same way, as
         on a round edge, or belong to one ball. Two corners of a slender bar are two.

@@ -95,7 +95,7 @@ class LayerContact:
         return np.asarray(np.where(volume > 0, deep, -np.maximum(low, CLEAR)))
 
     def volume(self, pieces: IntArray, depth: Array) -> Array:
-        """Volumes (n, b) [m^3] whose forces the laws of pieces have at depths [m]."""
+        """Volumes (n, b) [m^3] of the layer that make the forces of pieces' laws at depths [m]."""
         return np.asarray(np.maximum(depth, 0.0) ** self.exponent[pieces] / self.share[pieces])
 
 

@@ -258,7 +258,7 @@ def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
 
 
 def _compliance(body: FreeBody, one: Cylinder) -> float:
-    """Compliance of a part along a line minus those of its modes and of a half-space [m/N]."""
+    """The part's compliance along a line, less that of its modes and of a half-space [m/N]."""
     from antiosc import Site
     from antiosc.extension import functionals
 

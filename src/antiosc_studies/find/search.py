@@ -314,7 +314,7 @@ PLACES, APART = 8, 2.5
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
 #: Searches that begin, that go on, and the steps of both.
 BEGUN, KEPT = 4, 2
-FIRST_STEPS, LAST_STEPS = 5, 25
+FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
 #: Cost of a second search over that of the first, above which it does not go on.
 HOPELESS = 10.0
 #: chi² above which the best blow does not explain the signals, and the heavier impactors that are

@@ -90,7 +90,7 @@ class ByModes:
 
 
 def by_body(body: Any, by: ByModes, closing: float) -> Values:
-    """Derivatives by the parameters of a body of one site; {} for a foreign one.
+    """Derivatives by the parameters of a body with one site; empty for another kind of body.
 
     `closing`: the speed [m/s] at the start with which the body closes its contact.
     """

@@ -101,11 +101,16 @@ def recorded(hit: object) -> Recorded:
 
 @dataclass(eq=False)
 class Seeds:
-    """A goal's value, and its derivatives by nodal forces, times of step ends, and readings.
+    """A goal's value and its derivatives, with which the backward run starts.
 
-    A reading is the (step, place in it, whether it keeps that place), weights (2 J + m,) of q, v
-    and the forces there, and derivatives (3, P) by displacements, velocities and velocities of
-    rigid-body motion of the columns. `B`, `r`: derivatives by those matrices at a given motion.
+    Attributes
+    ----------
+    value : the goal.
+    force, time : its derivatives by the forces at the nodes, and by the times of step ends.
+    B, r : those by the displacements of the contacts and by their compliances, at a given motion.
+    readings : values of the motion that the goal contains: (step, place in the step, whether it
+        stays there), weights (2 J + m,) of q, v and the forces, and derivatives (3, P) by
+        displacement, velocity and rigid-body velocity of the columns.
     """
 
     value: float
@@ -221,7 +226,7 @@ def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
 
 
 def _rises(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Mask of these steps whose largest values are not below those of their neighbours."""
+    """Mask of steps whose largest value is not below that of both neighbours."""
     before, after = tops[np.maximum(steps - 1, 0)], tops[np.minimum(steps + 1, tops.size - 1)]
     return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
 

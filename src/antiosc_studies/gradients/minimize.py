@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 CHANGE = 1e-4
 #: Relative error of the forces of a run, and change of the goal at which the search ends.
 TOL, ENOUGH = 1e-5, 1e-7
-MOST_STEPS = 100
+MOST_STEPS = 100  # the quick tests need 7 at most
 #: What `build` returns, in this order.
 ARGUMENTS = ("model", "impactor", "contact", "duration")
 

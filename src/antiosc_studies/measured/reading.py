@@ -32,7 +32,7 @@ from antiosc_studies.measured.tables import (
 RESPONSE, COHERENCE = 4, 6
 #: Data types of the ordinate: what was measured; those of a force below it, and unknown.
 MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
-FORCES = (0, 9, 13)
+FORCES = (0, 9, 13)  # unknown, reaction force, excitation force
 AXES = "xyz"
 
 
@@ -140,7 +140,7 @@ def _function(one: DataSet, scale: float) -> Function:
 
 
 def _end(one: DataSet, side: str) -> tuple[End, int]:
-    """(entity, node, axis) of one end of a function, and the sign of its direction."""
+    """(entity, node, axis) of the response or reference of a function; sign of its axis."""
     name = str(one.get(f"{side}_ent_name", "")).strip()
     node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
     name = "" if name.upper() == "NONE" else name

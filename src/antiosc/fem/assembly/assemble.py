@@ -265,7 +265,7 @@ def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Red
 
 
 def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tuple[int, set[int]]]]:
-    """Solve one connected block: solved rows, their dofs, and (joint, others) of redundant rows."""
+    """Solve one connected block: its rows, their dofs, redundant rows as (joint, others)."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
         raise InputError(

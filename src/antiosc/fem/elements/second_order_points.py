@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 #: Degrees of the rules: the quartic energy of cubic triangles and of straight quadratic simplices
 #: exactly, full Gauss rules elsewhere.
 DEGREES = {"triangle": 8, "tetrahedron": 4}
-OTHERS = 5
+OTHERS = 5  # full Gauss rules
 #: (way, way) of the components of η in a plane: 11, 22, 12 + 21.
 IN_PLANE = ((0, 0), (1, 1), (0, 1))
 

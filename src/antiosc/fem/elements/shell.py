@@ -237,7 +237,7 @@ def rise_of(mesh: Mesh) -> Expr:
 
 #: Exponents of ξ and η.
 CUBIC = ((3, 0), (2, 1), (1, 2), (0, 3))
-QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower degree
 
 
 def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:

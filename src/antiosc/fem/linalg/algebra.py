@@ -53,7 +53,7 @@ def size(matrix: Matrix) -> int:
 
 
 def row_range(matrix: Matrix) -> tuple[int, int]:
-    """First row of this rank, and the one after its last."""
+    """First and last + 1 row of this rank."""
     first, last = (0, matrix.shape[0]) if by_scipy(matrix) else matrix.getOwnershipRange()
     return int(first), int(last)
 

@@ -40,6 +40,7 @@ _SIMPLICES: dict[str, list[tuple[int, ...]]] = {
         *((0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)),
     ],
 }
+#: Pairs that are examined at once: the corners of as many tetrahedra take 19 MB.
 _PAIRS = 200_000
 
 

@@ -232,7 +232,8 @@ class _LoadedAssembly(Loaded):
         return base.local.matrix(kept[0] if kept else None, block_of(base.layout))
 
     def added(self, u: Array, motions: Array) -> Array:
-        """Forces (n, k) that the loads add at u (n,) to those of motions (n, k), on one rank.
+        """Forces (n, k) added by the loads at displacements u (n,), per motions (n, k), on one
+        rank.
 
         The parts are without their supports.
         """

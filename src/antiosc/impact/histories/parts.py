@@ -257,8 +257,8 @@ class OneContact:
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], those parts of it included that the law leaves to the bodies'
-        patches.
+        """Largest indentation [m], with that of the bodies' patches where the law leaves it to
+        them.
         """
         own = self._record.assembly.laws[self._row]
         kept = own.compliance if self.law.compliance == 0.0 else 0.0

@@ -365,7 +365,7 @@ def section_forces(part: MeshedStructure) -> Array:
 
 #: Gauss points of an edge, and their weights.
 POINTS = gauss_points(3)
-WEIGHTS = np.polynomial.legendre.leggauss(3)[1] / 2
+WEIGHTS = np.polynomial.legendre.leggauss(3)[1] / 2  # of these points
 #: Component of the normal of an edge below which it is taken for 0.
 ALONG = 1e-6
 

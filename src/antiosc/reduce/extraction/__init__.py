@@ -208,7 +208,7 @@ def _basis(
 
 
 def independent(C: Array) -> tuple[IntArray, Array]:
-    """(independent columns (p,), displacements of all c columns per unit ones of those (c, p)).
+    """(independent columns (p,), displacements (c, p) of all per unit displacement of these).
 
     By a pivoted Cholesky factorization of the compliances C (c, c), scaled by their diagonal. A
     column that cannot move has C = 0.

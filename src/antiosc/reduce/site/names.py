@@ -34,7 +34,7 @@ MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
 def point_of(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, Motion | None]:
-    """(coordinates (3,) [m], part or None, motion if the point has no mesh) of a named point.
+    """(coordinates (3,) [m], part or None, motion if it has no mesh) of a point by its name.
 
     `point`: coordinates; a text is a group ("part:group" of an assembly), a reference point of an
     assembly, or "part:site" of a superelement.
