@@ -14,6 +14,7 @@ import scipy.sparse
 import antiosc as ao
 from antiosc import extension
 from antiosc.base import lazily
+from antiosc_app.scene_file import schema
 from paths import ROOT
 
 SRC = ROOT / "src"
@@ -277,5 +278,6 @@ def test_groups_of_names_are_those_of_the_package():
     classes = {name: one for name in ao.__all__ if inspect.isclass(one := getattr(ao, name))}
     laws = {name for name, kind in classes.items() if issubclass(kind, ao.ContactLaw)}
     assert laws <= set(ao.laws.__all__)
+    assert laws - {"ContactLaw"} <= set(schema.LAWS.split())
     errors = {name for name, kind in classes.items() if issubclass(kind, Exception)}
     assert errors == set(ao.errors.__all__)
