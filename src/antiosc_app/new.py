@@ -735,8 +735,8 @@ def _tried(scene: Path, name: str, part: str, found: Inspection, drop: bool) -> 
             continue
         if reason is None:
             return one
-        told = f"it is struck without error bars, for otherwise {reason}"
-        return replace(one, notes=(*one.notes, told))
+        message = f"it is struck without error bars, for otherwise {reason}"
+        return replace(one, notes=(*one.notes, message))
     raise InputError(f"the part can be read, but not struck as it is: {reason}")
 
 

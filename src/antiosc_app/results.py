@@ -179,9 +179,9 @@ def format_rows(rows: Rows) -> str:
 
 def format_columns(table: Columns) -> str:
     """A table with a line of names; of long ones the first rows; units with prefixes."""
-    own = with_prefixes(table)
-    rows = list(zip(*own.values(), strict=True))
-    cells = [list(own), *([format_number(value) for value in row] for row in rows[:ROWS])]
+    columns = with_prefixes(table)
+    rows = list(zip(*columns.values(), strict=True))
+    cells = [list(columns), *([format_number(value) for value in row] for row in rows[:ROWS])]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     pairs = [zip(row, widths, strict=True) for row in cells]
     text = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
@@ -201,8 +201,8 @@ def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
     numbers = [float(v) for v in values if isinstance(v, float | np.floating) and np.isfinite(v)]
     if not unit or len(numbers) < len(values):
         return name, values
-    factor, own = prefixed(max(map(abs, numbers), default=0.0), unit.rstrip(")"))
-    return f"{title} ({own})", [factor * v for v in numbers]
+    factor, prefixed_unit = prefixed(max(map(abs, numbers), default=0.0), unit.rstrip(")"))
+    return f"{title} ({prefixed_unit})", [factor * v for v in numbers]
 
 
 def format_number(value: object) -> str:
@@ -226,10 +226,10 @@ def _quantiles(many: Sample | Drops, units: Mapping[str, str]) -> Columns:
     """Quantiles of some quantities of an ensemble, with their bars."""
     rows = []
     for name, unit in units.items():
-        found = [many.quantile(name, q) for q in (0.5, 0.9, 0.99)]
+        values = [many.quantile(name, q) for q in (0.5, 0.9, 0.99)]
         rows += [
             (f"{_words(name)} ({unit})", q, one.value, one.low, one.high)
-            for q, one in zip((0.5, 0.9, 0.99), found, strict=True)
+            for q, one in zip((0.5, 0.9, 0.99), values, strict=True)
         ]
     names = ("quantity", "quantile", "value", "low", "high")
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
@@ -282,8 +282,8 @@ def _model(found: Results) -> Presentation:
         rows = _model_rows(model)
         shown.text = [*shown.text, format_rows(rows)]
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
-        own = {name: getattr(model, name, None) for name in names}
-        shown.numbers["model"] = own | {"points": site_points(model)}
+        attributes = {name: getattr(model, name, None) for name in names}
+        shown.numbers["model"] = attributes | {"points": site_points(model)}
         shown.plotted["model"] = model
         blocks.append(rows)
         if np.ndim(model.k0) == 0:
@@ -345,8 +345,8 @@ def _impact(found: Results) -> Presentation:
     hit, peaks = found.history, found.stresses or {}
     probes = [Probe(found, name) for name in found.probes or ()]
     asked, stresses, budget = _probe_rows(probes), _stress_rows(peaks), error_budget(hit)
-    own = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
-    own |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
+    columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
+    columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     groups: list[Columns] = []  # of probes with equal times
     for probe in probes:
         same = (each for each in groups if np.array_equal(each["time (s)"], probe.times))
@@ -361,7 +361,7 @@ def _impact(found: Results) -> Presentation:
     several = isinstance(hit, SceneHistory)
     return Presentation(
         text=[hit.summary(), str(budget or ""), format_rows([*asked, *stresses])],
-        tables={"history.csv": own, **dict(zip(names, groups, strict=True))},
+        tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
             "probes": {probe.name: probe.peak() for probe in probes},
@@ -566,9 +566,11 @@ def _signals(probes: Sequence[Probe], ax: Axes) -> None:
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
     if len(kinds) == 1:
         ((quantity, unit),) = kinds
-        factor, own = prefixed(max(largest), unit)
+        factor, scaled_unit = prefixed(max(largest), unit)
         scaled = [(name, time, factor * values) for name, time, values, _ in signals]
-        curves(scaled, f"{_words(quantity)} ({own})" if own else _words(quantity), ax)
+        curves(
+            scaled, f"{_words(quantity)} ({scaled_unit})" if scaled_unit else _words(quantity), ax
+        )
         return
     shares = [
         (f"{name}, at most {engineering(most, unit)}", time, values / (most or 1.0))
@@ -698,10 +700,10 @@ def _map(results: Results) -> Presentation:
         known = known[np.isfinite(known)]
         if known.size:
             rows.append((meant[name][0], _range(known, meant[name][1])))
-    for name, own in surfaces.items() if len(surfaces) > 1 else ():
-        text = f"{len(own)} sites"
+    for name, surface in surfaces.items() if len(surfaces) > 1 else ():
+        text = f"{len(surface)} sites"
         if found.peak_force is not None:
-            i = hardest(found, own)
+            i = hardest(found, surface)
             force = engineering(found.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(found.points[i])}"
         rows.append((name, text))

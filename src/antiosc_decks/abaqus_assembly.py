@@ -42,15 +42,15 @@ class Instance(Scope):
 
     def rows(self, keyword: str, word: str, place: Place) -> IntArray:
         """Rows of the number or of the set (NSET or ELSET) that `word` names."""
-        found = self.find(keyword, word)
-        if found is None:
+        members = self.find(keyword, word)
+        if members is None:
             what, where = WHAT[keyword], f" in {self.name}" if self.name else ""
             number = word.lstrip("-").isdigit()
             if number and len(self.whole.instances) > 1 and not self.name:
                 where = " outside the instances; name its instance (INSTANCE=)"
             what = what if number else f"set of {what}s"
             raise place.error(f"there is no {what} {word}{where}.")
-        return found
+        return members
 
     def find(self, keyword: str, word: str) -> IntArray | None:
         """Rows of a number, or of the set with this name; None if there is none."""
@@ -63,13 +63,13 @@ class Instance(Scope):
             label = np.array([int(word)])
         except ValueError:
             return self.whole.sets.get((keyword, (of.prefix + word).upper()))
-        found = of.numbered(keyword, lambda known: known.rows(label))
-        return found if len(found) else None
+        rows = of.numbered(keyword, lambda known: known.rows(label))
+        return rows if len(rows) else None
 
     def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
         """Rows of numbers; those of the assembly may be of its only instance."""
-        every = list(self.whole.instances.values())
-        for one in (self, *every[1:2] * (not self.name and len(every) == 2)):
+        instances = list(self.whole.instances.values())
+        for one in (self, *instances[1:2] * (not self.name and len(instances) == 2)):
             rows = rows_of(one.mesh.nodes if keyword == "NSET" else one.mesh.elements)
             if (rows >= 0).any():
                 return one.placed(keyword, rows)
@@ -113,8 +113,8 @@ class Whole:
         """(type, rows of nodes) of the elements in the set of a card that are not cells."""
         rows = card.within.rows("ELSET", card.needed("ELSET"), card.place)
         for k in rows[rows >= OTHER] - OTHER:
-            kind, row, own = self.others[k]
-            yield kind, [own.node(word, row.place) for word in row.fields[1:]]
+            kind, row, members = self.others[k]
+            yield kind, [members.node(word, row.place) for word in row.fields[1:]]
 
     def add(self, instance: Instance) -> None:
         """Add an instance's nodes, elements and sets."""
@@ -149,20 +149,20 @@ class Whole:
         keyword, name, within = card.keyword, card.needed(card.keyword), card.within
         of = self.instances[within.name.upper()]
         if wanted := card.option("INSTANCE"):
-            told = f"there is no instance {wanted!r}."
-            of = card.place.found(self.instances, wanted.upper(), told)
+            message = f"there is no instance {wanted!r}."
+            of = card.place.found(self.instances, wanted.upper(), message)
         found, lost, count = [NONE], [], 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = of.find("ELSET", elements)
             if cells is not None:
                 found.append(self.deck.nodes_of(cells))
             else:
-                told = f"{card.place}: *NSET {name} is of the set of elements {elements}"
-                self.deck.told.append(f"{told}, which does not exist before it.")
+                message = f"{card.place}: *NSET {name} is of the set of elements {elements}"
+                self.deck.told.append(f"{message}, which does not exist before it.")
         strict = len(self.instances) > 1 and not within.name
-        every = self._all_numbers(card, of)
-        found += [] if every is None else [every]
-        for row in card.rows() if every is None else ():
+        numbers = self._all_numbers(card, of)
+        found += [] if numbers is None else [numbers]
+        for row in card.rows() if numbers is None else ():
             if "GENERATE" in card.options:
                 found.append(of.numbered(keyword, _ranged(row)))
                 row.needs(not (strict and not len(found[-1])), f"*{keyword} in the assembly "
@@ -177,9 +177,11 @@ class Whole:
                 else:
                     found.append(rows)
         if lost:
-            told = f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist"
+            message = (
+                f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist"
+            )
             shown = f"{', '.join(lost[:4])}{', …' * (len(lost) > 4)}"
-            self.deck.told.append(f"{told} ({shown}).")
+            self.deck.told.append(f"{message} ({shown}).")
         self._extend(keyword, name, within, found)
 
     def _all_numbers(self, card: Card, of: Instance) -> IntArray | None:
@@ -215,8 +217,8 @@ def read(sources: Sources) -> Whole:
     for part, (spelled, _) in parts.items():
         if part not in used:
             whole.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
-    for card, own in placed:
-        whole.add(_placed(whole, card, own, parts, meshes))
+    for card, moves in placed:
+        whole.add(_placed(whole, card, moves, parts, meshes))
     for card in sorted(whole.named(*WHAT), key=lambda card: not card.within.name):
         whole.read_set(card)
     named = {"NSET": whole.deck.node_sets, "ELSET": whole.deck.element_sets}
@@ -267,8 +269,8 @@ def _placed(
     whole: Whole, card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]
 ) -> Instance:
     name, wanted = card.needed("NAME"), card.option("PART")
-    told = f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
-    spelled, cards = card.place.found(parts, wanted.upper(), told)
+    message = f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
+    spelled, cards = card.place.found(parts, wanted.upper(), message)
     cards = [*cards, *own]
     if any(c.keyword in ("NODE", "ELEMENT") for c in own):
         mesh = mesh_of(cards, name)

@@ -115,8 +115,8 @@ class Card(Placed):
 
     def rows(self) -> list[Row]:
         """The data lines that have fields."""
-        every = zip(self.lines, self.places, strict=True)
-        return [row for line, place in every if (row := Row(line, self, place)).fields]
+        placed_lines = zip(self.lines, self.places, strict=True)
+        return [row for line, place in placed_lines if (row := Row(line, self, place)).fields]
 
     def numbers(self) -> list[float]:
         """Numbers of all data lines; an empty field is 0."""
@@ -154,11 +154,11 @@ class Card(Placed):
 
 def cards(sources: Sources) -> list[Card]:
     """All cards of a deck and of the files that it includes, in order."""
-    found: list[Card] = []
-    _collect(sources, sources.main(), sources.name, found)
-    if not found:
+    cards_read: list[Card] = []
+    _collect(sources, sources.main(), sources.name, cards_read)
+    if not cards_read:
         raise MeshError(f"{sources.name} contains no keyword (*NODE, …): it is not an Abaqus deck.")
-    return found
+    return cards_read
 
 
 def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -> None:

@@ -42,11 +42,11 @@ class Surface:
 
 def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
     """The surfaces of a deck by name in upper case."""
-    found: dict[str, Surface] = {}
+    surfaces: dict[str, Surface] = {}
     for card in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
             continue
-        surface = found.setdefault((card.within.prefix + card.option("NAME")).upper(), Surface())
+        surface = surfaces.setdefault((card.within.prefix + card.option("NAME")).upper(), Surface())
         of_nodes = card.option("TYPE").upper().startswith("NODE")
         for row in card.rows():
             if of_nodes:
@@ -62,7 +62,7 @@ def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
                 else:
                     ends = block.corners[:, list(EDGES[block.shape][edge])]
                     surface.of += [ends.ravel(), block.mids[:, edge : edge + 1].ravel()]
-    return found
+    return surfaces
 
 
 def _edge(block: Block, side: str, place: Place) -> int | None:
@@ -128,8 +128,10 @@ def tie(
             joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
     place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
                 f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
-    told = f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
-    return [f"{told}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(far)
+    message = (
+        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
+    )
+    return [f"{message}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(far)
 
 
 def _nearest(
@@ -214,12 +216,12 @@ class _Joints:
         self.current: tuple[int, IntArray, Card] | None = None
 
     def _surface(self, name: str, place: Place) -> Surface:
-        told = f"there is no surface {name!r} (*SURFACE, NAME=)."
-        return place.found(self.surfaces, name.upper(), told)
+        message = f"there is no surface {name!r} (*SURFACE, NAME=)."
+        return place.found(self.surfaces, name.upper(), message)
 
     def tie(self, card: Card) -> None:
-        given = card.option("POSITIONTOLERANCE")
-        reach = real_number(given, card.place) if given else None
+        tolerance = card.option("POSITIONTOLERANCE")
+        reach = real_number(tolerance, card.place) if tolerance else None
         for row in card.rows():
             if len(row.fields) > 1:
                 slave, master = (self._surface(word, row.place) for word in row.fields[:2])
@@ -236,8 +238,8 @@ class _Joints:
             while len(words) < 3 * count:
                 place, more = row.place, next(rows, None)
                 if more is None:
-                    found = len(words) // 3
-                    raise place.error(f"the *EQUATION ends after {found} of {count} terms.")
+                    terms_read = len(words) // 3
+                    raise place.error(f"the *EQUATION ends after {terms_read} of {count} terms.")
                 row = more
                 words += row.fields + [""] * (-len(row.fields) % 3)
             if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
@@ -287,10 +289,12 @@ class _Joints:
                 equations = list(read(nodes, x, place))
                 for terms in equations:
                     self.joints.equation(terms, place)
-                left = set(nodes) - {node for terms in equations for node, _, _ in terms}
-                if left:
-                    self.whole.deck.told.append(f"{place}: {len(left)} nodes of the *MPC of type "
-                                                f"{kind} lie on its axis: left out.")  # fmt: skip
+                on_axis = set(nodes) - {node for terms in equations for node, _, _ in terms}
+                if on_axis:
+                    self.whole.deck.told.append(
+                        f"{place}: {len(on_axis)} nodes of the *MPC of type {kind} lie on its axis:"
+                        " left out."
+                    )
             else:
                 led = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
                 alone = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
@@ -319,10 +323,10 @@ class _Joints:
 
     def rigid_body(self, card: Card) -> None:
         joints, place = self.joints, card.place
-        every = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]
+        groups = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]
         if card.option("ELSET"):
-            every.append(joints.deck.nodes_of(card.elements()))
-        nodes = np.unique(np.concatenate([NONE, *every]))
+            groups.append(joints.deck.nodes_of(card.elements()))
+        nodes = np.unique(np.concatenate([NONE, *groups]))
         named = len(nodes) or card.option("PINNSET")
         card.needs(named, f"*{card.keyword} names no nodes (NSET= or ELSET=).")
         words = card.option("REFNODE"), card.option("ROTNODE")
@@ -330,11 +334,11 @@ class _Joints:
         if reference is None:  # a body that nothing else acts on: its nodes lead themselves
             reference = joints.point(joints.deck.points[nodes].mean(axis=0))
         leader = joints.leader(reference, rotation)
-        own = [n for n in (reference, rotation) if n is not None]
-        joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), {})
+        references = [n for n in (reference, rotation) if n is not None]
+        joints.rigid(nodes[~np.isin(nodes, references)], leader, range(6), {})
         if card.option("PINNSET"):
             pinned = card.nodes("PINNSET")
-            joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), {})
+            joints.rigid(pinned[~np.isin(pinned, [*references, *nodes])], leader, range(3), {})
 
     def coupling(self, card: Card) -> None:
         """*COUPLING, before *KINEMATIC or *DISTRIBUTING."""
@@ -348,10 +352,10 @@ class _Joints:
         if rows := card.rows():
             card.refuse_turned()
         motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
-        node, nodes, given = self.current
+        node, nodes, weights = self.current
         if card.keyword == "KINEMATIC":
-            self._rigid(node, nodes, motions, given)
-        elif given.option("ORIENTATION") and len(motions) < 6:
+            self._rigid(node, nodes, motions, weights)
+        elif weights.option("ORIENTATION") and len(motions) < 6:
             raise card.place.error("*DISTRIBUTING of some motions is read along the deck's axes.")
         else:
             self._mean(card, node, motions, nodes, np.ones(len(nodes)))
@@ -367,11 +371,11 @@ class _Joints:
         groups = [row.nodes() for row in card.rows()]
         weights = [row.real(1, 1.0) for row in card.rows()]
         nodes = np.concatenate([NONE, *groups])
-        every = np.repeat(weights, [len(some) for some in groups])
-        weighted = len(nodes) and every.sum() > 0
+        node_weights = np.repeat(weights, [len(some) for some in groups])
+        weighted = len(nodes) and node_weights.sum() > 0
         card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
         for kind, (reference, *_) in self.whole.beside(card):
-            self._mean(card, reference, range(6), nodes, every)
+            self._mean(card, reference, range(6), nodes, node_weights)
             self.whole.deck.left[kind] -= 1
 
     def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
@@ -404,8 +408,8 @@ READERS: dict[str, Callable[[_Joints, Card], None]] = {
 
 def _range(row: Row, start: int) -> list[int]:
     """Motions (0 to 5) from a first to a last one; all of them where none is given."""
-    given = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
-    first, last = given[0], given[-1]
+    motions = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
+    first, last = motions[0], motions[-1]
     inside = 1 <= first <= last <= 6
     row.needs(inside, f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))

@@ -143,8 +143,8 @@ def element_copies(
         total = int(np.prod(counts.astype(object)))
         row.needs(0 < total <= MOST_GENERATED, f"*ELGEN would make {total} elements.")
         i = np.indices(counts).reshape(3, -1).T[1:]
-        at = [(b, int(k)) for b, own in zip(blocks, labels, strict=True)
-              for k in np.flatnonzero(own == master)]  # fmt: skip
+        at = [(b, int(k)) for b, labels_of in zip(blocks, labels, strict=True)
+              for k in np.flatnonzero(labels_of == master)]  # fmt: skip
         row.needs(at, f"*ELGEN copies the element {master}, which is not defined before.")
         block, k = at[0]
         copies = _shifted(block[np.full(len(i), k)], i @ shifts, nodes, row.place)
@@ -221,18 +221,20 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
         if name:
             made.setdefault(name.upper(), []).extend(labels[start:])
             mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
-    every = np.array(labels, dtype=np.int64)
+    numbers = np.array(labels, dtype=np.int64)
     # later definitions replace earlier ones
-    last = np.sort(len(every) - 1 - np.unique(every[::-1], return_index=True)[1])
-    given = np.array(points, dtype=float).reshape(-1, 3)
-    mesh.points = given[last]
-    mesh.nodes = Numbering(every[last])
-    apart = np.abs(mesh.points[mesh.nodes.rows(every)] - given).max(axis=1)
-    moved = apart > 1e-9 * np.abs(given).max(initial=0.0)
+    last = np.sort(len(numbers) - 1 - np.unique(numbers[::-1], return_index=True)[1])
+    coordinates = np.array(points, dtype=float).reshape(-1, 3)
+    mesh.points = coordinates[last]
+    mesh.nodes = Numbering(numbers[last])
+    apart = np.abs(mesh.points[mesh.nodes.rows(numbers)] - coordinates).max(axis=1)
+    moved = apart > 1e-9 * np.abs(coordinates).max(initial=0.0)
     if moved.any():
-        told = f"the node {every[moved][0]} is defined at several places ({int(moved.sum())} such"
-        mesh.told.append(f"{told} lines): the last one is taken.")
-    mesh.sets = [(which, name, mesh.nodes.rows(own)) for which, name, own in mesh.sets]
+        message = (
+            f"the node {numbers[moved][0]} is defined at several places ({int(moved.sum())} such"
+        )
+        mesh.told.append(f"{message} lines): the last one is taken.")
+    mesh.sets = [(which, name, mesh.nodes.rows(members)) for which, name, members in mesh.sets]
 
 
 def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
@@ -260,11 +262,11 @@ def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
     every = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
     numbers, count = np.unique(every, return_counts=True)
     if (count > 1).any():
-        told = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
-        told += f"{numbers[count > 1][0]}; every element needs a number of its own."
-        raise MeshError(told)
+        message = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
+        message += f"{numbers[count > 1][0]}; every element needs a number of its own."
+        raise MeshError(message)
     mesh.elements = Numbering(every)
-    mesh.sets += [("ELSET", label, mesh.elements.rows(own)) for label, own in sets]
+    mesh.sets += [("ELSET", label, mesh.elements.rows(members)) for label, members in sets]
 
 
 def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
@@ -292,8 +294,10 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
     if len(wrong):
         row = int(wrong[0])
         missing = int(table[row, 1:][nodes[row] < 0][0])
-        told = f"element {table[row, 0]} ({kind}) has the node {missing}, which the deck does not"
-        raise places[row].error(f"{told} define ({len(wrong)} such elements).")
+        message = (
+            f"element {table[row, 0]} ({kind}) has the node {missing}, which the deck does not"
+        )
+        raise places[row].error(f"{message} define ({len(wrong)} such elements).")
     if len(table):
         corners, mids, inner = (nodes[:, list(some)] for some in known[3:])
         mesh.blocks.append(Block(known.shape, kind, corners, mids, inner, known.role))
@@ -303,7 +307,7 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
 def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[int]], list[Place]]:
     """(number and nodes of every element, which may take several lines; its place)."""
     least = 1 + width
-    found: list[list[int]] = []
+    rows: list[list[int]] = []
     places: list[Place] = []
     current: list[int] = []
     start, longer = card.place, 0
@@ -320,17 +324,17 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
         current += numbers
         if len(current) >= least:
             longer += len(current) > least
-            found.append(current[:least])
+            rows.append(current[:least])
             places.append(start)
             current = []
     if current:
         raise _short(start, current[0], kind, len(current) - 1, width)
     if longer:
-        told = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
-        mesh.told.append(f"{told}; the first {width} are taken, as CalculiX does.")
-    return found, places
+        message = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
+        mesh.told.append(f"{message}; the first {width} are taken, as CalculiX does.")
+    return rows, places
 
 
 def _short(place: Place, label: object, kind: str, nodes: int, width: int) -> MeshError:
-    told = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
-    return place.error(f"{told}: the deck is cut off, or of another program.")
+    message = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
+    return place.error(f"{message}: the deck is cut off, or of another program.")

@@ -46,10 +46,10 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
         _transform(builder, card)
     for card in whole.named("BOUNDARY"):
         _boundary(builder, card)
-    own = [card for card in first if card.keyword == "BOUNDARY"]
-    if any(card.option("OP").upper() == "NEW" for card in own):
+    boundaries = [card for card in first if card.keyword == "BOUNDARY"]
+    if any(card.option("OP").upper() == "NEW" for card in boundaries):
         builder.fixed[:] = False  # those of the model end
-    for card in own:
+    for card in boundaries:
         _boundary(builder, card)
     builder.hold()
     for block in whole.deck.blocks:
@@ -120,34 +120,36 @@ def _frame(along: Array) -> Array:
 def _nonstructural(builder: ModelBuilder, card: Card) -> None:
     elements = card.elements()
     unit = "".join(card.needed("UNITS").split()).upper()
-    way = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
-    by, row = way.removesuffix("PROPORTIONAL").lower(), card.first()
+    distribution = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
+    by, row = distribution.removesuffix("PROPORTIONAL").lower(), card.first()
     if unit == "TOTALMASS" and by in ("mass", "volume") and len(row.fields) < 2:
         add_total(builder, elements, row.real(0), card.place, by)
     elif unit in UNITS and len(row.fields) < 2:
         add_mass(builder, elements, row.real(0), UNITS[unit], card.place)
     else:
-        told = "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS (DISTRIBUTION=MASS or VOLUME"
-        raise card.place.error(f"{told} PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH.")
+        message = (
+            "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS (DISTRIBUTION=MASS or VOLUME"
+        )
+        raise card.place.error(f"{message} PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH.")
 
 
 def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
     """Masses, springs and dashpots; each of their elements needs a card."""
-    given = dict.fromkeys(BESIDE, 0)
+    counts = dict.fromkeys(BESIDE, 0)
     for card in whole.named(*BESIDE):
         rows = card.rows()
         card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
         for kind, nodes in whole.beside(card):
-            given[card.keyword] += 1
+            counts[card.keyword] += 1
             if card.keyword == "MASS":
                 builder.mass(nodes[0], rows[0].real(0), [0.0] * 3, card.place)
             elif card.keyword == "ROTARYINERTIA":
                 builder.mass(nodes[0], 0.0, _inertia(card, rows[0]), card.place)
             else:
                 _link(builder, orientations, card, kind, nodes)
-    given["MASS"] += given.pop("ROTARYINERTIA")
+    counts["MASS"] += counts.pop("ROTARYINERTIA")
     left = whole.deck.left
-    for keyword, number in given.items():
+    for keyword, number in counts.items():
         kinds = [kind for kind in BESIDE[keyword][1] if kind in left]
         count = sum(left.pop(kind) for kind in kinds)
         if count != number:

@@ -24,22 +24,24 @@ VOIGT = [0, 1, 2, 5, 4, 3]
 
 def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material]:
     """The materials by name in upper case."""
-    found: dict[str, Material] = {}
+    materials: dict[str, Material] = {}
     current: Material | None = None
     for card in cards:
         if card.keyword == "MATERIAL":
             name = card.needed("NAME")
-            if known := found.get(name.upper()):
-                told = f"the material {name!r} is defined more than once, first in {known.place}."
-                raise card.place.error(told)
-            current = found[name.upper()] = Material(name, card.place)
+            if known := materials.get(name.upper()):
+                message = (
+                    f"the material {name!r} is defined more than once, first in {known.place}."
+                )
+                raise card.place.error(message)
+            current = materials[name.upper()] = Material(name, card.place)
         elif current is not None and card.keyword == "ELASTIC":
             kind = _elastic(current, card)
             if kind == "ISO" and len(card.lines) > 1:
                 builder.tell_once(f"*ELASTIC of other temperatures ({card.place})")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
-    return found
+    return materials
 
 
 def _elastic(material: Material, card: Card) -> str:
@@ -75,25 +77,27 @@ class Orientations:
     """The *ORIENTATION cards among some cards; those of a part turn with each of its instances."""
 
     def __init__(self, cards: Iterable[Card]) -> None:
-        own = [card for card in cards if card.keyword == "ORIENTATION"]
-        self._cards = {(card.within.prefix + card.needed("NAME")).upper(): card for card in own}
+        orientation_cards = [card for card in cards if card.keyword == "ORIENTATION"]
+        self._cards = {
+            (card.within.prefix + card.needed("NAME")).upper(): card for card in orientation_cards
+        }
 
     def find(self, name: str, by: Card) -> Card | None:
         """The card of a name in the instance of another, or else in the assembly."""
-        own = self._cards.get((by.within.prefix + name).upper())
-        return own or self._cards.get(name.upper())
+        card = self._cards.get((by.within.prefix + name).upper())
+        return card or self._cards.get(name.upper())
 
     def cylindrical(self, name: str, by: Card) -> bool:
         """Whether there is an orientation of this name about the axis of a cylinder."""
-        found = self.find(name, by)
-        return found is not None and found.option("SYSTEM").upper().startswith("C")
+        orientation = self.find(name, by)
+        return orientation is not None and orientation.option("SYSTEM").upper().startswith("C")
 
     def at(self, name: str, by: Card, x: Array, place: Place | None = None) -> Array:
         """Directions 1, 2 and 3 of an *ORIENTATION (n, 3, 3) at points; those are rows."""
         card = self.find(name, by)
         if card is None:
-            told = f"there is no orientation {name!r} (*ORIENTATION, NAME=)."
-            raise (place or by.place).error(told)
+            message = f"there is no orientation {name!r} (*ORIENTATION, NAME=)."
+            raise (place or by.place).error(message)
         first, of = card.first(), card.within
         if self.cylindrical(name, by):
             a, b = np.reshape(first.reals(6), (2, 3)) @ of.turn.T + of.shift
@@ -115,8 +119,8 @@ class Orientations:
 
     def degrees(self, name: str, by: Card) -> float:
         """The angle in the second line: about 3, on shells about the normal."""
-        found = self.find(name, by)
-        rows = found.rows() if found else []
+        orientation = self.find(name, by)
+        rows = orientation.rows() if orientation else []
         return rows[1].real(1) if len(rows) > 1 else 0.0
 
     def frame(self, by: Card) -> Array:
@@ -194,9 +198,9 @@ class Sections:
         for card in whole.named(*SECTION_CARDS):
             self._read(card)
         if self.varying:
-            told = f"the variation of the thickness within {self.varying} elements (*NODAL "
-            told += f"THICKNESS, {cards[0].place}), the mean of the corners is taken in each"
-            self.builder.tell_once(told)
+            message = f"the variation of the thickness within {self.varying} elements (*NODAL "
+            message += f"THICKNESS, {cards[0].place}), the mean of the corners is taken in each"
+            self.builder.tell_once(message)
 
     def _read(self, card: Card) -> None:
         """One section card."""
@@ -212,8 +216,8 @@ class Sections:
             if made:
                 self._shells(card, name, elements)
             else:
-                given = Family("GivenSheet", self._stiffnesses(card), card.place)
-                self.builder.add_shells(name, elements, given, 0.0, self._zero(card, elements))
+                family = Family("GivenSheet", self._stiffnesses(card), card.place)
+                self.builder.add_shells(name, elements, family, 0.0, self._zero(card, elements))
             return
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
@@ -235,8 +239,8 @@ class Sections:
         """MeshError for beams whose dimensions are given at their nodes."""
         known = np.flatnonzero(np.isfinite(self.thickness))
         nodal = any(np.isin(block.nodes, known).any() for block in blocks)
-        own = not nodal and "NODALTHICKNESS" not in card.options
-        card.needs(own, "beams with *NODAL THICKNESS are not supported: give the dimensions in "
+        of_card = not nodal and "NODALTHICKNESS" not in card.options
+        card.needs(of_card, "beams with *NODAL THICKNESS are not supported: give the dimensions in "
                    "*BEAM SECTION.")  # fmt: skip
 
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
@@ -253,8 +257,8 @@ class Sections:
         )
 
     def _material(self, name: str, place: Place) -> Material:
-        told = f"there is no material {name!r} (*MATERIAL, NAME=)."
-        return place.found(self.materials, name.upper(), told)
+        message = f"there is no material {name!r} (*MATERIAL, NAME=)."
+        return place.found(self.materials, name.upper(), message)
 
     def _isotropic(self, card: Card, what: str) -> Json:
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -287,11 +291,11 @@ class Sections:
             material = self._material(card.needed("MATERIAL"), card.place)
             thickness = card.first().real(0)
             if material.constants is None or material.isotropic is not None:
-                own = self.builder.isotropic(material, "shells")
+                elastic = self.builder.isotropic(material, "shells")
                 for value, some in self._by_thickness(elements, thickness):
-                    given = {**own, "thickness": value * self.builder.units.length}
+                    arguments = {**elastic, "thickness": value * self.builder.units.length}
                     label = f"{name} of thickness {value:g}" if len(self.thickness) else name
-                    family = Family("Shell", given, card.place)
+                    family = Family("Shell", arguments, card.place)
                     self.builder.add_shells(label, some, family, -share * value)
                 return
             rows = [Row(f"{thickness!r},,{material.name},0", card, card.place)]
@@ -322,11 +326,13 @@ class Sections:
         shear = (A[0, 0] + A[1, 1]) / 6 + A[2, 2] / 3
         t = math.sqrt(12 * np.trace(D) / np.trace(A)) * units.length
         per_area = card.option("DENSITY")
-        given = self.builder.density
-        card.needs(per_area or given, "*SHELL GENERAL SECTION has no density (DENSITY=, per area), "
-                   "without which nothing can be struck; give it, or density= in "
-                   "kg/m³.")  # fmt: skip
-        mass = (given or 0.0) * t
+        density = self.builder.density
+        card.needs(
+            per_area or density,
+            "*SHELL GENERAL SECTION has no density (DENSITY=, per area), without which nothing can"
+            " be struck; give it, or density= in kg/m³.",
+        )
+        mass = (density or 0.0) * t
         if per_area:
             mass = real_number(per_area, card.place) * units.density * units.length
         line = units.force / units.length
@@ -352,15 +358,15 @@ class Sections:
         if not len(self.thickness):
             yield given, elements
             return
-        found = np.zeros(len(elements))
+        thickness = np.zeros(len(elements))
         for block, mine in self.whole.deck.blocks_of(elements):
             nodes = np.hstack([block.corners, block.mids])
             values = np.where(nodes >= 0, self.thickness[nodes], np.nan)
             values = np.where(np.isfinite(values), values, given)
             self.varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
-            found[mine] = np.round(values[:, : block.corners.shape[1]].mean(axis=1), 12)
-        for value in np.unique(found):
-            yield float(value), elements[found == value]
+            thickness[mine] = np.round(values[:, : block.corners.shape[1]].mean(axis=1), 12)
+        for value in np.unique(thickness):
+            yield float(value), elements[thickness == value]
 
     def _laminate(
         self, card: Card, elements: IntArray, rows: list[Row]
@@ -380,15 +386,19 @@ class Sections:
         for row, material in zip(rows, materials, strict=True):
             angle = row.real(3) if row not in known else 0.0
             if row in known:
-                own = self._directions(row.word(3), card, elements, row.place)
-                angle = _turned(axis, own, normals, row.place)
+                directions = self._directions(row.word(3), card, elements, row.place)
+                angle = _turned(axis, directions, normals, row.place)
             layers.append(self.builder.layer(material, row.real(0), angle))
             solid = material.constants is not None and np.isfinite(material.constants).all()
             around = any(self.orientations.cylindrical(n, card) for n in (name, row.word(3)))
             if around and solid and material.isotropic is None:
-                told = f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
-                told += " has them: 1 along the radius; on shells 1 is around the axis, as Abaqus"
-                self.builder.tell_once(f"{told} has it")
+                message = (
+                    f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
+                )
+                message += (
+                    " has them: 1 along the radius; on shells 1 is around the axis, as Abaqus"
+                )
+                self.builder.tell_once(f"{message} has it")
         return layers, axis
 
     def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
@@ -409,9 +419,9 @@ class Sections:
         arguments = self._isotropic(card, "beams")
         profile = profile_of(card)
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
-            told = "the one number of SECTION=CIRC is taken for the radius, as Abaqus does; "
-            told += "CalculiX means the diameter: give it twice there."
-            self.whole.deck.told.append(f"{card.place}: {told}")
+            message = "the one number of SECTION=CIRC is taken for the radius, as Abaqus does; "
+            message += "CalculiX means the diameter: give it twice there."
+            self.whole.deck.told.append(f"{card.place}: {message}")
         first = np.array([0.0, 0.0, -1.0])
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()
@@ -422,11 +432,11 @@ class Sections:
         offset = shares[0] * profile.height
         card.needs(not all(shares), "a beam off its nodes in both directions is not supported.")
         if shares[1]:
-            every = geometry.tangents_of(self.whole.deck, elements)
-            tangent = geometry.common_direction(every, least=1 - 1e-9)
+            tangents = geometry.tangents_of(self.whole.deck, elements)
+            tangent = geometry.common_direction(tangents, least=1 - 1e-9)
             if tangent is None:
-                told = "OFFSET2 is read for beams in one direction only; give each direction a"
-                raise card.place.error(f"{told} section of its own.")
+                message = "OFFSET2 is read for beams in one direction only; give each direction a"
+                raise card.place.error(f"{message} section of its own.")
             offset = shares[1] * profile.width
             first, profile = np.cross(tangent, first), profile.rotated()
         length = self.builder.units.length

@@ -76,16 +76,16 @@ def read(ask: Request) -> FileMesh:
     path = Path(ask.path)
     ask.allow(30 + 3e-5 * path.stat().st_size)
     lines = path.read_text(encoding="latin-1").splitlines()
-    found = Archive(ask.name)
+    archive = Archive(ask.name)
     rows = iter((line, Place(ask.name, k + 1)) for k, line in enumerate(lines))
     for text, place in rows:
-        _take(found, [word.strip() for word in text.split("!")[0].split(",")], place, rows)
-    deck, owners = _deck(found, ask.elements)
+        _take(archive, [word.strip() for word in text.split("!")[0].split(",")], place, rows)
+    deck, owners = _deck(archive, ask.elements)
     if ask.model is not None:
         deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
         deck.free = ask.model.get("free", False)
         builder = ModelBuilder(deck, UnitSystem(*ask.unit), ask.model.get("density"))
-        _model(found, deck, owners, builder)
+        _model(archive, deck, owners, builder)
         deck.model = finished(builder)
     return as_mesh(deck)
 
@@ -129,8 +129,8 @@ def _take(found: Archive, words: list[str], place: Place, rows: Iterator[Line]) 
 
 
 def _property(found: Archive, label: str, number: str, value: str, place: Place) -> None:
-    own = found.materials.setdefault(whole_number(number, place), {})
-    own[label.upper()] = real_number(value, place)
+    constants = found.materials.setdefault(whole_number(number, place), {})
+    constants[label.upper()] = real_number(value, place)
 
 
 def _widths(rows: Iterator[Line]) -> tuple[int, int, int]:
@@ -168,8 +168,8 @@ def _elements(found: Archive, rows: Iterator[Line]) -> None:
         count, nodes = head[8], head[HEAD:]
         while len(nodes) < count:
             nodes += [whole_number(one, place) for one in _cut(next(rows)[0], width)]
-        own = (head[0], head[1], head[2], head[3], head[10], nodes[:count])
-        found.elements.append((own, place))
+        element = (head[0], head[1], head[2], head[3], head[10], nodes[:count])
+        found.elements.append((element, place))
 
 
 def _component(count: int, rows: Iterator[Line]) -> list[int]:
@@ -231,19 +231,19 @@ def _deck(
                 )
             mids = table[:, CORNERS[shape] :]
             assert mids.shape[1] in (0, len(EDGES[shape]))
-            own = [owners[role, shape, kind_name][k] for k in some]
+            owner_numbers = [owners[role, shape, kind_name][k] for k in some]
             deck.blocks.append(Block(shape, kind_name, corners, mids, table[:, :0], role))
-            numbers += [number for number, _ in own]
-            belongs += [of for _, of in own]
+            numbers += [number for number, _ in owner_numbers]
+            belongs += [of for _, of in owner_numbers]
     if not belongs:
         raise MeshError(
             f"{found.name} has no elements that are cells of a mesh: write it with the elements "
             "of its solids or shells (CDWRITE, DB)."
         )
-    every = Numbering(np.array(numbers, dtype=np.int64))
+    numbering = Numbering(np.array(numbers, dtype=np.int64))
     deck.name_elements(asked, np.array(numbers))
     for name, (of_nodes, members) in found.components.items():
-        rows_of = (nodes if of_nodes else every).rows(np.array(members, dtype=np.int64))
+        rows_of = (nodes if of_nodes else numbering).rows(np.array(members, dtype=np.int64))
         if (rows_of >= 0).any():
             sets = deck.node_sets if of_nodes else deck.element_sets
             sets[name] = np.unique(rows_of[rows_of >= 0])
@@ -299,14 +299,14 @@ def _model(
 
 def _material(found: Archive, number: int, place: Place) -> Material:
     """An isotropic material; MeshError for another."""
-    own = found.materials.get(number, {})
-    place.needs("EX" in own, f"the material {number} has no EX (MP, MPDATA).")
-    turned = {"EY", "EZ", "GXY"} & own.keys()
-    same = all(own[key] == own["EX"] for key in turned - {"GXY"})
+    constants = found.materials.get(number, {})
+    place.needs("EX" in constants, f"the material {number} has no EX (MP, MPDATA).")
+    turned = {"EY", "EZ", "GXY"} & constants.keys()
+    same = all(constants[key] == constants["EX"] for key in turned - {"GXY"})
     place.needs(same, f"the material {number} is orthotropic ({', '.join(sorted(turned))}).")
     material = Material(str(number), place)
-    material.set_isotropic(own["EX"], own.get("PRXY", own.get("NUXY", 0.3)))
-    material.density = own.get("DENS")
+    material.set_isotropic(constants["EX"], constants.get("PRXY", constants.get("NUXY", 0.3)))
+    material.density = constants.get("DENS")
     return material
 
 

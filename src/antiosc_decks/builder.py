@@ -28,12 +28,12 @@ def chosen_elements(deck: Deck) -> BoolArray:
     """The elements of the parts that the caller chooses."""
     chosen = np.full(deck.n_elements, deck.wanted is None)
     for name in deck.wanted or ():
-        own = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
-        if not len(own):
+        members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
+        if not len(members):
             known = sorted(n for n, some in deck.element_sets.items() if len(some))
             shown = ", ".join(map(repr, known[:20])) or "none"
             raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
-        chosen[own] = True
+        chosen[members] = True
     return chosen if deck.piece is None else one_piece(deck, chosen)
 
 
@@ -88,19 +88,19 @@ class ModelBuilder:
 
     def find_nodes(self) -> None:
         """Which nodes the chosen elements use; those of shells and beams have rotations."""
-        chosen = [(block, block[self.chosen[own]]) for block, own in self.deck.numbered()]
+        chosen = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
         present = {some.role for _, some in chosen if len(some)}
         self.truss = "rod" in present and present <= SPRINGS
-        every = np.zeros(len(self.used), dtype=bool)
+        used = np.zeros(len(self.used), dtype=bool)
         for block, some in chosen:
-            every[block.nodes] = True
+            used[block.nodes] = True
             if block.role not in SPRINGS or (self.truss and block.role == "rod"):
                 self.used[some.nodes] = True
             else:
-                every[some.nodes] = False
+                used[some.nodes] = False
             if block.role in ("shell", "beam"):
                 self.has_rotations[some.nodes] = True
-        self.gone = every & ~self.used
+        self.gone = used & ~self.used
 
     def rho(self, material: Material) -> float:
         """Density in kg/m³."""
@@ -151,9 +151,14 @@ class ModelBuilder:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
         E1, E2, _, nu12, _, _, *G = material.elasticity().tolist()
         moduli = zip(("E1", "E2", "G12", "G13", "G23"), (E1, E2, *G), strict=True)
-        found = {name: value * self.units.stress for name, value in moduli}
+        moduli_in_si = {name: value * self.units.stress for name, value in moduli}
         thick = thickness * self.units.length
-        return found | {"nu12": nu12, "rho": self.rho(material), "thickness": thick, "angle": angle}
+        return moduli_in_si | {
+            "nu12": nu12,
+            "rho": self.rho(material),
+            "thickness": thick,
+            "angle": angle,
+        }
 
     def add(self, name: str, elements: IntArray, family: Family) -> None:
         """Set the section of elements, in place of an earlier one."""
@@ -173,21 +178,21 @@ class ModelBuilder:
 
         `axes` (elements, 3): the directions of 0°, of layers and of given stiffnesses.
         """
-        deck, length, own = self.deck, self.units.length, dict(family.arguments)
+        deck, length, arguments = self.deck, self.units.length, dict(family.arguments)
         if axes is not None:
             axes = unit(axes)
             axis = common_direction(axes, least=1 - 1e-6)
-            own["axis"] = (everywhere(deck, elements, axes, length) if axis is None else
+            arguments["axis"] = (everywhere(deck, elements, axes, length) if axis is None else
                            axis.tolist())  # fmt: skip
-            own["top"] = top_of(deck, elements, length)
+            arguments["top"] = top_of(deck, elements, length)
         if offset:
-            own["offset"] = offset * length
+            arguments["offset"] = offset * length
             if axes is None and isinstance(top := top_of(deck, elements, length), dict):
-                own["top"] = top
+                arguments["top"] = top
             if curved(deck, elements):
                 self.tell_once(f"the area of the offset surface of curved shells ({family.place}), "
                                "that at the nodes is taken")  # fmt: skip
-        self.add(name, elements, family._replace(arguments=own))
+        self.add(name, elements, family._replace(arguments=arguments))
 
     def alike(
         self, elements: IntArray, values: Array
@@ -218,10 +223,10 @@ class ModelBuilder:
         """
         for node, frame in self.joints.frames.items():
             self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
-        for own, node in self.copies:
-            self.apart.append(own)
-            for motion in range(6 if self.has_rotations[own] else 3):
-                self.joints.equations.append([(own, motion, 1.0), (node, motion, -1.0)])
+        for copy, node in self.copies:
+            self.apart.append(copy)
+            for motion in range(6 if self.has_rotations[copy] else 3):
+                self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
     def link(self, by: str, what: str, terms: list[Term], value: float, place: Place) -> None:
         """The spring ("stiffness") or damper of a card, in the deck's units."""
@@ -237,24 +242,24 @@ class ModelBuilder:
         """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
-        own = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
-        point = own[0][0]
+        motions = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
+        point = motions[0][0]
         if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
             if M[3:, 3:].any():
                 self.ignored.append(f"inertia ({place}) on a node of solids, which does not rotate")
             M[3:] = M[:, 3:] = 0.0
         kept = np.flatnonzero(M.any(axis=1))
         if len(kept):
-            rows: list[list[Term]] = [[(*own[c], 1.0)] for c in kept]
+            rows: list[list[Term]] = [[(*motions[c], 1.0)] for c in kept]
             self.joints.masses.append((rows, M[np.ix_(kept, kept)], mass * self.units.mass))
 
     def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
         """A mass on a sum of motions, of which `mass` counts, in the deck's units."""
         unit = self.units.mass
         alias = self.joints.alias
-        own = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
-        if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
-            self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
+        aliased = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
+        if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in aliased):
+            self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))
 
     def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
@@ -272,9 +277,9 @@ class ModelBuilder:
             self.joints.dampers.append((moving, damping))
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
-        own = self.joints.alias
+        alias = self.joints.alias
         free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
-        return [(*own.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]
+        return [(*alias.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]
 
 
 #: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
@@ -287,11 +292,11 @@ def add_mass(
     builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: Place
 ) -> None:
     """A mass per length, area or volume (1, 2, 3) of elements; 0: of what each has."""
-    own, across, _ = _sections(builder, elements, place)
-    alike = dimension not in (1, 2) or (own == dimension).all()
+    sizes, across, _ = _sections(builder, elements, place)
+    alike = dimension not in (1, 2) or (sizes == dimension).all()
     place.needs(alike, f"a mass per {'length' if dimension == 1 else 'area'} on elements that have "
                 "none.")  # fmt: skip
-    _spread(builder, elements, np.where((own < 3) & (dimension < 3), value / across, value))
+    _spread(builder, elements, np.where((sizes < 3) & (dimension < 3), value / across, value))
 
 
 def add_total(
@@ -341,13 +346,15 @@ def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
 
 def _heavier(arguments: Json, density: float) -> Json:
     """Arguments of a section with more density, kg/m³."""
-    own = dict(arguments)
-    if "layers" in own:
-        own["layers"] = [{**layer, "rho": layer["rho"] + density} for layer in own["layers"]]
-    elif "rho" in own:
-        own["rho"] += density
+    heavier = dict(arguments)
+    if "layers" in heavier:
+        heavier["layers"] = [
+            {**layer, "rho": layer["rho"] + density} for layer in heavier["layers"]
+        ]
+    elif "rho" in heavier:
+        heavier["rho"] += density
     else:  # stiffnesses and masses of a sheet
-        share = own["inertia"] / own["mass"]
-        own["mass"] += density * own["thickness"]
-        own["inertia"] = share * own["mass"]
-    return own
+        share = heavier["inertia"] / heavier["mass"]
+        heavier["mass"] += density * heavier["thickness"]
+        heavier["inertia"] = share * heavier["mass"]
+    return heavier

@@ -77,12 +77,16 @@ class Constraints:
 
     def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
         """Σ coefficient × motion = 0 along the axes of the deck."""
-        found: dict[tuple[int, int], float] = {}
+        coefficients: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
-            own = self.alias.get((node, motion), (node, motion))
-            found[own] = found.get(own, 0.0) + coefficient
-        largest = max(map(abs, found.values()), default=0.0)
-        kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
+            motion_of_node = self.alias.get((node, motion), (node, motion))
+            coefficients[motion_of_node] = coefficients.get(motion_of_node, 0.0) + coefficient
+        largest = max(map(abs, coefficients.values()), default=0.0)
+        kept = [
+            (*motion_of_node, c)
+            for motion_of_node, c in coefficients.items()
+            if abs(c) > NEGLIGIBLE_TERM * largest
+        ]
         for node, motion, _ in kept:
             turns = motion < 3 or not self._used(node) or self.has_rotations[node]
             place.needs(turns, "a constraint acts on a rotation of a node of solids, which have no "
@@ -94,12 +98,12 @@ class Constraints:
         """Fix motions (6,) of a node along rows of `frame`; mask (6,) of those to be supported."""
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
-            own = fixed[first : first + 3]
-            along = fixed_along_axes(own, frame)
+            fixed_axes = fixed[first : first + 3]
+            along = fixed_along_axes(fixed_axes, frame)
             if along is not None:
                 result[first : first + 3] = along
                 continue
-            for direction in frame[own]:
+            for direction in frame[fixed_axes]:
                 order = np.argsort(-np.abs(direction), kind="stable")
                 if abs(direction[order[0]]) > AXIS_COSINE:
                     result[first + order[0]] = True
@@ -280,9 +284,9 @@ def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple
     pivots: list[int] = []
     for i in range(len(rows)):
         # the same plane of directions, each with an axis that the others lack
-        left = np.abs(rows[i:]).copy()
-        left[:, pivots] = 0.0
-        j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
+        remaining = np.abs(rows[i:]).copy()
+        remaining[:, pivots] = 0.0
+        j, pivot = np.unravel_index(int(np.argmax(remaining)), remaining.shape)
         rows[[i, i + int(j)]] = rows[[i + int(j), i]]
         rows[i] /= rows[i, pivot]
         for k in range(len(rows)):
@@ -301,7 +305,7 @@ UNHELD = 1e-10
 
 def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
     """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
-    tables = [block.corners[chosen[own]] for block, own in deck.numbered()]
+    tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
     label = connected(tables, len(deck.points))
     label = label[np.concatenate([NO_NODES, *(block.corners[:, 0] for block in deck.blocks)])]
     pieces, count = np.unique(label[chosen], return_counts=True)
@@ -393,21 +397,21 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
             copies[block.type] += 1
             for table in (block.corners, block.mids, block.inner):
                 for k in np.flatnonzero(table[element] >= 0):
-                    own = (int(table[element, k]), int(ranks[element]))
-                    table[element, k] = made.setdefault(own, len(deck.points) + len(made))
+                    place = (int(table[element, k]), int(ranks[element]))
+                    table[element, k] = made.setdefault(place, len(deck.points) + len(made))
     if made:
         deck.points = np.vstack([deck.points, deck.points[[node for node, _ in made]]])
         deck.told.append(f"{listed(copies)} of {deck.name} repeat other elements node by node: "
                          "their stiffness and mass add to those of these.")  # fmt: skip
-    return [(own, node) for (node, _), own in made.items()]
+    return [(place, node) for (node, _), place in made.items()]
 
 
 def _ranks(blocks: list[Block]) -> list[IntArray]:
     """How many elements before it each repeats; a triangle also halves of quadrilaterals."""
     ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
     for shape in {block.shape for block in blocks}:
-        own = [k for k, block in enumerate(blocks) if block.shape == shape]
-        tables = [blocks[k].corners for k in own]
+        members = [k for k, block in enumerate(blocks) if block.shape == shape]
+        tables = [blocks[k].corners for k in members]
         if shape == "triangle":
             quads = [block.corners for block in blocks if block.shape == "quad"]
             tables = [np.delete(quad, k, axis=1) for quad in quads for k in range(4)] + tables
@@ -417,6 +421,6 @@ def _ranks(blocks: list[Block]) -> list[IntArray]:
         rank = np.empty(len(rows), dtype=np.int64)
         rank[order] = np.arange(len(rows)) - np.searchsorted(label[order], label[order])
         ends = np.cumsum([len(table) for table in tables])
-        for k, part in zip(own[::-1], np.split(rank, ends[:-1])[::-1], strict=False):
+        for k, part in zip(members[::-1], np.split(rank, ends[:-1])[::-1], strict=False):
             ranks[k] = part
     return ranks

@@ -70,8 +70,8 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
     loose = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
     if loose.any():
         builder.fixed[:, :3] |= loose
-        told = f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod"
-        builder.deck.told.append(f"{told} is stiff are held (AUTOSPC).")
+        message = f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod"
+        builder.deck.told.append(f"{message} is stiff are held (AUTOSPC).")
 
 
 def _rod(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
@@ -231,8 +231,8 @@ def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, b
 def _drop_alone(builder: ModelBuilder) -> None:
     """Masses on nodes of no element that do not move; what nothing joins to an element."""
     joints, used = builder.joints, builder.used
-    every = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
-    label = connected(every, len(used) + len(joints.more))
+    node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
+    label = connected(node_rows, len(used) + len(joints.more))
     joined = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:
@@ -244,7 +244,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
     if alone:
         builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
     builder.masses = [one for one in builder.masses if moves(one[0]) and one not in still]
-    left = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
+    dropped = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
     acting = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
         acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
@@ -254,10 +254,10 @@ def _drop_alone(builder: ModelBuilder) -> None:
         return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
 
     dampers = [one for one in joints.dampers if resists(one[0])]
-    left, joints.dampers = left + len(joints.dampers) - len(dampers), dampers
-    if left:
-        told = "springs, dampers, masses and constraints that nothing joins to an element"
-        builder.ignored.append(f"{left} {told}")
+    dropped, joints.dampers = dropped + len(joints.dampers) - len(dampers), dampers
+    if dropped:
+        message = "springs, dampers, masses and constraints that nothing joins to an element"
+        builder.ignored.append(f"{dropped} {message}")
 
 
 def _attach(builder: ModelBuilder) -> None:
@@ -265,8 +265,8 @@ def _attach(builder: ModelBuilder) -> None:
     masses, builder.masses = builder.masses, []
     size = builder.units.length
     for node, place, mass, inertia in masses:
-        own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
-        builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
+        inertia_matrix = np.diag([mass] * 3 + [value / size**2 for value in inertia])
+        builder.body(node, inertia_matrix / builder.units.mass, mass / builder.units.mass, place)
 
 
 def _point(builder: ModelBuilder, node: int) -> list[float]:
@@ -276,11 +276,11 @@ def _point(builder: ModelBuilder, node: int) -> list[float]:
 
 def _on_edges(builder: ModelBuilder) -> bool:
     """Whether all beams lie on edges of shells."""
-    found: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
+    edges: dict[bool, set[tuple[int, int]]] = {True: set(), False: set()}
     for block in builder.deck.blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
-        found[block.shape == "line"].update(map(tuple, np.sort(ends, axis=1).tolist()))
-    return found[True] <= found[False]
+        edges[block.shape == "line"].update(map(tuple, np.sort(ends, axis=1).tolist()))
+    return edges[True] <= edges[False]
 
 
 def _shear_with_shells(builder: ModelBuilder) -> None:
@@ -288,8 +288,8 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
     for family in builder.families:
         if family.kind == "Beam" and not family.arguments.get("shear", True):
             family.arguments["shear"] = True
-            told = f"the rigidity in shear of beams on edges of shells ({family.place})"
-            builder.ignored.append(told)
+            message = f"the rigidity in shear of beams on edges of shells ({family.place})"
+            builder.ignored.append(message)
 
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
@@ -300,22 +300,22 @@ def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
     for k, node in enumerate(loose):
         found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
     for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
-        given = int(node), int(motion)
-        own, along = builder.joints.alias.get(given, given)
-        if own in loose:
-            found[-1 - loose.index(own)].add(MOTIONS[along])
+        motion_of_node = int(node), int(motion)
+        followed, along = builder.joints.alias.get(motion_of_node, motion_of_node)
+        if followed in loose:
+            found[-1 - loose.index(followed)].add(MOTIONS[along])
     known = {"x", "y", "rz"} if plane else set(MOTIONS)
     return [(n, sorted(fixed & known)) for n, fixed in found.items() if fixed & known]
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:
     name = builder.deck.name
-    for block, own in builder.deck.numbered():
+    for block, rows in builder.deck.numbered():
         if block.role == "other":
             raise MeshError(f"{name} has {len(block)} {block.type} elements, which no element "
                             "family here carries (solids, plane stress and strain, shells, "
                             "beams).")  # fmt: skip
-        if bare := int((builder.of_element[own] < 0).sum()):
+        if bare := int((builder.of_element[rows] < 0).sum()):
             raise MeshError(f"{name}: {bare} of {len(block)} {block.type} elements have no "
                             "section, so their material is not known.")  # fmt: skip
 
@@ -338,18 +338,20 @@ def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
     if kept.all():
         return
     deck, gone = builder.deck, builder.gone
-    blocks = [block[kept[own]] for block, own in deck.numbered()]
+    blocks = [block[kept[rows]] for block, rows in deck.numbered()]
     deck.blocks = [block for block in blocks if len(block)]
     number = np.cumsum(kept) - 1
     sets = deck.element_sets.items()
     deck.element_sets = {name: number[one[kept[one]]] for name, one in sets}
     builder.of_element = builder.of_element[kept]
-    left = builder.joints.keep(lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone)))
+    dropped = builder.joints.keep(
+        lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone))
+    )
     masses = [one for one in builder.masses if not gone[one[0]]]
-    left, builder.masses = left + len(builder.masses) - len(masses), masses
-    if left:
-        told = "constraints, springs, dampers or masses on parts that are left out"
-        builder.ignored.append(f"{left} {told}")
+    dropped, builder.masses = dropped + len(builder.masses) - len(masses), masses
+    if dropped:
+        message = "constraints, springs, dampers or masses on parts that are left out"
+        builder.ignored.append(f"{dropped} {message}")
 
 
 def _hold_middles(builder: ModelBuilder) -> None:

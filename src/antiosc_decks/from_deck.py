@@ -127,14 +127,14 @@ def joined(
 
 def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> list[Support]:
     """Supports on a group as supports on this group of every part that has it."""
-    found = []
+    of_parts = []
     for support in supports:
         where = support.where
         owners: list[str] = []
         if isinstance(where, str):
             owners = [name for name, part in parts.items() if where in part.mesh.groups]
-        found += [replace(support, where=f"{name}:{where}") for name in owners] or [support]
-    return found
+        of_parts += [replace(support, where=f"{name}:{where}") for name in owners] or [support]
+    return of_parts
 
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
@@ -236,10 +236,10 @@ def read_model(
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
     model = _model(first)
-    told = list(first.told)
+    notes = list(first.told)
     if model["ignored"]:
-        told.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
-    for sentence in told:
+        notes.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
+    for sentence in notes:
         warn(comm, sentence)
     made = {name: _part(raw, file.name, comm, solver, more, added) for name, raw in raws.items()}
     if not model["joined"]:
@@ -302,7 +302,7 @@ def _reader(
 
     def work() -> dict[str, RawMesh]:
         options = {"density": density, "parts": parts, "piece": piece, "root": root, "free": free}
-        found: dict[str, RawMesh] = {}
+        meshes: dict[str, RawMesh] = {}
         by_shape = read_parts(
             file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered
         )
@@ -318,16 +318,16 @@ def _reader(
                     f"({_choices(flat)}).",
                 )
             pieces = model["joined"] or model["held"]
-            part = TRIANGLES if PARTS[raw.kind.dim] in found else PARTS[raw.kind.dim]
-            found[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
-        return found
+            part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
+            meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
+        return meshes
 
     return work
 
 
 def _choices(raw: RawMesh) -> str:
     """Arguments of `read_model` that choose a part of a deck."""
-    sets = {name: len(own.get(raw.kind.dim, ())) for name, own in raw.groups.items()}
+    sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
     named = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
     return f"piece=1 is the largest{named * bool(names)}"
@@ -365,14 +365,14 @@ def _part(
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
     """A section's class with its arguments; InputError that names the deck's line."""
     try:
-        own = dict(arguments)
+        values = dict(arguments)
         for name in ("axis", "top"):  # one direction, or one in each element
-            if isinstance(own.get(name), dict):
-                own[name] = Nearest(**own[name])
-        if "layers" in own:
-            own["layers"] = [Layer(**layer) for layer in own["layers"]]
-        if "section" in own:
-            own["section"] = Section(**own["section"])
-        return FAMILIES[kind](**own)
+            if isinstance(values.get(name), dict):
+                values[name] = Nearest(**values[name])
+        if "layers" in values:
+            values["layers"] = [Layer(**layer) for layer in values["layers"]]
+        if "section" in values:
+            values["section"] = Section(**values["section"])
+        return FAMILIES[kind](**values)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -105,8 +105,8 @@ def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
     try:
         grid, component = int(words[0]), int(words[1] or 0)
     except (ValueError, IndexError):
-        told = f"a grid point and a component are expected; got {' '.join(words)!r}."
-        raise source.error(number, told) from None
+        message = f"a grid point and a component are expected; got {' '.join(words)!r}."
+        raise source.error(number, message) from None
     there = 0 < grid < MOST_GRID and 0 <= component <= 6
     source.needs(there, number, f"grid point {grid} with component {component} does not exist.")
     return grid, component
@@ -173,8 +173,8 @@ def read_harwell_boeing(source: Source) -> Entries:
     if kind[0] != "R":
         what = {"C": "complex", "P": "a pattern without values"}.get(kind[0], repr(kind))
         raise source.error(3, f"the matrix is {what}: stiffness and mass must be real.")
-    told = f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
-    source.needs(kind[1] in "SU" and kind[2] == "A", 3, told)
+    message = f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
+    source.needs(kind[1] in "SU" and kind[2] == "A", 3, message)
     rows, columns, count = _whole(source, lines[2][3:], 3, 3)[:3]
     square = f"the matrix must be square; got {rows} rows, {columns} columns."
     source.needs(rows == columns and rows >= 1, 3, square)
@@ -201,22 +201,22 @@ def read_harwell_boeing(source: Source) -> Entries:
 
 def _whole(source: Source, text: bytes, line: int, least: int) -> list[int]:
     try:
-        found = [int(word) for word in text.split()]
+        numbers = [int(word) for word in text.split()]
     except ValueError:
-        found = []
-    if len(found) < least:
+        numbers = []
+    if len(numbers) < least:
         shown = text.decode("ascii", "replace").strip()[:60]
         raise source.error(line, f"{least} whole numbers are expected; got {shown!r}.")
-    return found
+    return numbers
 
 
 def _format(source: Source, text: bytes) -> tuple[int, int]:
     """(numbers in a line, characters of each)."""
     shown = text.decode("ascii", "replace").strip()
-    found = _FORMAT.fullmatch(shown.upper().replace(" ", ""))
-    if found is None or int(found[3]) == 0 or found[1] == "0":
+    match = _FORMAT.fullmatch(shown.upper().replace(" ", ""))
+    if match is None or int(match[3]) == 0 or match[1] == "0":
         raise source.error(4, f"the Fortran format {shown!r} is not one of numbers.")
-    return int(found[1] or 1), int(found[3])
+    return int(match[1] or 1), int(match[3])
 
 
 def _fields(
@@ -225,9 +225,9 @@ def _fields(
     """`wanted` numbers from line `first`; `form`: of a line the numbers, of these the width."""
     per_line, width = form
     used, there = -(-wanted // per_line), len(lines) - first
-    told = f"the file ends within a matrix, after {there} of {used} lines."
-    source.needs(there >= used, len(lines), told)
-    found = np.empty(wanted)
+    message = f"the file ends within a matrix, after {there} of {used} lines."
+    source.needs(there >= used, len(lines), message)
+    values = np.empty(wanted)
     at = 0
     for k in range(first, first + used):
         count = min(per_line, wanted - at)
@@ -235,12 +235,12 @@ def _fields(
         if len(fields) != count:  # no blank between some of them
             fields = [lines[k][i * width : (i + 1) * width] for i in range(count)]
         try:
-            found[at : at + count] = [float(fortran(field)) for field in fields]
+            values[at : at + count] = [float(fortran(field)) for field in fields]
         except ValueError:
             shown = lines[k].decode("ascii", "replace").strip()[:60]
             raise source.error(k + 1, f"{count} numbers are expected; got {shown!r}.") from None
         at += count
-    return found
+    return values
 
 
 HARWELL_BOEING = MatrixFormat(is_harwell_boeing, read_harwell_boeing)
@@ -281,7 +281,7 @@ def is_op4(content: bytes) -> bool:
 def read_op4(source: Source) -> dict[str, Entries]:
     """The matrices of an OP4 file by their names."""
     reader = _Text(source) if is_text(source.content) else _Binary(source)
-    found: dict[str, Entries] = {}
+    matrices: dict[str, Entries] = {}
     while (header := reader.header()) is not None:
         label, size = f"{source.name}: the matrix {header.name}", header.rows
         if header.kind not in (1, 2):
@@ -292,8 +292,8 @@ def read_op4(source: Source) -> dict[str, Entries]:
         rows, columns, values = [], [], []
         for column, row, value in _strings(reader, header):
             if row < 0 or row + len(value) > size:
-                told = f"column {column + 1} of {header.name} has {len(value)} entries"
-                raise InputError(f"{source.name}: {told} from row {row + 1} of {size} rows.")
+                message = f"column {column + 1} of {header.name} has {len(value)} entries"
+                raise InputError(f"{source.name}: {message} from row {row + 1} of {size} rows.")
             some = np.flatnonzero(value)
             rows.append(row + some)
             columns.append(np.full(len(some), column))
@@ -301,8 +301,8 @@ def read_op4(source: Source) -> dict[str, Entries]:
         at, of = (np.concatenate([NO_ROWS, *part]) for part in (rows, columns))
         entries = np.concatenate([np.zeros(0), *values])
         name = f"{source.name} ({header.name})"
-        found[header.name] = Entries(name, at, of, entries, size, triangle=False)
-    return found
+        matrices[header.name] = Entries(name, at, of, entries, size, triangle=False)
+    return matrices
 
 
 def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, int, Array]]:
@@ -343,11 +343,11 @@ class _Text:
         if self._at == len(self._lines):
             return None
         try:
-            found, self._per_line, self._width = _text_header(self._line())
+            header, self._per_line, self._width = _text_header(self._line())
         except ValueError:
             raise self.bad("a header of columns, rows, form, type and name is expected") from None
-        self.words = found.kind  # of a number in a string
-        return found
+        self.words = header.kind  # of a number in a string
+        return header
 
     def _line(self) -> str:
         self._source.needs(self._at != len(self._lines), self._at, "the file ends within a matrix.")
@@ -360,12 +360,12 @@ class _Text:
         if len(line.rstrip()) > 8 * count:  # |I16, or fields divided by blanks
             fields = line.split()[:count]
         try:
-            found = [int(field) for field in fields]
+            numbers = [int(field) for field in fields]
         except ValueError:
-            found = []
-        if len(found) < count:
+            numbers = []
+        if len(numbers) < count:
             raise self.bad(f"{count} whole numbers are expected")
-        return found
+        return numbers
 
     def numbers(self, count: int) -> Array:
         first, form = self._at, (self._per_line, self._width)
@@ -406,10 +406,10 @@ def _markers(content: bytes) -> tuple[str, int] | None:
 
 class _Binary:
     def __init__(self, source: Source) -> None:
-        found = _markers(source.content)
-        if found is None:
+        markers = _markers(source.content)
+        if markers is None:
             raise source.at_byte(0, "the record marker of an OP4 header is expected.")
-        self._order, self._size = found
+        self._order, self._size = markers
         self._source, self._at, self._start, self._record = source, 0, 0, b""
 
     def header(self) -> _Header | None:

@@ -78,10 +78,10 @@ class BeamProfiles:
         angle = math.atan2(2 * mixed, first - second) / 2 if mixed else 0.0
         if mixed:
             first, second = mean + half, mean - half
-        told = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
-        self.entry.needs(min(A, first, second) > 0, told)
-        own = replace(self.form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
-        return BeamProfile(own, extra, self.sheared, angle)
+        message = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
+        self.entry.needs(min(A, first, second) > 0, message)
+        section = replace(self.form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
+        return BeamProfile(section, extra, self.sheared, angle)
 
     def _by_constants(self) -> dict[float, Station]:
         entry = self.entry
@@ -105,8 +105,8 @@ class BeamProfiles:
             ends = (start + 12, start + 13)
             further = [k + 2 if entry.text(k + 2) else k for k in ends]
             self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, further)]
-            if given := [name for name, k in BEHIND.items() if entry.real(start + k)]:
-                self.told.append(f"{', '.join(given)} of {label}")
+            if unread := [name for name, k in BEHIND.items() if entry.real(start + k)]:
+                self.told.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
             self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
                              "of the other is taken")  # fmt: skip
@@ -126,10 +126,10 @@ class BeamProfiles:
     def _along(self, rows: dict[float, Station]) -> int:
         """Add the values of PBEAM at further places to those at 0; the field after them."""
         entry, starts = self.entry, {}
-        given = ("YES", "YESA", "NO")
+        words = ("YES", "YESA", "NO")
         # the places of stresses at the first end may be left out
-        start = 8 if entry.text(8).upper() in given else 16
-        while entry.text(start).upper() in given:
+        start = 8 if entry.text(8).upper() in words else 16
+        while entry.text(start).upper() in words:
             starts[entry.real(start + 1, None)] = start + 2
             start += 16 if entry.text(start).upper() == "YES" else 8
         first = last = np.array(rows[0.0])
@@ -158,14 +158,16 @@ class BeamProfiles:
         stations = {0.0: self._shape(kind, first, extra)}
         start = 9 + count
         while entry.name == "PBEAML" and entry.words(start, start + 2):
-            own = self._dimensions(start + 2, first)
+            dimensions = self._dimensions(start + 2, first)
             beside = entry.real(start + 2 + count, extra)
-            stations[entry.real(start + 1, 1.0)] = self._shape(kind, own, beside)
+            stations[entry.real(start + 1, 1.0)] = self._shape(kind, dimensions, beside)
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
-            told = f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
-            told = f"the shear coefficients and {told}, {profiles.THIN:g}"
-            self.told.append(f"{told} and that of thin walls are taken")
+            message = (
+                f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
+            )
+            message = f"the shear coefficients and {message}, {profiles.THIN:g}"
+            self.told.append(f"{message} and that of thin walls are taken")
         return stations
 
     def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:
@@ -182,8 +184,10 @@ class BeamProfiles:
             self.form, mixed = made, made.mixed if kind in ("L", "Z") else 0.0
             return [made.A, made.I, made.I_side, mixed, made.J, extra]
         except ValueError as error:
-            told = f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
-            raise self.entry.place.error(f"{told} other for the type {kind!r}.") from error
+            message = (
+                f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
+            )
+            raise self.entry.place.error(f"{message} other for the type {kind!r}.") from error
 
 
 Walls = list[profiles.Wall]
@@ -291,9 +295,9 @@ def divide(found: NastranDeck) -> list[End]:
         for entry, nodes in zip(entries, block.corners.tolist(), strict=True):
             known = along.get(entry.property_number())
             neutral = known.neutral if known else np.zeros((2, 2))
-            own = _own_ends(found, entry, nodes, neutral)
+            ends_moved = _own_ends(found, entry, nodes, neutral)
             rows = list(nodes)
-            for end, (place, held, axes) in own.items():
+            for end, (place, held, axes) in ends_moved.items():
                 rows[end] = len(points)
                 points.append(place)
                 ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
@@ -310,7 +314,7 @@ def divide(found: NastranDeck) -> list[End]:
             points += list(inner)
             for piece in range(pieces):
                 middle = (piece + 0.5) / pieces if pieces > 1 else 0.0
-                found.beams[len(elements)] = Beam(middle, bool(own), heights[piece])
+                found.beams[len(elements)] = Beam(middle, bool(ends_moved), heights[piece])
                 lines.append((chain[piece], chain[piece + 1]))
                 elements.append(entry)
         none = np.zeros((len(lines), 0), dtype=np.int64)
@@ -328,8 +332,8 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
         leader = builder.joints.leader(end.node)
         if end.beside.any():
             builder.tell_once("how mass off the shear centre (N1, N2) couples twist with sway")
-        own = {end.row: end.axes}
-        builder.joints.rigid(np.array([end.row]), leader, end.held, own, end.beside)
+        axes_of = {end.row: end.axes}
+        builder.joints.rigid(np.array([end.row]), leader, end.held, axes_of, end.beside)
 
 
 def _own_ends(
@@ -352,22 +356,22 @@ def _own_ends(
         return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
-    own = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
+    moved = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
     held = [tuple(c for c in range(6) if c not in some) for some in pins]
-    return {k: (places[k], held[k], axes) for k in own}
+    return {k: (places[k], held[k], axes) for k in moved}
 
 
 def offsets_of(found: NastranDeck, entry: Entry) -> Array:
     """Offsets (2, 3) of the ends from their nodes along the axes of the deck."""
-    given = np.reshape(entry.reals(10, 16), (2, 3))
-    if not given.any():
-        return given
+    offsets = np.reshape(entry.reals(10, 16), (2, 3))
+    if not offsets.any():
+        return offsets
     kind = entry.text(7).upper()
     plain = not kind.isalpha() or not set(kind[1:]) & set("OE")
     entry.needs(plain, f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
                 "not supported; give them in the displacement system (GGG).")  # fmt: skip
     frames = [found.frame(found.at(entry, k), entry.place) for k in (2, 3)]
-    return np.stack([w @ frame for w, frame in zip(given, frames, strict=True)])
+    return np.stack([w @ frame for w, frame in zip(offsets, frames, strict=True)])
 
 
 def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
@@ -375,8 +379,8 @@ def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
     v = _vector(found, entry)
     across = v - (v @ tangent) * tangent
     size = float(np.linalg.norm(across))
-    told = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
-    entry.needs(size > 1e-9 * float(np.linalg.norm(v)), told)
+    message = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
+    entry.needs(size > 1e-9 * float(np.linalg.norm(v)), message)
     return np.asarray(across / size)
 
 
@@ -407,8 +411,8 @@ def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Arr
         radius = bend.real(6)
         if kind == 4:
             radius = long / 2 / max(math.sin(math.radians(bend.real(7)) / 2), ALONG)
-        told = f"the radius of {label} is {radius:.4g}, its chord {long:.4g}: give RB or THETAB "
-        entry.needs(radius >= long / 2, told + "of its PBEND.")
+        message = f"the radius of {label} is {radius:.4g}, its chord {long:.4g}: give RB or THETAB "
+        entry.needs(radius >= long / 2, message + "of its PBEND.")
         centre = x.mean(axis=0) - math.sqrt(radius**2 - long**2 / 4) * up
     else:  # the vector points to the centre, or along the arc
         w = v if kind == 1 else (v @ up) * chord - (v @ chord) * up

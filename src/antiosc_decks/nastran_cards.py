@@ -109,10 +109,10 @@ class Continuations:
         self._last = entry
         label = mark.strip().upper()
         # without a sign, the first letter stands for one
-        own = (label[1:].strip(),) if label[:1] in ("+", "*") else (label, label[1:])
-        if any(own):
-            self._marks[id(entry)] = own
-            for one in filter(None, own):
+        marks = (label[1:].strip(),) if label[:1] in ("+", "*") else (label, label[1:])
+        if any(marks):
+            self._marks[id(entry)] = marks
+            for one in filter(None, marks):
                 self._open.setdefault(one, {})[id(entry)] = entry
 
     def entry_of(self, name: str, place: Place) -> Entry:
@@ -138,7 +138,7 @@ class Continuations:
 
     def find_lost(self) -> None:
         """Note faults where a mark has no continuation, and a continuation no mark."""
-        waiting = any(len(own) == 1 and own[0] for own in self._marks.values())
+        waiting = any(len(lines) == 1 and lines[0] for lines in self._marks.values())
         for entry, lost in self._by_order if waiting else ():
             entry.fault = entry.fault or lost
 
@@ -480,33 +480,33 @@ def is_other(name: str) -> bool:
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
     """What becomes of the entries of a deck."""
-    found = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
+    account = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
     for entry in entries:
         if entry.name in NEAREST:
             label = f"{entry.name}, {NEAREST[entry.name]}"
-            found.options.append((label, entry.place, Fate("ignored")))
-    return found
+            account.options.append((label, entry.place, Fate("ignored")))
+    return account
 
 
 def separated(entries: Sequence[Entry]) -> list[Entry]:
     """The entries, each with one definition."""
-    found = []
+    separate = []
     for entry in entries:
         if (width := SEVERAL.get(entry.name)) is None:
-            found.append(entry)
+            separate.append(entry)
             continue
         starts = (k for k in range(0, 8, width) if entry.text(k))
-        found += [replace(entry, fields=entry.fields[k : k + width]) for k in starts]
-    return found
+        separate += [replace(entry, fields=entry.fields[k : k + width]) for k in starts]
+    return separate
 
 
 def fill(entries: Sequence[Entry]) -> None:
     """Fill blank fields from the entry of defaults (BAROR, GRDSET, …) in the same part."""
     names = {name for name, _ in DEFAULTS.values()}
-    given = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
-    for entry in entries if given else ():
+    defaults = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
+    for entry in entries if defaults else ():
         name, groups = DEFAULTS.get(entry.name, ("", ()))
-        if default := given.get((name, entry.place.scope)):
+        if default := defaults.get((name, entry.place.scope)):
             entry.fields += [""] * (8 - len(entry.fields))
             for some in groups:
                 if not any(entry.text(k) for k in some):

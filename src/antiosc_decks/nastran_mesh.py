@@ -81,8 +81,8 @@ class Systems:
         self._placed: dict[int, System] = {}
         self._open: set[int] = set()
         self._moved: Mapping[int, System] = {}
-        own = [entry for entry in entries if entry.name.startswith(("CORD1", "CORD2"))]
-        self._given = defined_once(own, "coordinate system")
+        definitions = [entry for entry in entries if entry.name.startswith(("CORD1", "CORD2"))]
+        self._given = defined_once(definitions, "coordinate system")
 
     def move(self, moved: Mapping[int, System]) -> None:
         """Parts of the deck lie elsewhere: scope -> where their basic system is."""
@@ -91,14 +91,14 @@ class Systems:
 
     def __call__(self, number: int, place: Place) -> System:
         """The system `number`; MeshError if there is none, or it depends on itself."""
-        own = number
+        current = number
         if not number:
             return self._moved.get(place.scope, BASIC)
         number += place.scope
         if number not in self._placed:
-            entry = place.found(self._given, number, f"there is no coordinate system {own}.")
+            entry = place.found(self._given, number, f"there is no coordinate system {current}.")
             closed = number not in self._open and len(self._open) <= 200
-            place.needs(closed, f"the coordinate system {own} depends on itself.")
+            place.needs(closed, f"the coordinate system {current} depends on itself.")
             self._open.add(number)
             self._placed[number] = self._place(entry)
             self._open.discard(number)
@@ -127,24 +127,24 @@ NEAR = 1e-5
 
 def scope_parts(entries: list[Entry]) -> None:
     """Set the scopes of the entries, where the parts need them."""
-    part, found = 0, []
+    part, scopes = 0, []
     known: dict[tuple[str, str], tuple[int, list[str]]] = {}
     clash = any(entry.name == "SELOC" for entry in entries)
     for entry in entries:
         part = entry.whole(0) if entry.name == "BEGIN SUPER" else part
-        found.append(part)
+        scopes.append(part)
         if entry.name.startswith(DEFINED) and entry.name not in ("PARAM", "PLOTEL"):
             other, fields = known.setdefault((entry.name, entry.text(0)), (part, entry.fields))
             clash = clash or (other != part and fields != entry.fields)
-    for entry, part in zip(entries, found, strict=True):
+    for entry, part in zip(entries, scopes, strict=True):
         if clash and part:
             entry.place = replace(entry.place, scope=part * SCOPE)
 
 
 def label_of(number: int) -> str:
     """The name of a property of a part."""
-    part, own = divmod(number, SCOPE)
-    return f"{own}" + (f" of part {part}" if part else "")
+    part, label = divmod(number, SCOPE)
+    return f"{label}" + (f" of part {part}" if part else "")
 
 
 def place_in(entries: list[Entry], entry: Entry, k: int) -> Place:
@@ -158,7 +158,7 @@ def moved_parts(
 ) -> dict[int, System]:
     """Scope of a part -> where SELOC moves its basic system: three of its nodes to three others."""
     points = {entry.whole(0): entry for entry in entries if entry.name == "POINT"}
-    found = {}
+    moves = {}
 
     def aim(number: int, place: Place) -> Array:
         if number not in points:
@@ -168,12 +168,12 @@ def moved_parts(
 
     for entry in entries:
         if entry.name == "SELOC":
-            own = place_in(entries, entry, 0)
-            a = axes_of([node(entry.whole(k), own) for k in (1, 2, 3)], entry)
+            placement = place_in(entries, entry, 0)
+            a = axes_of([node(entry.whole(k), placement) for k in (1, 2, 3)], entry)
             b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
             turn = a.axes.T @ b.axes
-            found[own.scope] = System(b.origin - a.origin @ turn, turn)
-    return found
+            moves[placement.scope] = System(b.origin - a.origin @ turn, turn)
+    return moves
 
 
 #: What the case control selects -> the entries of these sets; the one that adds them ends with ADD.
@@ -241,13 +241,13 @@ class NastranDeck:
             used = {whole_number(word, place) for word in words} | used & present
         lost, others = used - present, (present | set(sums)) - used - {first}
         if lost == used and what == "SPC" and used:
-            told = f"the case control of {name} selects SPC = {first}"
-            raise MeshError(f"{told}, which is not there.")
+            message = f"the case control of {name} selects SPC = {first}"
+            raise MeshError(f"{message}, which is not there.")
         if lost:
             self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
         if others:
-            told = f"not used of {name}: {what} {_sets(others)}"
-            self.deck.told.append(f"{told}, which the first subcase does not select.")
+            message = f"not used of {name}: {what} {_sets(others)}"
+            self.deck.told.append(f"{message}, which the first subcase does not select.")
         return used & present
 
     def element_labels(self) -> IntArray:
@@ -283,22 +283,22 @@ class NastranDeck:
                 self.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
 
     def constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
-        """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
+        """(rows of nodes, components such as "123", entry) of one set of SPC and SPC1."""
         for entry in self.named("SPC", "SPC1"):
             if entry.whole(0) != number:
                 continue
             for k in (1, 4) if entry.name == "SPC" else ():
                 if entry.text(k):
                     yield np.array([self.at(entry, k)]), entry.text(k + 1), entry
-            every = entry.fields[2:] if entry.name == "SPC1" else []
-            for first, last in through(every, entry.place):
+            fields = entry.fields[2:] if entry.name == "SPC1" else []
+            for first, last in through(fields, entry.place):
                 ends = first + entry.place.scope, last + entry.place.scope
                 yield self.nodes.between(*ends), entry.text(1), entry
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
         two = entry.name[-1] in "12"
-        found = []
+        ends = []
         for k in (2, 4) if two else (2, 3):
             if entry.whole(k, 0):
                 row = self.at(entry, k)
@@ -306,9 +306,9 @@ class NastranDeck:
                 there = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
                 entry.needs(there, f"{entry.name} acts on a component from 1 to 6 of a GRID, or a "
                             "scalar point.")  # fmt: skip
-                found.append((row, max(motion, 0)))
-        entry.needs(found, f"{entry.name} acts on no node.")
-        return found
+                ends.append((row, max(motion, 0)))
+        entry.needs(ends, f"{entry.name} acts on no node.")
+        return ends
 
     def frame(self, row: int, place: Place) -> Array:
         """Directions of the displacements at a node, as rows."""
@@ -348,8 +348,8 @@ def read(sources: Sources) -> NastranDeck:
         if entry.fault and cards.fate_of(entry.name).kind == "read":
             raise entry.fault
         if entry.name == "SEBULK" and entry.text(1).upper() not in ("", "PRIMARY"):
-            told = f"a superelement of the type {entry.text(1)} is not read"
-            raise entry.place.error(f"{told}; write its elements out.")
+            message = f"a superelement of the type {entry.text(1)} is not read"
+            raise entry.place.error(f"{message}; write its elements out.")
     bulk.entries = cards.separated(bulk.entries)
     scope_parts(bulk.entries)
     cards.fill(bulk.entries)
@@ -394,8 +394,8 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     systems.move(moved)
     placed.clear()
     points = [position(grid.whole(0), grid.place) for grid in grids]
-    own = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
-    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=own)
+    numbers = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
+    deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=numbers)
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     account = cards.account_for(bulk.entries, name)
     found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
@@ -413,8 +413,8 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
         known = first.setdefault(entry.number(0), entry)
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
-            told = f"the deck defines the {what} {entry.whole(0)} more than once"
-            raise entry.place.error(f"{told}, first otherwise in {known.place}.")
+            message = f"the deck defines the {what} {entry.whole(0)} more than once"
+            raise entry.place.error(f"{message}, first otherwise in {known.place}.")
     return first
 
 
@@ -433,8 +433,8 @@ def _scalar_points(bulk: Bulk) -> IntArray:
 
 def _rods_of_bars(found: NastranDeck) -> None:
     """CBAR of a PBAR without second moments are CROD; the model tells it."""
-    every = found.named("PBAR")
-    some = [one for one in every if not any(one.text(k).strip("+-.0") for k in (3, 4))]
+    bars = found.named("PBAR")
+    some = [one for one in bars if not any(one.text(k).strip("+-.0") for k in (3, 4))]
     bare = {entry.text(0): entry for entry in some}
     for entry in found.named("CBAR"):
         if (entry.text(1) or entry.text(0)) in bare:
@@ -442,8 +442,8 @@ def _rods_of_bars(found: NastranDeck) -> None:
     for entry in bare.values():
         area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
         entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
-        told = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
-        found.account.options.append((told, entry.place, Fate("ignored")))
+        message = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
+        found.account.options.append((message, entry.place, Fate("ignored")))
 
 
 def _without_fluids(found: NastranDeck) -> None:
@@ -453,15 +453,15 @@ def _without_fluids(found: NastranDeck) -> None:
     solids = {name for name, cell in CELLS.items() if "PSOLID" in cell.properties}
     kept, count = [], Counter[str]()
     for entry in found.bulk.entries:
-        own = entry.text(1) or entry.text(0)
-        if entry.name in solids and own in fluids:
-            count[own] += 1
+        prop = entry.text(1) or entry.text(0)
+        if entry.name in solids and prop in fluids:
+            count[prop] += 1
         else:
             kept.append(entry)
     found.bulk.entries = kept
-    for own, many in count.items():
-        told = f"PSOLID of a fluid (FCTN={fluids[own].text(6)}) with its {many} elements"
-        found.account.options.append((told, fluids[own].place, Fate("ignored")))
+    for prop, many in count.items():
+        message = f"PSOLID of a fluid (FCTN={fluids[prop].text(6)}) with its {many} elements"
+        found.account.options.append((message, fluids[prop].place, Fate("ignored")))
 
 
 def _elements(found: NastranDeck) -> None:
@@ -478,8 +478,8 @@ def _elements(found: NastranDeck) -> None:
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
-        every = range(cell.first, cell.first + corners + len(cell.middles))
-        nodes = [(n := entry.whole(k, blank)) and n + entry.place.scope for k in every]
+        places = range(cell.first, cell.first + corners + len(cell.middles))
+        nodes = [(n := entry.whole(k, blank)) and n + entry.place.scope for k in places]
         label = entry.whole(0)
         entry.needs(label not in seen, f"the element {label} is defined more than once.")
         seen.add(label)
@@ -491,8 +491,8 @@ def _elements(found: NastranDeck) -> None:
         rows = np.where(table > 0, found.nodes.rows(table), -1)
         lost = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
         for row, k in np.argwhere(lost):
-            told = f"{name} {some[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
-            raise some[row][0].place.error(f"{told}, for which there is no GRID.")
+            message = f"{name} {some[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
+            raise some[row][0].place.error(f"{message}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         tables = rows[:, :corners], mids, mids[:, :0]
         found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))

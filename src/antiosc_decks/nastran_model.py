@@ -52,21 +52,21 @@ class Joints:
 
     def read(self) -> None:
         """Rigid elements, constraints, springs and dampers."""
-        found = self.found
+        deck = self.found
         for name, rigid in RIGID.items():
-            for entry in found.named(name):
+            for entry in deck.named(name):
                 rigid(self, entry)
-        for follower, node in found.coincident():
-            self._follow([follower], node, ALL, found.grids[follower], own=False)
-        used = found.used_sets("MPC")
-        for entry in found.named("MPC"):
+        for follower, node in deck.coincident():
+            self._follow([follower], node, ALL, deck.grids[follower], own=False)
+        used = deck.used_sets("MPC")
+        for entry in deck.named("MPC"):
             if entry.whole(0) in used:
                 self._mpc(entry)
         for kind in ("CELAS", "CDAMP"):
             self._scalars(kind)
         for kind, name in BUSHES.items():
-            known = found.properties(name)
-            for entry in found.named(kind):
+            known = deck.properties(name)
+            for entry in deck.named(kind):
                 self._bush(entry, entry.its_property(name, known))
 
     def read_masses(self) -> None:
@@ -143,8 +143,8 @@ class Joints:
             components = words[k + 1] if k + 1 < len(words) else "nothing"
             turn = set("456") <= set(components)
             if set(components) & set("456") and not turn:
-                told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
-                self.builder.tell_once(told)
+                message = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
+                self.builder.tell_once(message)
             plain = set(components) - set("456 ") == set("123")
             entry.needs(plain, "RBE3 is read where the independent nodes move by 123; got "
                         f"{components!r}.")  # fmt: skip
@@ -152,11 +152,11 @@ class Joints:
             while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
                 k += 1
                 k += k < len(words) and words[k].upper() == "THRU"
-            own = self._nodes(entry, words[start:k])
-            rows += own
-            weights += [weight] * len(own)
+            nodes = self._nodes(entry, words[start:k])
+            rows += nodes
+            weights += [weight] * len(nodes)
             joints = self.builder.joints
-            turning += [turn and joints.used[n] and joints.has_rotations[n] for n in own]
+            turning += [turn and joints.used[n] and joints.has_rotations[n] for n in nodes]
         entry.needs(rows and sum(weights) > 0, "RBE3 names no nodes with weights.")
         entry.needs(reference not in rows, "a GRID of RBE3 cannot follow itself.")
         joints, table = self.builder.joints, np.array(rows, dtype=np.int64)
@@ -183,10 +183,10 @@ class Joints:
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
-                own = entry.its_property(name, known)
-                value = own.real(1, None)
-                if name == "PELAS" and own.real(2):
-                    builder.tell_once(f"GE of PELAS {own.text(0)}")
+                property_entry = entry.its_property(name, known)
+                value = property_entry.real(1, None)
+                if name == "PELAS" and property_entry.real(2):
+                    builder.tell_once(f"GE of PELAS {property_entry.text(0)}")
             ends = self.found.scalar_ends(entry)
             terms: list[Term] = []
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
@@ -238,14 +238,14 @@ class Joints:
 
     def _constants(self, name: str, own: Entry) -> Constants:
         """(stiffnesses, dampings) of the six motions; what is not taken is told."""
-        told = self.builder.tell_once
+        tell = self.builder.tell_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
         if name == "CVISC":  # along the line, and against the twist about it
             values["B"][0], values["B"][3] = own.real(1), own.real(2)
         elif name == "CBUSH1D":
             values["K"][0], values["B"][0] = own.real(1), own.real(2)
             if own.words(3):
-                told(f"what of PBUSH1D {own.text(0)} is not K or C")
+                tell(f"what of PBUSH1D {own.text(0)} is not K or C")
         elif name == "CGAP":
             # a spring by its first state in linear solutions: Altair OptiStruct 2021, CGAP,
             # comment 1; Autodesk Nastran Reference Guide, CGAP, remark 1; KT = MU1 KA: PGAP of both
@@ -253,7 +253,7 @@ class Joints:
             normal = own.real(4) if is_open else own.real(3, 1e8)
             across = 0.0 if is_open else own.real(5, own.real(6) * normal)
             values["K"][:3] = normal, across, across
-            told(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
+            tell(f"the contact in CGAP of PGAP {own.text(0)}, which stay "
                  f"{'open' if is_open else 'closed'}, as at first")  # fmt: skip
         else:
             for start in range(0, len(own.fields), 8):
@@ -261,7 +261,7 @@ class Joints:
                 if kind in values:
                     values[kind] = own.reals(start + 2, start + 8)
                 elif kind == "GE":
-                    told(f"GE of PBUSH {own.text(0)}")
+                    tell(f"GE of PBUSH {own.text(0)}")
                 elif kind != "RCV":
                     none = not kind and not own.words(start + 2, start + 8)
                     own.needs(none, "PBUSH is read with stiffnesses (K) and dampers (B) alone; its "
@@ -273,16 +273,16 @@ class Joints:
         if entry.text(7):
             return self.found.systems(entry.whole(7), entry.place).frame(place)
         across = any(acts[k] for k in (1, 2, 4, 5))
-        given = any(entry.text(k) for k in (4, 5, 6))
-        if len(x) == 1 and not given and not (entry.name in ON_LINE and entry.text(3)):
+        oriented = any(entry.text(k) for k in (4, 5, 6))
+        if len(x) == 1 and not oriented and not (entry.name in ON_LINE and entry.text(3)):
             return np.eye(3)
-        known = len(x) > 1 and (given or not across)
+        known = len(x) > 1 and (oriented or not across)
         entry.needs(known, f"{entry.name} needs the system CID at coincident nodes or to the "
                     "ground, and CID or an orientation between nodes apart, unless it acts along "
                     "their line alone.")  # fmt: skip
         line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
         v = np.eye(3)[int(np.argmin(np.abs(line)))]
-        if given:
+        if oriented:
             v = orientation(self.found, entry, line)
         y = v - (v @ line) * line
         y /= np.linalg.norm(y)
@@ -345,16 +345,20 @@ class Joints:
         of_element, of_property = kind in ("ELEMENT", "CONROD"), kind.startswith("P")
         entry.needs(of_element or of_property,
                     f"{entry.name} is read of properties and elements; got {kind!r}.")  # fmt: skip
-        own = self.found.property_numbers()
+        properties = self.found.property_numbers()
         if of_element:
-            own = np.array([one.whole(0) for one in self.found.elements], dtype=np.int64)
+            properties = np.array([one.whole(0) for one in self.found.elements], dtype=np.int64)
         if words == ["ALL"]:
-            given = {one.whole(0) for one in self.found.named(kind)}
-            return np.isin(own, list(given)) if of_property else np.ones(len(own), dtype=bool)
+            numbers = {one.whole(0) for one in self.found.named(kind)}
+            return (
+                np.isin(properties, list(numbers))
+                if of_property
+                else np.ones(len(properties), dtype=bool)
+            )
         entry.needs("BY" not in words, f"{entry.name} is read without BY; list the numbers.")
-        chosen = np.zeros(len(own), dtype=bool)
+        chosen = np.zeros(len(properties), dtype=bool)
         for first, last in through(words, entry.place):
-            some = (own >= first) & (own <= last)
+            some = (properties >= first) & (properties <= last)
             entry.needs(some.any(), f"{entry.name} names {kind} {first}, of no element.")
             chosen |= some
         return chosen
@@ -366,17 +370,17 @@ RIGID["SECONCT"] = Joints._seconct
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:
-    found = motions_of(text, entry.place)
-    entry.needs(found and "0" not in text, f"{text!r} are not components from 1 to 6.")
-    return tuple(found)
+    motions = motions_of(text, entry.place)
+    entry.needs(motions and "0" not in text, f"{text!r} are not components from 1 to 6.")
+    return tuple(motions)
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     found.account.refuse()
     tell_damping(found.account, found.bulk.entries)
-    given = found.parameter("WTMASS")
-    factor = given.real(1, None) if given else 1.0
+    weight_to_mass = found.parameter("WTMASS")
+    factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0
     ends = beams.divide(found)
     builder = ModelBuilder(found.deck, units, density, lumped=bool(found.named(*MASSES)))
     found.set_groups()
@@ -398,16 +402,16 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> Mo
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
     for row in found.systems_of:
         builder.joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
-    every = [(np.array([row]), text, grid)
+    fixed = [(np.array([row]), text, grid)
              for row, grid in enumerate(found.grids) if (text := grid.text(6))]  # fmt: skip
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in found.constraints(number):
             entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")
-            every.append((rows, components, entry))
+            fixed.append((rows, components, entry))
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
                 moved.append(entry.place)
-    for rows, components, entry in every:
+    for rows, components, entry in fixed:
         scalar = np.isin(rows, list(found.scalar))
         builder.fix(rows[scalar], [0])
         builder.fix(rows[~scalar], motions_of(components, entry.place))

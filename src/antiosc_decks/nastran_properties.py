@@ -82,8 +82,8 @@ class Properties:
             material.set_isotropic(E, nu)
             if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
-                told = f"G of MAT1 {number}, which does not follow from E and NU"
-                self.builder.tell_once(f"{told}, of solids and shells")
+                message = f"G of MAT1 {number}, which does not follow from E and NU"
+                self.builder.tell_once(f"{message}, of solids and shells")
         elif entry.name == "MAT2":
             material.plane = symmetric(entry.reals(1, 7), np.triu_indices)
         elif entry.name == "MAT9":
@@ -97,8 +97,8 @@ class Properties:
             E1, E2, n12, G12 = (entry.real(k, None) for k in (1, 2, 3, 4))
             G13, G23 = (entry.real(k) or G12 for k in (5, 6))
             if not (entry.real(5) and entry.real(6)):
-                told = f"rigid transverse shear of MAT8 {number}, whose G12 is taken"
-                self.builder.tell_once(told)
+                message = f"rigid transverse shear of MAT8 {number}, whose G12 is taken"
+                self.builder.tell_once(message)
             nan = np.nan
             material.constants = np.array([E1, E2, nan, n12, nan, nan, G12, G13, G23])
         return material
@@ -106,8 +106,8 @@ class Properties:
     def _material(self, entry: Entry, k: int) -> Material:
         """The material whose number is in field k (from 0)."""
         number = entry.number(k)
-        told = "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number "
-        return entry.place.found(self._materials, number, f"{told}{number % SCOPE}.")
+        message = "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number "
+        return entry.place.found(self._materials, number, f"{message}{number % SCOPE}.")
 
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
@@ -115,8 +115,8 @@ class Properties:
 
     def _tell_beside(self, entry: Entry, extra: float) -> None:
         if extra:
-            told = f"where the nonstructural mass of {entry.name} {entry.text(0)} lies"
-            self.builder.tell_once(f"{told}, it is spread over the section")
+            message = f"where the nonstructural mass of {entry.name} {entry.text(0)} lies"
+            self.builder.tell_once(f"{message}, it is spread over the section")
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         material = self._material(entry, 1)
@@ -129,8 +129,8 @@ class Properties:
                         "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
                         "system.")  # fmt: skip
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
-            given = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
-            family = Family("AnisotropicSolid", given, entry.place)
+            arguments = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
+            family = Family("AnisotropicSolid", arguments, entry.place)
         self.builder.add(name, elements, family)
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -153,24 +153,24 @@ class Properties:
             area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
         length = self.builder.units.length
-        own = self.builder.isotropic(self._material(entry, k), "rods")
-        own |= {"area": area * length**2, "torsion": torsion * length**4}
-        own["rho"] += self._beside(extra, area)
-        self.builder.add("rods", elements, Family("Truss", own, entry.place))
+        arguments = self.builder.isotropic(self._material(entry, k), "rods")
+        arguments |= {"area": area * length**2, "torsion": torsion * length**4}
+        arguments["rho"] += self._beside(extra, area)
+        self.builder.add("rods", elements, Family("Truss", arguments, entry.place))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
         t, extra, *sides = entry.real(2, None), *entry.reals(3, 6)
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
-        own = self.builder.isotropic(self._material(entry, 1), "shear panels")
-        own |= {"thickness": t * self.builder.units.length, "sides": sides}
-        own["rho"] += self._beside(extra, t)
-        self.builder.add(name, elements, Family("Panel", own, entry.place))
+        arguments = self.builder.isotropic(self._material(entry, 1), "shear panels")
+        arguments |= {"thickness": t * self.builder.units.length, "sides": sides}
+        arguments["rho"] += self._beside(extra, t)
+        self.builder.add(name, elements, Family("Panel", arguments, entry.place))
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by place, orientation and offset."""
         along = BeamProfiles(entry)
-        for told in along.told:
-            self.builder.tell_once(told)
+        for note in along.told:
+            self.builder.tell_once(note)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
         # a G up to E/3 goes into the section: nu lies below 0.5
@@ -181,9 +181,11 @@ class Properties:
         apart: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
             beam = self.found.beams.get(int(element), Beam())
-            own = self.found.elements[element]
-            height = orientation(self.found, own, tangent) if beam.height is None else beam.height
-            offset = 0.0 if beam.moved else float(offsets_of(self.found, own)[0] @ height)
+            entry_of = self.found.elements[element]
+            height = (
+                orientation(self.found, entry_of, tangent) if beam.height is None else beam.height
+            )
+            offset = 0.0 if beam.moved else float(offsets_of(self.found, entry_of)[0] @ height)
             key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
             apart.setdefault(key, []).append(k)
         for key, some in apart.items():
@@ -216,9 +218,9 @@ class Properties:
             if not entry.text(k) and entry.text(other):
                 entry.fields += [""] * (4 - len(entry.fields))
                 entry.fields[k] = entry.text(other)
-                told = f"that PSHELL {number} has no stiffness against {what} (no MID"
-                told += f"{(k + 1) // 2}), that of its other material is taken"
-                self.builder.tell_once(told)
+                message = f"that PSHELL {number} has no stiffness against {what} (no MID"
+                message += f"{(k + 1) // 2}), that of its other material is taken"
+                self.builder.tell_once(message)
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
         entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
@@ -230,21 +232,25 @@ class Properties:
         shear = entry.text(5) in ("", entry.text(1)) and abs(share - 5 / 6) <= 1e-3
         if not entry.text(5):
             its = "its material's" if plain else "that of MID1 with 5/6"
-            told = f"the rigid transverse shear of PSHELL {number} (no MID3), {its} is taken"
-            self.builder.tell_once(told)
+            message = f"the rigid transverse shear of PSHELL {number} (no MID3), {its} is taken"
+            self.builder.tell_once(message)
         self._tell_beside(entry, entry.real(7))
         length = self.builder.units.length
-        for own, offset, some in self._by_thickness(elements, entry.real(2), entry):
+        for thickness, offset, some in self._by_thickness(elements, entry.real(2), entry):
             offset += entry.real(12)
-            extra = self._beside(entry.real(7), own)
+            extra = self._beside(entry.real(7), thickness)
             if not plain or not shear:
-                self._directed(entry, name, some, "GivenSheet", self._given(entry, own), offset)
+                self._directed(
+                    entry, name, some, "GivenSheet", self._given(entry, thickness), offset
+                )
             elif material.isotropic is None:
-                layer = self.builder.layer(material, own, 0.0)
+                layer = self.builder.layer(material, thickness, 0.0)
                 layer["rho"] += extra
                 self._directed(entry, name, some, "Laminate", {"layers": [layer]}, offset)
             else:
-                arguments = self.builder.isotropic(material, "shells") | {"thickness": own * length}
+                arguments = self.builder.isotropic(material, "shells") | {
+                    "thickness": thickness * length
+                }
                 arguments["rho"] += extra
                 self.builder.add_shells(name, some, Family("Shell", arguments, entry.place), offset)
 
@@ -256,26 +262,32 @@ class Properties:
         varying = 0
         label = f"{entry.name} {entry.text(0)}"
         for element in elements:
-            own = self.found.elements[element]
-            cell = CELLS[own.name]
-            factor = thickness if own.whole(cell.flag, 0) == 1 else 1.0
+            element_entry = self.found.elements[element]
+            cell = CELLS[element_entry.name]
+            factor = thickness if element_entry.whole(cell.flag, 0) == 1 else 1.0
             corners = range(OWN_THICKNESS, OWN_THICKNESS + CORNERS[cell.shape])
-            values = [own.real(k) * factor if own.text(k) else thickness for k in corners]
+            values = [
+                element_entry.real(k) * factor if element_entry.text(k) else thickness
+                for k in corners
+            ]
             thick = min(values) >= 0 and max(values) > 0
-            own.needs(thick, f"{own.name} {own.text(0)} has no thickness, here or in {label}.")
+            element_entry.needs(
+                thick,
+                f"{element_entry.name} {element_entry.text(0)} has no thickness, nor has {label}.",
+            )
             varying += max(values) - min(values) > 1e-9 * max(values)
-            key = (float(np.round(np.mean(values), 12)), own.real(cell.offset))
+            key = (float(np.round(np.mean(values), 12)), element_entry.real(cell.offset))
             apart.setdefault(key, []).append(int(element))
         if varying:
-            told = f"the variation of the thickness within {varying} elements of {label}"
-            self.builder.tell_once(f"{told}, the mean of the corners is taken in each")
+            message = f"the variation of the thickness within {varying} elements of {label}"
+            self.builder.tell_once(f"{message}, the mean of the corners is taken in each")
         return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
 
     def _given(self, entry: Entry, thickness: float) -> Json:
         """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
         ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
-        given = (k if entry.text(k) else 1 for k in (1, 3, 5))
-        membrane, bending, across = (self._material(entry, k) for k in given)
+        fields = (k if entry.text(k) else 1 for k in (1, 3, 5))
+        membrane, bending, across = (self._material(entry, k) for k in fields)
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length

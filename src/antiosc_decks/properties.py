@@ -35,15 +35,17 @@ class Material(Placed):
 
     def elasticity(self) -> Array:
         """The constants; MeshError without such."""
-        found = self.constants
-        self.needs(found is not None, f"the material {self.name!r} has no constants of elasticity.")
-        return np.asarray(found)
+        constants = self.constants
+        self.needs(
+            constants is not None, f"the material {self.name!r} has no constants of elasticity."
+        )
+        return np.asarray(constants)
 
     @property
     def modulus(self) -> float:
         """The largest modulus."""
-        given = (self.constants, self.stiffness, self.plane)
-        return max(float(np.nanmax(one)) for one in given if one is not None)
+        stated = (self.constants, self.stiffness, self.plane)
+        return max(float(np.nanmax(one)) for one in stated if one is not None)
 
     @property
     def isotropic(self) -> tuple[float, float] | None:
@@ -229,20 +231,20 @@ def tangents_of(deck: Deck, elements: IntArray) -> Array:
 
 def normals_of(deck: Deck, elements: IntArray) -> Array:
     """Unit normals (n, 3) of triangles and quadrilaterals, by the order of their corners."""
-    found = np.zeros((len(elements), 3))
+    normals = np.zeros((len(elements), 3))
     for block, mine in deck.blocks_of(elements):
         x = deck.points[block.corners]
-        found[mine] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
-    return unit(found)
+        normals[mine] = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
+    return unit(normals)
 
 
 def measures_of(deck: Deck, elements: IntArray) -> Array:
     """Lengths, areas or volumes of elements with straight edges."""
-    found = np.zeros(len(elements))
+    measures = np.zeros(len(elements))
     for block, mine in deck.blocks_of(elements):
         corners = FULL.get(block.shape, range(block.corners.shape[1]))
-        found[mine] = _measure(deck.points[block.corners[:, list(corners)]])
-    return found
+        measures[mine] = _measure(deck.points[block.corners[:, list(corners)]])
+    return measures
 
 
 def _measure(x: Array) -> Array:

@@ -28,17 +28,17 @@ def _reader(
             ask.allow(30 + 3e-5 * size)
 
         options = ask.model or {}
-        found = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
-        deck = found.deck
-        deck.name_elements(ask.elements, found.element_labels())
+        deck_and_model = read(Sources(Path(ask.path), ask.name, allow, options.get("root")))
+        deck = deck_and_model.deck
+        deck.name_elements(ask.elements, deck_and_model.element_labels())
         if ask.model is not None:
             deck.wanted, deck.piece = options.get("parts"), options.get("piece")
             deck.free = options.get("free", False)
-            deck.model = model_of(found, UnitSystem(*ask.unit), options.get("density"))
+            deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), options.get("density"))
         if not deck.n_elements:
-            left = f": it has {listed(deck.left)}" if deck.left else ""
+            remarks = f": it has {listed(deck.left)}" if deck.left else ""
             raise MeshError(
-                f"{deck.name} has no elements of solids, shells, beams or rods{left}; read the "
+                f"{deck.name} has no elements of solids, shells, beams or rods{remarks}; read the "
                 "deck that holds the part itself; the matrices of springs and masses alone go to "
                 "Structure.from_matrices."
             )

@@ -76,9 +76,9 @@ class NumberedMesh:
     @cached_property
     def places(self) -> tuple[IntArray, Array]:
         """(numbers (n,), coordinates (n, 3) in the assembly [m]) of the vertices."""
-        found, first = np.unique(self.vertices, return_index=True)
+        numbers, first = np.unique(self.vertices, return_index=True)
         rows = self._rows[:, : self.vertices.shape[1]]
-        return found, self.member.vertices[rows.ravel()[first]]
+        return numbers, self.member.vertices[rows.ravel()[first]]
 
     def position(self, number: int) -> Array:
         """Coordinates (3,) of a node in the axes of the part [m]."""
@@ -101,11 +101,11 @@ class NumberedMesh:
     @cached_property
     def around(self) -> dict[int, set[int]]:
         """Number of a vertex -> the cells around it."""
-        found: dict[int, set[int]] = {}
+        neighbours: dict[int, set[int]] = {}
         for cell, row in enumerate(self.vertices):
             for number in row:
-                found.setdefault(int(number), set()).add(cell)
-        return found
+                neighbours.setdefault(int(number), set()).add(cell)
+        return neighbours
 
     def cell_with(self, numbers: Sequence[int], follower_dim: int) -> int | None:
         """A cell with all these vertices; for lines, if they are an edge of it."""
@@ -189,14 +189,14 @@ class Nodes:
     def prepare(self, wanted: Iterable[tuple[int, int]]) -> None:
         """Find motions of nodes at once, which is faster than one after the other."""
         new = [one for one in dict.fromkeys(wanted) if one not in self._single]
-        found = self.functionals([[(*one, 1.0)] for one in new])
-        self._single.update((one, row_of(found, k)) for k, one in enumerate(new))
+        functionals = self.functionals([[(*one, 1.0)] for one in new])
+        self._single.update((one, row_of(functionals, k)) for k, one in enumerate(new))
 
 
 def row_of(matrix: Sparse, k: int) -> Row:
     """One row of a matrix."""
-    own = slice(matrix.indptr[k], matrix.indptr[k + 1])
-    return matrix.indices[own], matrix.data[own]
+    span = slice(matrix.indptr[k], matrix.indptr[k + 1])
+    return matrix.indices[span], matrix.data[span]
 
 
 # -- Nodes that constraints tie to the place of a cell where they lie.
@@ -328,9 +328,9 @@ def _dofs(
             column = member.first + int(dofs[at, d])
             if column not in done:
                 done.add(column)
-                found = _of_the_deck(numbers[cell, near], weights[d, near], among)
-                if len(found) > 1 and any(n in some for n in found):
-                    yield column, list(found), np.array(list(found.values()))
+                functional = _of_the_deck(numbers[cell, near], weights[d, near], among)
+                if len(functional) > 1 and any(n in some for n in functional):
+                    yield column, list(functional), np.array(list(functional.values()))
 
 
 def _of_the_deck(numbers: IntArray, weights: Array, among: Among) -> dict[int, float]:
@@ -355,9 +355,9 @@ def _followers(
     """Dofs that are the weighted sum of what their nodes are by their constraints."""
     rows = dependent[motion]
     beam = mesh.member.part.mesh.tdim == 1
-    every = list(_dofs(mesh, motion, rows, among))
-    nodes.prepare((n, motion) for _, numbers, _ in every for n in numbers)
-    for column, numbers, weights in every:
+    dofs = list(_dofs(mesh, motion, rows, among))
+    nodes.prepare((n, motion) for _, numbers, _ in dofs for n in numbers)
+    for column, numbers, weights in dofs:
         if beam and not _in_one_body(numbers, dependent, equations, nodes.layout.plane):
             continue
         if not _determined(nodes, numbers, motion, rows, equations):
@@ -428,9 +428,9 @@ def _sliders(
     by_motion = [list(_dofs(mesh, first + c, directions, among)) for c in axes]
     near = {n for _, numbers, _ in by_motion[0] for n in numbers}
     nodes.prepare((n, first + c) for n in near - directions.keys() for c in axes)
-    for found in zip(*by_motion, strict=True):
-        columns = [column for column, _, _ in found]
-        _, numbers, weights = found[0]
+    for directions_of_node in zip(*by_motion, strict=True):
+        columns = [column for column, _, _ in directions_of_node]
+        _, numbers, weights = directions_of_node[0]
         sliding = [n for n in numbers if n in directions]
         fixed = [n for n in numbers if n not in directions]
         if not all(nodes.is_fixed(n, first + c) for n in fixed for c in axes):
@@ -489,7 +489,7 @@ def _following(
     layout: Layout, follower: NumberedMesh, leaders: Sequence[NumberedMesh]
 ) -> list[Rows]:
     """Constraints of the dofs of one part on what it shares with earlier ones."""
-    found: list[Rows] = []
+    constraints: list[Rows] = []
     for names in (DISPLACEMENTS, ROTATIONS):
         done: set[int] = set()
         for leader in leaders:
@@ -497,8 +497,8 @@ def _following(
             where = _shared(follower, leader, done) if both[0] & both[1] & set(names) else {}
             done |= set(where)
             if where:
-                found.append(_tied(layout, follower.member, leader.member, where, names))
-    return found
+                constraints.append(_tied(layout, follower.member, leader.member, where, names))
+    return constraints
 
 
 def _shared(follower: NumberedMesh, leader: NumberedMesh, done: set[int]) -> dict[int, int]:
@@ -569,15 +569,15 @@ class NodeConstraints(Joint):
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
         """One row for each constraint, those between its nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
-        own = nodes.functionals(self.equations)
+        equations = nodes.functionals(self.equations)
         nodes.prepare((number, motion) for (number, motion, _), *_ in self.equations)
         dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
-        rows = [Rows(own, dependent, label)] if own.shape[0] else []
+        rows = [Rows(equations, dependent, label)] if equations.shape[0] else []
         nodes.fixed = held.fixed.copy()
         for row in held.rows:
             alone = np.diff(row.matrix.indptr) == 1
             nodes.fixed[row.matrix[alone].indices] = True
-        between = between_nodes(nodes, self.equations, own, self.among)
+        between = between_nodes(nodes, self.equations, equations, self.among)
         if between.shape[0]:
             rows.append(Rows.free(between, label))
         middles = _on_middles(nodes)
@@ -589,20 +589,22 @@ class NodeConstraints(Joint):
         """The springs, the dampers and the masses."""
         nodes = Nodes(layout, self.points, self.numbers)
         flat = [terms for terms, _ in (*self.springs, *self.dampers)]
-        every = nodes.functionals([*flat, *(terms for rows, _, _ in self.masses for terms in rows)])
+        functionals = nodes.functionals(
+            [*flat, *(terms for rows, _, _ in self.masses for terms in rows)]
+        )
         none = np.zeros((1, 1))
         springs = [
-            Stiffness(every[k], np.array([[stiffness]]), none)
+            Stiffness(functionals[k], np.array([[stiffness]]), none)
             for k, (_, stiffness) in enumerate(self.springs)
         ]
         dampers = [
-            Stiffness(every[len(springs) + k], none, none, c=np.array([[damping]]))
+            Stiffness(functionals[len(springs) + k], none, none, c=np.array([[damping]]))
             for k, (_, damping) in enumerate(self.dampers)
         ]
         masses, start = [], len(flat)
         for rows, M, mass in self.masses:
-            own = every[start : start + len(rows)]
-            masses.append(Stiffness(own, np.zeros((len(rows),) * 2), np.array(M), mass))
+            rows_of_mass = functionals[start : start + len(rows)]
+            masses.append(Stiffness(rows_of_mass, np.zeros((len(rows),) * 2), np.array(M), mass))
             start += len(rows)
         return springs + dampers + masses
 

@@ -50,8 +50,8 @@ class Sources:
         content = path.read_bytes()
         if b"\0" in content:
             wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-            told = "it is UTF-16; save it as UTF-8" if wide else "it is no text, or is damaged"
-            raise MeshError(f"{name} contains zero bytes: {told}.")
+            message = "it is UTF-16; save it as UTF-8" if wide else "it is no text, or is damaged"
+            raise MeshError(f"{name} contains zero bytes: {message}.")
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
@@ -71,14 +71,14 @@ class Sources:
         try:
             path = self._path(named)
             inside = path.is_relative_to(self.root)
-            found = inside and os.path.isfile(path)
+            exists = inside and os.path.isfile(path)
         except (OSError, ValueError):
-            inside, found = True, False
+            inside, exists = True, False
         folder = "/".join(self.root.parts[-2:])
         at.needs(inside, f"{named[:80]!r} lies outside the folder {folder!r}, from which "
                  f"{self.name} may include files; name the folder that holds them all by "
                  "root=.")  # fmt: skip
-        at.needs(found, f"there is no file {named[:80]!r} beside {self.name}: put the file "
+        at.needs(exists, f"there is no file {named[:80]!r} beside {self.name}: put the file "
                  "that it includes there.")  # fmt: skip
         at.needs(path not in self._open, f"{named[:80]!r} includes itself.")
         shallow = len(self._open) < DEEPEST_INCLUDE
@@ -109,10 +109,10 @@ def _root(path: Path) -> Path:
     folder = path.resolve().parent
     above = folder.parent
     try:
-        own = all(one.stat().st_uid == os.getuid() for one in (path, folder, above))
+        of_the_user = all(one.stat().st_uid == os.getuid() for one in (path, folder, above))
     except OSError:
-        own = False
-    return above if own and len(above.parts) >= DEEP_ENOUGH else folder
+        of_the_user = False
+    return above if of_the_user and len(above.parts) >= DEEP_ENOUGH else folder
 
 
 Kind = Literal["read", "harmless", "ignored", "refused", "unknown"]
@@ -132,12 +132,12 @@ UNKNOWN = Fate("unknown")
 
 def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
     """The fates of cards by their names; `refused`: what they are, or "" -> names and spaces."""
-    found: dict[str, Fate] = {}
-    for kind, own in names.items():  # read, harmless, ignored
-        found |= dict.fromkeys(own, Fate(kind))  # type: ignore[arg-type]
+    fates: dict[str, Fate] = {}
+    for kind, names_of_kind in names.items():  # read, harmless, ignored
+        fates |= dict.fromkeys(names_of_kind, Fate(kind))  # type: ignore[arg-type]
     for what, some in refused.items():
-        found |= dict.fromkeys(some.split(), Fate("refused", what))
-    return found
+        fates |= dict.fromkeys(some.split(), Fate("refused", what))
+    return fates
 
 
 @dataclass
@@ -162,10 +162,10 @@ class Account:
                 self.cards[k] = (name, place, Fate("ignored", "with other pieces"))
                 continue
             what = f" is {fate.what}, which" if fate.what else ""
-            told = f"{place}: {name}{what} is not supported here and would change the result;"
+            message = f"{place}: {name}{what} is not supported here and would change the result;"
             if name in between:
-                raise PiecesError(f"{told} remove it, or read one piece of the part (piece=1).")
-            raise MeshError(f"{told} remove it from the deck, or model the part without it.")
+                raise PiecesError(f"{message} remove it, or read one piece of the part (piece=1).")
+            raise MeshError(f"{message} remove it from the deck, or model the part without it.")
 
     def ignored(self) -> list[str]:
         """Count, name and lines of what is ignored."""
@@ -173,10 +173,10 @@ class Account:
 
     def unknown(self, options: bool = False) -> list[str]:
         """A sentence on the cards, or options and fields, that the table lacks, if any."""
-        found = ", ".join(_counted(self.options if options else self.cards, "unknown"))
+        names = ", ".join(_counted(self.options if options else self.cards, "unknown"))
         what = f"options of {self.name} are not read"
         return [f"{what if options else f'cards of {self.name} are unknown here and ignored'}: "
-                f"{found}."] if found else []  # fmt: skip
+                f"{names}."] if names else []  # fmt: skip
 
 
 def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str]:

@@ -95,8 +95,8 @@ class OwnLaw:
                     raise ValueError(f"it returns {value}")
                 out[i] = value
         except Exception as error:
-            told = f"{type(self.law).__name__}: {where} failed, {type(error).__name__}: {error}."
-            self.error = error if isinstance(error, AntioscError) else InputError(told)
+            message = f"{type(self.law).__name__}: {where} failed, {type(error).__name__}: {error}."
+            self.error = error if isinstance(error, AntioscError) else InputError(message)
             self.error.__cause__ = None if self.error is error else error
         except BaseException as error:  # Ctrl-C: raised once the march has returned
             self.error = error

@@ -320,8 +320,8 @@ def fill(
     if ask.piece is not None:
         count, bodies = len(bodies), [_by_volume(skin, bodies, ask.piece, ask.name)]
         if count > 1:
-            told = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
-            skin.told.append(told)
+            message = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
+            skin.told.append(message)
     surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
     if not flat:
         gmsh.model.mesh.classifySurfaces(math.radians(sharp), True, True, math.pi)

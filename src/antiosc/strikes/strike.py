@@ -485,13 +485,13 @@ def _next(
     expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
     needed = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
     free = free_memory()
-    told = ""
+    message = ""
     cost = f"a mesh of about {dofs:.2g} dofs would meet it, in some {seconds:.2g} s more"
     if limit is not None and expected > limit:
-        told = f"Stopped before the limit of {limit:g} s: {cost}."
+        message = f"Stopped before the limit of {limit:g} s: {cost}."
     elif needed > MEMORY_SHARE * free:
-        told = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
-    return ratio, on_root(structure.comm, lambda: told)
+        message = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
+    return ratio, on_root(structure.comm, lambda: message)
 
 
 def _usual(answer: Answer) -> float:

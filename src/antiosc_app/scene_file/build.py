@@ -138,15 +138,15 @@ class Evaluation:
 
 def with_named_materials(data: Table) -> Table:
     """A scene with tables in place of the names of materials, also of parts and of groups."""
-    found = dict(data)
+    named = dict(data)
     if "material" in data:
-        found["material"] = _material_table(data["material"])
+        named["material"] = _material_table(data["material"])
     if isinstance(data.get("parts"), dict):
-        found["parts"] = {
+        named["parts"] = {
             name: with_named_materials(part) if isinstance(part, dict) else part
             for name, part in data["parts"].items()
         }
-    return found
+    return named
 
 
 def _material_table(value: object) -> object:
@@ -276,14 +276,14 @@ class Builder:
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, object], bool]:
         """The sound values of a table, and whether all are sound and there."""
-        found, whole = {}, True
+        values, whole = {}, True
         for key, value in table.items():
             if key == KIND and key not in known:
                 continue
             try:
                 if key not in known:
                     self._no_key(place, key, known, function)
-                found[key] = self.value(known[key], value, (*place, key))
+                values[key] = self.value(known[key], value, (*place, key))
             except Mistake:
                 whole = False
         missing = [one for one in known.values() if one.needed and one.name not in table]
@@ -292,7 +292,7 @@ class Builder:
             if one.name not in named:  # a key that does not exist means it
                 what = f"{one.name!r}, {words(one.kinds)}{_about(one.about)}"
                 self.note(place, f"{label(place)} lacks {what}.")
-        return found, whole and not missing
+        return values, whole and not missing
 
     def _no_key(
         self, place: Place, key: str, known: Mapping[str, Parameter], function: str

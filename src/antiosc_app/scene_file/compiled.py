@@ -100,28 +100,28 @@ def compiled(document: Document) -> Compiled:
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)
-    found = Compiled(document=document, warnings=build.warnings)
-    found.structure = structure(build)
-    found.model = model(build, found.structure)
+    scene = Compiled(document=document, warnings=build.warnings)
+    scene.structure = structure(build)
+    scene.model = model(build, scene.structure)
     if "find" in build.data:
-        search(build, found)
+        search(build, scene)
     elif set(_MANY.split()) & set(build.data):
-        several(build, found)
+        several(build, scene)
     elif {"impactor", "contact", *_ONE.split()} & set(build.data):
-        found.impactor, found.contact = pair(build)
-        single(build, found)
-    requested(build, found)
+        scene.impactor, scene.contact = pair(build)
+        single(build, scene)
+    requested(build, scene)
     if "drop" in build.data:
-        found.fall = build.table("drop", given={"part": found.structure})
-        given = {"self": found.fall}
-        found.peaks = build.named("accelerometers", given | {"quantity": "acceleration"})
-        found.worst = build.table("worst", given=given)
+        scene.fall = build.table("drop", given={"part": scene.structure})
+        arguments = {"self": scene.fall}
+        scene.peaks = build.named("accelerometers", arguments | {"quantity": "acceleration"})
+        scene.worst = build.table("worst", given=arguments)
         meshed = source(build) in MESHED.split() and "ensemble" not in build.part("drop")
         if "worst" not in build.data and meshed:
-            found.worst = Call(worst_by_strengths, given)
-    found.batch = run.sweep(build, found)
-    found.map = run.surface(build, found)
-    found.sample = run.monte_carlo(build, found)
-    found.output = build.table("output")
+            scene.worst = Call(worst_by_strengths, arguments)
+    scene.batch = run.sweep(build, scene)
+    scene.map = run.surface(build, scene)
+    scene.sample = run.monte_carlo(build, scene)
+    scene.output = build.table("output")
     document.problems.raise_if_any()
-    return found
+    return scene

@@ -63,8 +63,8 @@ class Problems:
 
     def _origin(self, place: Place) -> Place:
         """Where the file has the value at a place, or the first of the other values."""
-        for own, origin in self.origins.items():
-            if place[: len(own)] == own or own[: len(place)] == place:
+        for prefix, origin in self.origins.items():
+            if place[: len(prefix)] == prefix or prefix[: len(place)] == place:
                 return origin
         return next(iter(self.origins.values()), place)
 
@@ -178,36 +178,36 @@ def lines_of(text: str, places: Iterable[Place]) -> list[int]:
 
 def _numbered(text: str) -> str:
     """The text with its line in place of each value, in each table, and first in each array."""
-    found: list[str] = []
+    rows: list[str] = []
     open_brackets, header, state, line = "", False, "key", 1
     for token in _TOKEN.findall(text + "\n"):
         if token == "\n" and not open_brackets:
-            found.append(f'\n"\\u0000line" = {line}\n' if header else "\n")
+            rows.append(f'\n"\\u0000line" = {line}\n' if header else "\n")
             header, state = False, "key"
         elif token[0] in " \t\r\n#":
             pass
         elif header or (token == "[" and state == "key"):  # [table] and [[table]]
             header = True
-            found.append(token)
+            rows.append(token)
         elif token in "[{" and state == "value":
-            found.append(f"[{line}, " if token == "[" else f'{{"\\u0000line" = {line}, ')
+            rows.append(f"[{line}, " if token == "[" else f'{{"\\u0000line" = {line}, ')
             open_brackets += token
             state = "value" if token == "[" else "key"
         elif token in "]}" and open_brackets:
-            found[-1] = found[-1].removesuffix(", ")  # of a table or array without entries
-            found.append(token)
+            rows[-1] = rows[-1].removesuffix(", ")  # of a table or array without entries
+            rows.append(token)
             open_brackets, state = open_brackets[:-1], "past"
         elif token == "," and open_brackets:
-            found.append(token)
+            rows.append(token)
             state = "value" if open_brackets[-1] == "[" else "key"
         elif state == "key":
-            found.append(token)
+            rows.append(token)
             state = "value" if token == "=" else "key"
         elif state == "value":
-            found.append(str(line))
+            rows.append(str(line))
             state = "past"
         line += token.count("\n")
-    return "".join(found)
+    return "".join(rows)
 
 
 def _line(tree: object, place: Place) -> int:

@@ -99,8 +99,8 @@ def check(found: Compiled) -> list[str]:
         try:
             known[part] = one = outline(call)
         except InputError as error:
-            told = f"{_path(call).name} cannot be read: {error}"
-            problems.add(call.place, told + _picture(found, error))
+            message = f"{_path(call).name} cannot be read: {error}"
+            problems.add(call.place, message + _picture(found, error))
             continue
         except AntioscError as error:
             sentences.append(f"{_path(call).name} was not looked at: {error}")
@@ -150,8 +150,8 @@ def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outlin
         if not isinstance(point, tuple) or call.place[:1] not in {(one,) for one in POINTS}:
             continue
         x, part = np.resize([*point, 0.0], 3), call.arguments.get("part")
-        own = [boxes[part]] if part in boxes else list(boxes.values())
-        nearest = min(own, key=lambda one: one.distance(x))
+        boxes_of_part = [boxes[part]] if part in boxes else list(boxes.values())
+        nearest = min(boxes_of_part, key=lambda one: one.distance(x))
         off, place = nearest.distance(x), (*call.place, key)
         if off and (isinstance(snap, bool) or snap is None or off > snap):
             box = f"{checks.point_text(nearest.low)} to {checks.point_text(nearest.high)}"
@@ -238,9 +238,9 @@ def _largest(cells: Array) -> float:
 def _named(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
     """Places of a scene that name a group of its mesh, or of that of a part, and the group."""
     for call in calls:
-        own = not part or call.place[:2] == ("parts", part)
+        of_part = not part or call.place[:2] == ("parts", part)
         material = call.arguments.get("material")
-        if own and isinstance(material, dict):
+        if of_part and isinstance(material, dict):
             start = call.place[:2] if part else ()
             yield from (((*start, "material", group), group) for group in material)
         joined = ("a", "b", "group") if call.place[:1] == ("joints",) else ()
@@ -249,7 +249,7 @@ def _named(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
             for text in value if isinstance(value, tuple) else [value]:
                 if not isinstance(text, str) or (key == "face" and text[:1] in "+-"):
                     continue
-                if own:
+                if of_part:
                     yield (*call.place, key), text
                 elif text.startswith(f"{part}:"):
                     yield (*call.place, key), text.removeprefix(f"{part}:")

@@ -177,8 +177,8 @@ def sweep(build: Builder, found: Compiled) -> Call | None:
 def _known(build: Builder) -> list[str]:
     """The sections that a sweep of this scene may vary."""
     reduced = source(build) not in MODELS
-    own = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
-    return [*VARIED, *own]
+    known = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
+    return [*VARIED, *known]
 
 
 def _of_batch() -> list[str]:
@@ -193,7 +193,7 @@ def _batch(
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
     swept = {place[0] for place in lists}
-    own = _stretching(build, found.structure, found.model)
+    stretches = _stretching(build, found.structure, found.model)
     rows: list[tuple[Call | None, ...]] = []
     times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
     for i in range(count):
@@ -202,7 +202,7 @@ def _batch(
         other = variant(build, values, origins, build.document.problems)
         # only what the values change is made anew
         same = (found.impactor, found.contact)
-        part = own if swept <= {*VARIED} else _model(other)
+        part = stretches if swept <= {*VARIED} else _model(other)
         rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
         if times:
             named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
@@ -214,9 +214,9 @@ def _batch(
         ]
     if None in chain(*rows, *times.values()):
         return None
-    given = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
+    columns = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
     rest = {name: value for name, value in table.items() if name not in times}
-    return build.call(("simulate_many",), rest, ("simulate",), given)
+    return build.call(("simulate_many",), rest, ("simulate",), columns)
 
 
 def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | None:
@@ -274,13 +274,13 @@ def monte_carlo(build: Builder, found: Compiled) -> Call | None:
     run = partial(_run, build, names, found.history.arguments["duration"])
     laws = {label(place): law for place, law in inputs.items()}
     laws |= {POINT: point} if POINT in table else {}
-    given = {"run": Call(run, {"models": models}), "inputs": laws}
-    return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), given)
+    arguments = {"run": Call(run, {"models": models}), "inputs": laws}
+    return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), arguments)
 
 
 def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
     """The distribution of each value, by its place in the scene."""
-    found: dict[Place, Call | None] = {}
+    calls: dict[Place, Call | None] = {}
     for place, value in leaves(drawn):
         at: Place = ("monte_carlo", *place)
         if place[0] not in DRAWN or place[0] not in build.data or len(place) < 2:
@@ -288,12 +288,12 @@ def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
             sentence = f"[monte_carlo] draws values of {there}, or a point; got {label(place)}."
             build.note(at, sentence)
             continue
-        law = found[place] = build.call(DISTRIBUTIONS.split(), value, at)
+        law = calls[place] = build.call(DISTRIBUTIONS.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
             other = variant(build, middle, {place: at}, build.document.problems)
             pair(other) if place[0] in VARIED else structure(other)
-    return found
+    return calls
 
 
 def _surface(build: Builder, structure: Call | None, table: object) -> Call | None:
@@ -319,11 +319,11 @@ def _nearby(build: Builder, found: Compiled, inputs: Mapping[Place, Call | None]
         other.document.problems.raise_if_any()
         return Evaluation(other.document)(call)
 
-    given = {"build": made, "site": next(iter(sites.values()))}
-    given["ranges"] = {label(place): law for place, law in inputs.items()}
+    arguments = {"build": made, "site": next(iter(sites.values()))}
+    arguments["ranges"] = {label(place): law for place, law in inputs.items()}
     if "n" in build.part("extract"):
-        given["n"] = build.part("extract")["n"]
-    return Call(antiosc.nearby, given, ("monte_carlo",))
+        arguments["n"] = build.part("extract")["n"]
+    return Call(antiosc.nearby, arguments, ("monte_carlo",))
 
 
 def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
@@ -340,8 +340,8 @@ def _run(
     shared = [name for name, place in places.items() if place[0] not in VARIED]
 
     def run(**values: Any) -> tuple[object, ...]:
-        own = {place: values[name] for name, place in places.items() if name not in shared}
-        other = _drawn(build, own)
+        variation = {place: values[name] for name, place in places.items() if name not in shared}
+        other = _drawn(build, variation)
         both = pair(other)
         other.document.problems.raise_if_any()
         for sentence in other.warnings:
@@ -358,14 +358,14 @@ def _run(
 
 def surface(build: Builder, found: Compiled) -> Call | None:
     """The map of [map]."""
-    given: dict[str, object] = {"structure": found.structure}
+    arguments: dict[str, object] = {"structure": found.structure}
     table = dict(build.part("map"))
     if table.get("where") == []:
         build.note(("map", "where"), "map.where: a map needs at least one point or group.")
     if "map" in build.data and {"impactor", "contact"} & set(build.data):
-        given |= {"impactor": found.impactor, "contact": found.contact}
+        arguments |= {"impactor": found.impactor, "contact": found.contact}
         if "duration" in build.part("simulate"):
             table.setdefault("duration", build.part("simulate")["duration"])
         if "duration" not in table:
             build.note(("map",), "[map] lacks 'duration', of each impact in s.")
-    return build.table("map", {"map": table} if "map" in build.data else {}, given=given)
+    return build.table("map", {"map": table} if "map" in build.data else {}, given=arguments)

@@ -183,19 +183,19 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
     supported = _supported(build, data, place)
     if "deck" in data:
         return build.table("deck", data, place, given=supported)
-    given = {"mesh": build.table("geometry", data, place), **supported}
-    given["material"] = _material(build, data, place)
+    arguments = {"mesh": build.table("geometry", data, place), **supported}
+    arguments["material"] = _material(build, data, place)
     at = "structure" if "structure" in data else "material"  # the section that is there
     if not place and "prestress" in data:
-        given["prestress"] = build.table("prestress")
+        arguments["prestress"] = build.table("prestress")
     options = build.part("structure", dict, data)
-    return build.call(SECTIONS["structure"], options, (*place, at), given)
+    return build.call(SECTIONS["structure"], options, (*place, at), arguments)
 
 
 def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
     """The arguments `supports` and `attached`, where there are any."""
-    given = {name: build.listed(name, data, place) for name in ("supports", "attached")}
-    return {name: value for name, value in given.items() if value}
+    lists = {name: build.listed(name, data, place) for name in ("supports", "attached")}
+    return {name: value for name, value in lists.items() if value}
 
 
 def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
@@ -244,11 +244,11 @@ def _assembly(build: Builder) -> Call | None:
     for name in placed:
         build.names("part", name, parts, ("at", name))
     more = {"at": placed, "points": points, **_supported(build, build.data, ())}
-    given: dict[str, object] = {"parts": parts if None not in parts.values() else None}
-    given |= {"joints": joints} | {name: value for name, value in more.items() if value}
+    arguments: dict[str, object] = {"parts": parts if None not in parts.values() else None}
+    arguments |= {"joints": joints} | {name: value for name, value in more.items() if value}
     if "prestress" in build.data:
-        given["prestress"] = build.table("prestress")
-    return build.table("assembly", always=True, given=given)
+        arguments["prestress"] = build.table("prestress")
+    return build.table("assembly", always=True, given=arguments)
 
 
 def model(build: Builder, structure: Call | None) -> Call | None:
@@ -332,10 +332,10 @@ def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> 
     def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
         with finite_element_packages():
             from antiosc.extension import simulated
-        return simulated(structure, model, functools.partial(_struck_by, make, given))
+        return simulated(structure, model, functools.partial(_struck_by, make, arguments))
 
-    given = {"structure": found.structure, "model": found.model, **impact.arguments}
-    return replace(impact, make=run, arguments=given)
+    arguments = {"structure": found.structure, "model": found.model, **impact.arguments}
+    return replace(impact, make=run, arguments=arguments)
 
 
 def _struck_by(
@@ -365,10 +365,10 @@ def _warn_of_opening(build: Builder, found: Compiled) -> None:
 
 def search(build: Builder, found: Compiled) -> None:
     sensors = list(build.named("sensors").values())
-    given: dict[str, object] = {"structure": found.structure, "sensors": sensors}
+    arguments: dict[str, object] = {"structure": found.structure, "sensors": sensors}
     both = zip(("impactor", "contact"), pair(build), strict=True)
-    given |= {name: call for name, call in both if name in build.data}
-    found.found = build.table("find", given=given)
+    arguments |= {name: call for name, call in both if name in build.data}
+    found.found = build.table("find", given=arguments)
 
 
 def own_laws(variable: str, table: object, body: Call | None) -> Methods:
@@ -405,36 +405,36 @@ STRUCTURE = "structure"
 
 
 def several(build: Builder, found: Compiled) -> None:
-    own = {STRUCTURE: found.model} if source(build) else {}
+    structure = {STRUCTURE: found.model} if source(build) else {}
     named, tables = build.named("bodies"), build.part("bodies")
-    if STRUCTURE in tables and own:
+    if STRUCTURE in tables and structure:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
     methods: dict[str, tuple[str, Call | None]] = {}
     for name, table in tables.items():
         methods |= own_laws(name, table, named.get(name))
-    every = {**own, **dict.fromkeys(tables), **named, **own}
-    bodies = {**own, **named}
-    given: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
-    given["contacts"] = _contacts(build, methods, every)
+    bodies_by_name = {**structure, **dict.fromkeys(tables), **named, **structure}
+    bodies = {**structure, **named}
+    arguments: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
+    arguments["contacts"] = _contacts(build, methods, bodies_by_name)
     for i, table in enumerate(build.part("loads", list)):
-        _check_end(build, every, table, "end", ("loads", i))
+        _check_end(build, bodies_by_name, table, "end", ("loads", i))
     for name in build.part("motion"):
-        build.names("body", name, every, ("motion", name))
+        build.names("body", name, bodies_by_name, ("motion", name))
     more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
     more |= {"motion": build.named("motion")}
-    given |= {name: one for name, one in more.items() if one}
-    found.scene = build.table("scene", always=True, given=given)
+    arguments |= {name: one for name, one in more.items() if one}
+    found.scene = build.table("scene", always=True, given=arguments)
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
     made = build.table("run", given={"self": found.scene})
-    found.history = _with_second_order(build, found, made) if own else made
+    found.history = _with_second_order(build, found, made) if structure else made
 
 
 def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
     """[[contacts]], whose `law` may be one of a body."""
     if not build.part("contacts", list):
         build.note((), "a scene of several bodies needs [[contacts]].")
-    found = []
+    contacts = []
     for i, table in enumerate(build.part("contacts", list)):
         place: Place = ("contacts", i)
         if not isinstance(table, dict):
@@ -444,8 +444,8 @@ def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | N
         for key in ("a", "b"):
             _check_end(build, bodies, table, key, place)
         rest = {key: value for key, value in table.items() if key != "law"}
-        found.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
-    return found
+        contacts.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
+    return contacts
 
 
 def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: Place) -> None:
@@ -480,19 +480,19 @@ def requested(build: Builder, found: Compiled) -> None:
     part: Call | None = found.structure
     if found.striking and part is None:
         part = Call(lambda history: history.structure, {"history": found.history})
-    given = {"structure": part, "history": found.history}
+    arguments = {"structure": part, "history": found.history}
     times = Call(probe_times, {"history": found.history})
     found.probes = {
         name: replace(probe, arguments={"times": times, **probe.arguments})
-        for name, probe in build.named("probes", given).items()
+        for name, probe in build.named("probes", arguments).items()
     }
     meshed = found.history is not None and source(build) in MESHED.split()
     if "stress" in build.data:
-        asked = build.table("stress", given=given)
+        asked = build.table("stress", given=arguments)
         if asked is not None:
             found.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
     elif meshed:
-        found.stresses = Call(by_strengths, given)
+        found.stresses = Call(by_strengths, arguments)
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
@@ -507,5 +507,5 @@ def worst_by_strengths(self: Fall) -> WorstField | None:
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure
-    found = [self.worst(name) for name in criteria_of(structure)]
-    return max(found, key=lambda field: field.margin().exposure, default=None)
+    fields = [self.worst(name) for name in criteria_of(structure)]
+    return max(fields, key=lambda field: field.margin().exposure, default=None)

@@ -213,23 +213,23 @@ def parameters(function: str) -> Mapping[str, Parameter]:
     # fields of dataclasses have checks; the values of a batch are lists
     checked = CHECKS if not only_checks(function) and function != "simulate_many" else {}
     if dataclasses.is_dataclass(call):
-        own = {one.name: one.metadata for one in dataclasses.fields(call)}
-        checked = {key: each["check"] for key, each in own.items() if "check" in each}
-    found = {}
-    for name, given in inspect.signature(
+        metadata = {one.name: one.metadata for one in dataclasses.fields(call)}
+        checked = {key: each["check"] for key, each in metadata.items() if "check" in each}
+    by_name = {}
+    for name, parameter in inspect.signature(
         call, globals=names, locals=names, eval_str=True
     ).parameters.items():
-        full, kinds = f"{function}.{name}", kinds_of(given.annotation)
+        full, kinds = f"{function}.{name}", kinds_of(parameter.annotation)
         if full in OBJECTS:
             kinds = (Kind("object", kind=resolved(OBJECTS[full])), TEXT)
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
-        if kinds and name not in WITHHELD and given.kind is not given.VAR_KEYWORD:
-            needed = given.default in (given.empty, checks.REQUIRED)
-            default = None if needed else given.default
+        if kinds and name not in WITHHELD and parameter.kind is not parameter.VAR_KEYWORD:
+            needed = parameter.default in (parameter.empty, checks.REQUIRED)
+            default = None if needed else parameter.default
             check = CHECKS.get(full, checked.get(name))
-            found[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
-    return found
+            by_name[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
+    return by_name
 
 
 def resolved(function: str) -> Any:
@@ -249,7 +249,7 @@ def descriptions(call: object) -> dict[str, str]:
     """Name -> first sentence of the docstring's section "Parameters"."""
     text = inspect.getdoc(call) or ""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", text, re.M | re.S)
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for entry in re.split(r"\n(?=\S)", section.group(1)) if section else ():
         head, _, body = entry.partition("\n")
         names, _, rest = head.partition(" : ")
@@ -258,8 +258,8 @@ def descriptions(call: object) -> dict[str, str]:
         about = " ".join(f"{more} {body}".split())
         about = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", about, maxsplit=1)[0].rstrip(".")
         about = about if len(about) <= 160 else f"{about[:157].rsplit(' ', 1)[0]} …"
-        found |= {name.strip(): about for name in names.split(",")}
-    return found
+        texts |= {name.strip(): about for name in names.split(",")}
+    return texts
 
 
 def _among(name: str) -> Check:
@@ -526,7 +526,7 @@ def _sections(known: Mapping[str, Section]) -> dict[str, object]:
 
 
 def _section(name: str, section: Section) -> dict[str, object]:
-    given = section.given.split()
+    taken = section.given.split()
     if section.form == "text":
         return {"type": "string"}
     if name == "points":
@@ -534,12 +534,12 @@ def _section(name: str, section: Section) -> dict[str, object]:
     if name == "sweep":  # of a named section: tables of lists
         return _closed(dict.fromkeys((*VARIED, *STRUCTURAL), _many({"type": ["array", "object"]})))
     if name == "monte_carlo":
-        own = {n: _parameter(p) for n, p in parameters(name).items() if n not in given}
+        properties = {n: _parameter(p) for n, p in parameters(name).items() if n not in taken}
         drawn = {key: {"type": "object"} for key in DRAWN}
-        return _closed(own | drawn | {POINT: _one_of(["impact_map"], ["structure"])})
+        return _closed(properties | drawn | {POINT: _one_of(["impact_map"], ["structure"])})
     if section.inner:
         return _many(_sections(section.inner))
-    one = _one_of(section.makes, given, methods=name == "contact")
+    one = _one_of(section.makes, taken, methods=name == "contact")
     if section.form == "list":
         return {"type": "array", "items": one}
     if section.form == "named":
@@ -570,17 +570,17 @@ def _one_of(
 
 
 def _parameter(one: Parameter) -> dict[str, object]:
-    found = _any(one.kinds)
+    kinds = _any(one.kinds)
     if one.about:
-        found["description"] = one.about
+        kinds["description"] = one.about
     if isinstance(one.default, bool | int | float | str) and one.default != "":
-        found["default"] = one.default
-    return found
+        kinds["default"] = one.default
+    return kinds
 
 
 def _any(kinds: Sequence[Kind]) -> dict[str, object]:
-    found = [_kind(kind) for kind in kinds]
-    return found[0] if len(found) == 1 else {"anyOf": found}
+    schemas = [_kind(kind) for kind in kinds]
+    return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
 
 
 def _kind(kind: Kind) -> dict[str, object]:

@@ -146,8 +146,8 @@ class Sample(Result):
     def _noted(self, quantity: str, found: Quantile) -> Quantile:
         """The quantile with a note on excluded runs."""
         lost = len(self) - len(self.finite(quantity))
-        told = f"{lost} of {len(self)} runs have no {quantity} and are left out" if lost else ""
-        return replace(found, note="; ".join(filter(None, (found.note, told))))
+        message = f"{lost} of {len(self)} runs have no {quantity} and are left out" if lost else ""
+        return replace(found, note="; ".join(filter(None, (found.note, message))))
 
     def sensitivity(self, quantity: str | None = None) -> Sensitivity:
         """Sobol's first-order index of each input: its share of the variance of the quantity.

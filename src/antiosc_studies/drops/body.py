@@ -51,7 +51,7 @@ UNKNOWN_NU = 0.3
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
     """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for others."""
-    given = as_damping(damping)
+    model_damping = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
     if corner is not None:
@@ -70,7 +70,7 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
     with finite_element_packages():
         from antiosc import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
-    return _elastic(part, modes, given, corner)
+    return _elastic(part, modes, model_damping, corner)
 
 
 def _rigid(
@@ -112,15 +112,15 @@ def _elastic(
             f"a part that is dropped is free in space, with six rigid-body modes; this one has "
             f"{structure.rigid_modes.shape[1]}: leave its supports out."
         )
-    whole, found = inertia[0], ModeSolver(structure).lowest(count)
-    omega, phi = found.omega[:count], found.phi[:, :count]
+    whole, modes = inertia[0], ModeSolver(structure).lowest(count)
+    omega, phi = modes.omega[:count], modes.phi[:, :count]
     points, _, moved = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
-    own = hull(skin.points)
-    at, balls = cKDTree(points).query(skin.points[own])[1], skin.balls_within(own)
+    hull_points = hull(skin.points)
+    at, balls = cKDTree(points).query(skin.points[hull_points])[1], skin.balls_within(hull_points)
     notes = []
     rounded = min(CORNER, _least(structure, skin) / 4) if corner is None else corner
-    if corner is None and (skin.sharp[own] & (skin.half[own] == 0)).any():
+    if corner is None and (skin.sharp[hull_points] & (skin.half[hull_points] == 0)).any():
         notes += [f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)"]
     if given is None:
         notes += [f"the modes have a damping ratio of {RATIO:g} (damping)"]
@@ -130,27 +130,29 @@ def _elastic(
         mass=whole.mass,
         centre=centre,
         tensor=(tensor + tensor.T) / 2,
-        points=skin.points[own] - balls[:, None] * skin.normals[own] - centre,
+        points=skin.points[hull_points] - balls[:, None] * skin.normals[hull_points] - centre,
         balls=balls,
-        radii=np.array([skin.radii(i, rounded) for i in own]),
-        materials=skin.materials[own],
-        strengths=skin.strengths[own],
+        radii=np.array([skin.radii(i, rounded) for i in hull_points]),
+        materials=skin.materials[hull_points],
+        strengths=skin.strengths[hull_points],
         matters=tuple(_matters(structure)),
         omega=omega,
         decay=(Damping(ratio=RATIO) if given is None else given).decay(omega),
         shapes=np.moveaxis(moved[at], 1, 2).copy(),
         extent=skin.size,
         notes=tuple(notes),
-        facing=None if skin.half.any() else skin.normals[own],
+        facing=None if skin.half.any() else skin.normals[hull_points],
         structure=structure,
         basis=phi,
-        residual=partial(_residual, structure, Corners(), phi, omega, skin, own, rounded),
+        residual=partial(_residual, structure, Corners(), phi, omega, skin, hull_points, rounded),
         lines=skin.points[skin.lines] - centre,
     )
-    body.cylinders = cylinders(body, skin, own)
-    many = skin.sharp[own] & (skin.half[own] == 0)  # which take a finer mesh each
-    if len(own) <= FEW and not many.any():  # all of them will touch: together they cost less
-        body.sites(np.arange(len(own)))
+    body.cylinders = cylinders(body, skin, hull_points)
+    many = skin.sharp[hull_points] & (skin.half[hull_points] == 0)  # which take a finer mesh each
+    if (
+        len(hull_points) <= FEW and not many.any()
+    ):  # all of them will touch: together they cost less
+        body.sites(np.arange(len(hull_points)))
     return body
 
 
@@ -191,12 +193,12 @@ def _residual(
     chosen = own[which]
     sites = [_site(skin, k, corner) for k in chosen.tolist()]
     with without_warnings():
-        found = functionals(structure, sites)
-    B = np.column_stack([columns(one) for one in found])
+        loads = functionals(structure, sites)
+    B = np.column_stack([columns(one) for one in loads])
     Y = structure.factorize().solve_block(B)
     lacks = _lacking(structure, corners, skin, chosen, sites)
     x, shapes, residual = omega**2 + structure.shift, [], []
-    for n, (k, one) in enumerate(zip(chosen, found, strict=True)):
+    for n, (k, one) in enumerate(zip(chosen, loads, strict=True)):
         b, y = (each[:, 3 * n : 3 * n + 3] for each in (B, Y))
         axes = np.array([one.direction, *(a.direction for a in one.across)])
         moved, rigid = b.T @ phi, b.T @ structure.rigid_modes
@@ -239,21 +241,21 @@ def _lacking(
     structure: Structure, corners: Corners, skin: Skin, chosen: IntArray, sites: list[Site]
 ) -> Array:
     """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
-    found = np.zeros((len(sites), 3, 3))
+    compliance = np.zeros((len(sites), 3, 3))
     sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
     matrices: Any = structure.matrices
     if not len(sharp) or matrices.located:
-        return found
+        return compliance
     members = matrices.members()
     points = skin.points[chosen[sharp]]
     nearest = np.argmin([member.closest(points).distance for member in members], axis=0)
     for number, member in enumerate(members):
         those = sharp[nearest == number]
-        own = [_in_part(sites[i], member) for i in those]
-        lacks = corners.missing(member.part, own) if len(those) else None
+        sites_of_part = [_in_part(sites[i], member) for i in those]
+        lacks = corners.missing(member.part, sites_of_part) if len(those) else None
         if lacks is not None:
-            found[those] = lacks
-    return found
+            compliance[those] = lacks
+    return compliance
 
 
 def _in_part(site: Site, member: Any) -> Site:

@@ -45,12 +45,12 @@ class Corners:
         if part.mesh.cell not in ("tetrahedron", "hexahedron"):
             return None
         simplices, coarse = self._of(part)
-        found = []
+        compliances = []
         for first in range(0, len(sites), TOGETHER):
             some = sites[first : first + TOGETHER]
             fine = _free(part, _finer(simplices, some))
-            found.append(_compliance(fine, some) - _compliance(coarse, some))
-        return np.concatenate(found)
+            compliances.append(_compliance(fine, some) - _compliance(coarse, some))
+        return np.concatenate(compliances)
 
     def _of(self, part: MeshedStructure) -> tuple[Mesh, Structure]:
         """A mesh of straight tetrahedra, and the free part on its own mesh with straight edges."""
@@ -71,20 +71,22 @@ def tetrahedra(mesh: Mesh) -> Mesh:
 
     pieces = gathered(mesh, np.zeros(mesh.n_cells))
     assert pieces is not None  # there is one rank
-    own = pieces.cells[:, :8]
-    sides = own[:, SIDES].reshape(-1, 4)
-    side = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)[1].reshape(len(own), 6)
+    corners = pieces.cells[:, :8]
+    sides = corners[:, SIDES].reshape(-1, 4)
+    side = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)[1].reshape(
+        len(corners), 6
+    )
     first = len(pieces.points)
     at_sides = np.zeros((side.max() + 1, 3))
     at_sides[side.ravel()] = pieces.points[sides].mean(axis=1)
-    middles = pieces.points[own].mean(axis=1)
+    middles = pieces.points[corners].mean(axis=1)
     points = np.concatenate((pieces.points, at_sides, middles))
-    edges = np.stack((own[:, SIDES], np.roll(own[:, SIDES], -1, axis=2)), axis=3)
+    edges = np.stack((corners[:, SIDES], np.roll(corners[:, SIDES], -1, axis=2)), axis=3)
     top = np.broadcast_to((first + side)[:, :, None, None], (*edges.shape[:3], 1))
-    inside = (first + len(at_sides) + np.arange(len(own)))[:, None, None, None]
+    inside = (first + len(at_sides) + np.arange(len(corners)))[:, None, None, None]
     cells = np.concatenate((edges, top, np.broadcast_to(inside, top.shape)), axis=3)
-    cells = cells.reshape(len(own), 24, 4)
-    number = {tuple(row): k for k, row in enumerate(np.sort(own, axis=1).tolist())}
+    cells = cells.reshape(len(corners), 24, 4)
+    number = {tuple(row): k for k, row in enumerate(np.sort(corners, axis=1).tolist())}
     groups: Any = {}
     for name, parts in pieces.groups.items():
         rows = [number[tuple(row)] for row in parts.get(3, np.zeros((0, 8), dtype=int)).tolist()]
@@ -132,14 +134,14 @@ def _compliance(structure: Structure, sites: list[Site]) -> Array:
     from antiosc.extension import functionals
 
     with without_warnings():
-        found = functionals(structure, sites)
-    B = np.column_stack([columns(one) for one in found])
+        loads = functionals(structure, sites)
+    B = np.column_stack([columns(one) for one in loads])
     Y = structure.factorize().solve_block(B)
     compliance = []
-    for n in range(len(found)):
-        own = slice(3 * n, 3 * n + 3)
-        rigid = B[:, own].T @ structure.rigid_modes
-        compliance.append(B[:, own].T @ Y[:, own] - rigid @ rigid.T / structure.shift)
+    for n in range(len(loads)):
+        rows = slice(3 * n, 3 * n + 3)
+        rigid = B[:, rows].T @ structure.rigid_modes
+        compliance.append(B[:, rows].T @ Y[:, rows] - rigid @ rigid.T / structure.shift)
     return np.array(compliance)
 
 

@@ -50,8 +50,8 @@ def orientation(
     toward: Sequence[float] | None,
 ) -> Array:
     """Rotation (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
-    given = {"face": face, "edge": edge, "corner": corner, "toward": toward}
-    asked = {name: value for name, value in given.items() if value is not None}
+    options = {"face": face, "edge": edge, "corner": corner, "toward": toward}
+    asked = {name: value for name, value in options.items() if value is not None}
     if len(asked) > 1:
         raise InputError(f"give one of face, edge, corner and toward; got {', '.join(asked)}.")
     R = np.eye(3)
@@ -85,13 +85,13 @@ def onto(direction: Array, other: Array) -> Array:
 def _named(body: FreeBody, kind: str, given: object) -> Array:
     """The unit direction in the body that points down when a face, edge or corner is lowest."""
     name = checks.text(kind, given)
-    found = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
-    if not len(name) / 2 == len(found) == FACES[kind]:
+    components = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
+    if not len(name) / 2 == len(components) == FACES[kind]:
         if kind == "face" and body.structure is not None:
             return _group(body, name)
         example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
         raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
-    signs = np.array([found.get(axis, 0.0) for axis in "xyz"])
+    signs = np.array([components.get(axis, 0.0) for axis in "xyz"])
     if kind == "face":
         return signs
     # next to the corner of the box may be none of the part: the point that lies farthest along it
@@ -226,11 +226,11 @@ class Drops(Result):
 
         The bar is that between order statistics, for any distribution (binomial).
         """
-        found = self.largest(quantity, impact)
-        found = found[np.isfinite(found)]
-        if not len(found):
+        values = self.largest(quantity, impact)
+        values = values[np.isfinite(values)]
+        if not len(values):
             raise InputError("no fall has such an impact.")
-        return quantile(found, q, confidence)
+        return quantile(values, q, confidence)
 
     def _facts(self) -> list[tuple[str, str]]:
         q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
@@ -256,25 +256,25 @@ def tumbles(
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
     drawn = partial(_drawn, body.alone(), start, setting, ensemble)
     parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
-    found: dict[int, list[dict[str, float] | str]] = {}
+    counts: dict[int, list[dict[str, float] | str]] = {}
     with counting("falls", n) as ready:
         for k, rows in made(partial(_tumble, drawn), parts, executor):
-            found[k] = rows
-            ready(sum(map(len, found.values())))
-    sample = sample_of("falls", {}, [row for k in sorted(found) for row in found[k]])
+            counts[k] = rows
+            ready(sum(map(len, counts.values())))
+    sample = sample_of("falls", {}, [row for k in sorted(counts) for row in counts[k]])
     table = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
         for name in QUANTITIES
     }
     count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
     yields, missed, unsure = (sample.values[n] > 0 for n in ("yields", "missed", "unsure"))
-    for told, why in (
+    for flags, why in (
         (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
         (unsure, "land along lines whose forces are not sure: see the notes of one fall"),
         (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
     ):
-        if told.any():
-            warn(f"{told.sum()} of {n} falls {why}.", AccuracyWarning)
+        if flags.any():
+            warn(f"{flags.sum()} of {n} falls {why}.", AccuracyWarning)
     starts = np.array([drawn(s)[1].R for s in seeds])
     return Drops(table, starts, count, sample.failed, yields, missed)
 
@@ -292,8 +292,8 @@ def _drawn(
     friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
     spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
     floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
-    own = replace(setting, height=height, floor=floor)
-    return body, initial_state(body, own, R, spin, start.velocity), own
+    varied = replace(setting, height=height, floor=floor)
+    return body, initial_state(body, varied, R, spin, start.velocity), varied
 
 
 def _tumble(
@@ -301,8 +301,8 @@ def _tumble(
 ) -> dict[str, float]:
     """The results of the impacts of one fall, by name and number."""
     fall = fall_of(*drawn(seed))
-    told = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
-    return {name: float(value) for name, value in told.items()} | {
+    flags = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
+    return {name: float(value) for name, value in flags.items()} | {
         f"{name} {k}": float(getattr(one, name))
         for name in QUANTITIES
         for k, one in enumerate(fall.impacts)
@@ -412,8 +412,8 @@ def drop(
         checks.tolerance(tol),
     )
     moving = {
-        name: checks.array(name, given, (3,))
-        for name, given in (("spin", spin), ("velocity", velocity))
+        name: checks.array(name, vector, (3,))
+        for name, vector in (("spin", spin), ("velocity", velocity))
     }
     count = checks.whole("modes", modes, most=MOST_MODES)
     body = free_body(part, count, damping, corner_radius)

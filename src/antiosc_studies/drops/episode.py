@@ -178,14 +178,14 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
     its law, or where friction jams.
     """
     with without_warnings():
-        found, _ = integrate_exact(assembly, duration, tol, None, *LIMITS)
-    if found.run.time[-1] <= JAMMED * assembly.contact_time_estimate:
+        converged, _ = integrate_exact(assembly, duration, tol, None, *LIMITS)
+    if converged.run.time[-1] <= JAMMED * assembly.contact_time_estimate:
         raise _jam(assembly.system)
-    history = _history(assembly, found.run, {"force": found.force, "peak": found.peak})
+    history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
     check_range(history)
-    if tol < found.worst < np.inf:
-        history = replace(history, error=_together(assembly, duration, history, found.share))
-    return history, found.share
+    if tol < converged.worst < np.inf:
+        history = replace(history, error=_together(assembly, duration, history, converged.share))
+    return history, converged.share
 
 
 def _together(
@@ -202,8 +202,8 @@ def _together(
     rough, best = (forces(one.run, *locate(one.run, t)) for one in (coarse, fine))
     apart, size = (trapezoid((F**2).sum(axis=1), t) for F in (rough - best, best))
     low, high = (F[:, :count].sum(axis=1).max() for F in (rough, best))
-    found = {"force": np.sqrt(apart / size), "peak": abs(low / high - 1)}
-    return {name: max(LEFT * float(e), COARSER * share) for name, e in found.items()}
+    errors = {"force": np.sqrt(apart / size), "peak": abs(low / high - 1)}
+    return {name: max(LEFT * float(e), COARSER * share) for name, e in errors.items()}
 
 
 def run_once(
@@ -213,7 +213,7 @@ def run_once(
 
     error: that of a run with this share that is hardly another.
     """
-    found = march_once(
+    record = march_once(
         assembly.system,
         duration,
         share,
@@ -222,7 +222,7 @@ def run_once(
         max_contacts=LIMITS[0],
         max_steps=LIMITS[1],
     )
-    return _history(assembly, found, error)
+    return _history(assembly, record, error)
 
 
 def _history(assembly: Assembly, found: Run, error: dict[str, float]) -> SceneHistory:
@@ -233,10 +233,10 @@ def _jam(system: System) -> AccuracyError:
     """Why no forces fit: sliding presses a point in by more than its normal force lifts it."""
     friction, wedge = 0.0, 0.0
     for k, sides in enumerate(system.sides):
-        own = float(np.linalg.norm(system.R[k, sides]))
-        own /= max(float(system.R[k, k]), TINY)
-        if system.slip[k, 0] * own > friction * wedge:
-            friction, wedge = float(system.slip[k, 0]), own
+        across = float(np.linalg.norm(system.R[k, sides]))
+        across /= max(float(system.R[k, k]), TINY)
+        if system.slip[k, 0] * across > friction * wedge:
+            friction, wedge = float(system.slip[k, 0]), across
     if friction == 0:
         return AccuracyError(
             "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
@@ -280,8 +280,8 @@ def on_path(
     points move in addition a part of the gaps. The change is that against the scene that has run:
     of gaps over the largest depth, of loads over the largest ones of the contacts.
     """
-    old, ran, own = base.system, history.assembly.system, base.spans[BODY]
-    R, moved, beta = path.R, path.q - path.q[0], old.beta[:, own]
+    old, ran, span = base.system, history.assembly.system, base.spans[BODY]
+    R, moved, beta = path.R, path.q - path.q[0], old.beta[:, span]
     W, shapes, balls = body.rigid_modes(start.R)[0], body.shapes[which], body.balls[which, None]
     arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
     arms = arms @ np.swapaxes(R, 1, 2) - balls * AXES[0]
@@ -300,7 +300,7 @@ def on_path(
         z, surface = _heights(body, start, path), body.layer_contact
         # the depth is free - gap; what is not of the body is of the floor
         free = path.whole @ old.beta.T - acting @ old.R.T
-        ground = (path.whole - path.whole[0]) @ old.beta[0] - moved @ old.beta[0, own]
+        ground = (path.whole - path.whole[0]) @ old.beta[0] - moved @ old.beta[0, span]
         deeper = ground - acting @ old.R[0]
         at = np.flatnonzero(which >= surface.first)
         pieces = which[at] - surface.first
@@ -322,7 +322,7 @@ def on_path(
         off[:, at] *= largest / max(float(volume.sum(axis=1).max()), TINY)
     total = np.append(pushes.sum(axis=1), np.cross(arms, pushes).sum(axis=1), axis=1)
     loads = interpolated(path.times, old.breaks, old.loads).copy()
-    loads[:, own] += linear + np.append(total @ W.T, bending, axis=1)
+    loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
     change = 0.0
     for each, size in (
         (off, history.run.depth[:, : len(which)]),
@@ -465,9 +465,9 @@ class Episode:
 
         One that stopped in the flight after the end, without an estimate, has none: 0.
         """
-        found, last = max(self.history.error.values()), float(self.history.time[-1])
+        largest, last = max(self.history.error.values()), float(self.history.time[-1])
         after = self.duration < last * (1 - 1e-12)
-        return 0.0 if found == np.inf and after else found
+        return 0.0 if largest == np.inf and after else largest
 
     def sunk(self) -> Array:
         """Largest indentations (n,) [m] of the laws of the points."""
@@ -503,8 +503,10 @@ class Episode:
     @property
     def lines(self) -> dict[int, IntArray]:
         """Number of each line along which it lands -> which contacts are its stations."""
-        own = [np.flatnonzero(np.isin(self.which, one)) for one in self.body.stations]
-        return {k: one for k, one in enumerate(own) if len(one)}
+        contacts_of_station = [
+            np.flatnonzero(np.isin(self.which, one)) for one in self.body.stations
+        ]
+        return {k: one for k, one in enumerate(contacts_of_station) if len(one)}
 
     def strongest(self) -> dict[int, Array]:
         """Number of each line -> forces of its stations where their sum is largest [N]."""
@@ -514,8 +516,8 @@ class Episode:
 
     def inclined(self) -> bool:
         """Whether a line carries its largest force with a part of its length."""
-        found = self.strongest().values()
-        return any((one > 0).any() and (one > 0).sum() < STATIONS for one in found)
+        forces = self.strongest().values()
+        return any((one > 0).any() and (one > 0).sum() < STATIONS for one in forces)
 
     def motion(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Orientations (n, 3, 3), and in the axes of the body spins and torques over the inertia
@@ -585,20 +587,20 @@ def episode(
         if touching and end == history.time[-1] < longest and not history.status:
             duration = min(2 * duration, longest)
             continue
-        given = body, start, which, base, duration, turns, tol
-        found = _followed(*given, history, share)
-        wide = found.change > NEAR * tol and cuts < CUTS
-        if not (share or wide or len(_missed(body, start, heights, found.path, which))):
-            found = _followed(*given, *run(found.following, duration, tol))
-        if found.change > NEAR * tol and cuts < CUTS:
+        arguments = body, start, which, base, duration, turns, tol
+        ended = _followed(*arguments, history, share)
+        wide = ended.change > NEAR * tol and cuts < CUTS
+        if not (share or wide or len(_missed(body, start, heights, ended.path, which))):
+            ended = _followed(*arguments, *run(ended.following, duration, tol))
+        if ended.change > NEAR * tol and cuts < CUTS:
             turns, cuts = turns / 2, cuts + 1
-            duration = longest = found.end / 2
+            duration = longest = ended.end / 2
             continue
-        missed = _missed(body, start, heights, found.path, which)
+        missed = _missed(body, start, heights, ended.path, which)
         if not len(missed):
             break
         touched = np.append(which, missed)
-    history, path, end, touching = found.history, found.path, found.end, found.touching
+    history, path, end, touching = ended.history, ended.path, ended.end, ended.touching
     state, below = handed_over(body, start, history, path, which)
     rest = layer_energy(body, state, setting) if touching else 0.0
     return Episode(start, state, history, body, which, below if touching else {}, rest)
@@ -679,10 +681,10 @@ def _candidates(
     """
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
-    way, chosen = REACH * float(speeds.max()) * time, [*held]
+    distance, chosen = REACH * float(speeds.max()) * time, [*held]
     taken = body.touching_as(chosen)
     for i in np.argsort(heights, kind="stable").tolist():
-        if chosen and (heights[i] > way or len(chosen) >= MOST + len(body.laws)):
+        if chosen and (heights[i] > distance or len(chosen) >= MOST + len(body.laws)):
             break
         if not taken[i]:
             chosen.append(i)
@@ -729,9 +731,9 @@ def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: Int
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
     if body.layer_contact is not None:
-        way = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
+        motion = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
         other = np.setdiff1d(list(body.laws), which)
-        volume, low, _ = body.layer_contact.pressed(other - body.layer_contact.first, *way)
+        volume, low, _ = body.layer_contact.pressed(other - body.layer_contact.first, *motion)
         lowest[other] = np.where(volume > 0, low, 0.0).min(axis=0)
     sinking = np.flatnonzero(lowest < -SINKS * body.extent)
     return sinking if body.layer_contact is not None else sinking[np.argsort(lowest[sinking])[:1]]

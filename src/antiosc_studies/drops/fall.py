@@ -172,13 +172,13 @@ class Fall(Trajectory, Result):
             Time before the first touch and after the last release [s]; at least what the filter
             remembers.
         """
-        own, rest, steps = self._episodes(impact), 0.0, [np.inf]
+        episodes, rest, steps = self._episodes(impact), 0.0, [np.inf]
         if filter is not None:
             checks.choice("filter", filter, tuple(CLASSES))
             rest = MEMORY / CLASSES[filter]
             steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
-        begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
-        end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
+        begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
+        end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
         begin, end = max(begin, 0.0), min(end, self._lasting)
         steps += [episode.duration / 50 for episode in self.episodes]
         steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
@@ -199,11 +199,13 @@ class Fall(Trajectory, Result):
         for episode in self.episodes:
             begins += [episode.start.time, episode.end.time]
             parts += [episode, episode.end]
-        which, found = np.searchsorted(begins, t, side="right") - 1, np.zeros((t.size, 3))
+        which, acceleration = np.searchsorted(begins, t, side="right") - 1, np.zeros((t.size, 3))
         point = self._point(at)
         for k in np.unique(which):
-            found[which == k] = self._specific_force(parts[k], t[which == k] - begins[k], *point)
-        return found
+            acceleration[which == k] = self._specific_force(
+                parts[k], t[which == k] - begins[k], *point
+            )
+        return acceleration
 
     @property
     def _lasting(self) -> float:
@@ -222,8 +224,8 @@ class Fall(Trajectory, Result):
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)
-        found = source(body.structure)
-        return x - body.centre, found.at_point(body.structure, body.basis, x, part, reach)
+        fields = source(body.structure)
+        return x - body.centre, fields.at_point(body.structure, body.basis, x, part, reach)
 
     def _specific_force(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
         """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
@@ -252,7 +254,7 @@ class Fall(Trajectory, Result):
         checks.choice("quantity", quantity, ("acceleration", "force"))
         if not self.groups:
             raise InputError(NO_IMPACT)
-        found = Peak(0.0, 0.0, 0)
+        largest = Peak(0.0, 0.0, 0)
         for k, one in enumerate(self.impacts):
             if quantity == "force":
                 best = Peak(one.peak_force, one.time, k)
@@ -261,8 +263,8 @@ class Fall(Trajectory, Result):
                 size = np.linalg.norm(a, axis=1)
                 i = int(np.argmax(size))
                 best = Peak(float(size[i]), float(t[i]), k)
-            found = max(found, best, key=float)
-        return found
+            largest = max(largest, best, key=float)
+        return largest
 
     def srs(
         self,
@@ -315,27 +317,27 @@ class Fall(Trajectory, Result):
         periods, parts = self.body.omega.max(initial=0.0) / (2 * np.pi), []
         for one in (one for k in chosen for one in self._episodes(k)):
             count = int(min(max(LOOKS * periods * one.duration, FEW), MANY))
-            own = one.history.at(np.linspace(0.0, one.duration, count))[BODY]
-            parts.append(replace(own, time=own.time + one.start.time))
+            motion = one.history.at(np.linspace(0.0, one.duration, count))[BODY]
+            parts.append(replace(motion, time=motion.time + one.start.time))
         joined = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
         forces = np.zeros((joined["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
             whole = replace(parts[0], forces=forces, **joined)
-            found = peak_field(self.body.structure, whole, quantity, **options)
-        begins = [self.episodes[own[0]].start.time for own in self.groups]
-        impact = np.searchsorted(begins, found.times, side="right") - 1
-        found = replace(found, error=None)
-        if found._margin is not None and found._margin.criterion == "yield":
-            told = self._contact_yield(chosen)
-            found = replace(found, _margin=replace(found._margin, contact=bool(told)))
-        return WorstField(**vars(found), impact=impact)
+            field = peak_field(self.body.structure, whole, quantity, **options)
+        begins = [self.episodes[motion[0]].start.time for motion in self.groups]
+        impact = np.searchsorted(begins, field.times, side="right") - 1
+        field = replace(field, error=None)
+        if field._margin is not None and field._margin.criterion == "yield":
+            yields = self._contact_yield(chosen)
+            field = replace(field, _margin=replace(field._margin, contact=bool(yields)))
+        return WorstField(**vars(field), impact=impact)
 
     def _contact_yield(self, impacts: Iterable[int]) -> str:
         """Sentence that the contact yields in one of the impacts; "" if not, or unknown."""
-        own = [one for k in impacts for one in self._episodes(k)]
-        return contact_yield(self.body, self.setting.floor, own)
+        episodes = [one for k in impacts for one in self._episodes(k)]
+        return contact_yield(self.body, self.setting.floor, episodes)
 
     @property
     def notes(self) -> list[str]:
@@ -363,8 +365,8 @@ class Fall(Trajectory, Result):
         floor = self.setting.floor
         if floor.law is not None or floor.layer is not None:
             return None
-        found = point_contacts(self.body, floor, self.episodes)
-        return max(found, key=lambda one: one.force, default=None)
+        contacts = point_contacts(self.body, floor, self.episodes)
+        return max(contacts, key=lambda one: one.force, default=None)
 
     @property
     def _strained(self) -> str:
@@ -375,7 +377,7 @@ class Fall(Trajectory, Result):
     @cached_property
     def _lines(self) -> str:
         """Sentence on impacts along lines, whose forces are uncertain; "" if there are none."""
-        told = (
+        notes = (
             (
                 Episode.along_line,
                 "the part lands along a line of its surface, as a cylinder on its side; the "
@@ -389,13 +391,13 @@ class Fall(Trajectory, Result):
                 "holds where the line is level: take the force as a rough one",
             ),
         )
-        return "; ".join(filter(None, (self._in_impacts(*one) for one in told)))
+        return "; ".join(filter(None, (self._in_impacts(*one) for one in notes)))
 
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
         """Sentence on the number of impacts in which `happens` is true; "" if there are none."""
-        found = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
-        of = f"in {len(found)} of {len(self.groups)} impacts, first in impact"
-        return f"{of} {found[0] + 1}, {what}" if found else ""
+        impacts = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
+        of = f"in {len(impacts)} of {len(self.groups)} impacts, first in impact"
+        return f"{of} {impacts[0] + 1}, {what}" if impacts else ""
 
     @property
     def unsure(self) -> bool:
@@ -420,15 +422,15 @@ class Fall(Trajectory, Result):
         The fall is repeated with its start turned by +-angle [rad] about two horizontal axes.
         """
         angle, spread = checks.positive("angle", angle, "rad"), checks.positive("spread", spread)
-        own, known = self.impacts.column("peak_force"), len(self.impacts)
+        peaks, known = self.impacts.column("peak_force"), len(self.impacts)
         body, setting, s = self.body, self.setting, self.start
         for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
             nudged = initial_state(
                 body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity
             )
             other = fall_of(body, nudged, setting).impacts.column("peak_force")
-            count = min(len(own), len(other))
-            off = np.abs(other[:count] / own[:count] - 1) > spread
+            count = min(len(peaks), len(other))
+            off = np.abs(other[:count] / peaks[:count] - 1) > spread
             known = min(known, int(np.argmax(off)) if off.any() else count)
         return known
 

@@ -49,15 +49,15 @@ def free_rotation(
     R : (3, 3) at the time 0.
     momentum : (3,) angular momentum in the fixed axes [kg m^2/s].
     """
-    own = axes @ R.T @ momentum
-    spin = R @ axes.T @ (own / moments)
+    body_momentum = axes @ R.T @ momentum
+    spin = R @ axes.T @ (body_momentum / moments)
     size = float(np.linalg.norm(spin) * np.linalg.norm(momentum))
     if size == 0.0:
         return lambda t: np.broadcast_to(R, (len(t), 3, 3))
     if np.linalg.norm(np.cross(spin, momentum)) <= SPINNING * size:
         return lambda t: turned(t[:, None] * spin) @ R
     # the axis that L circles: that of the largest moment, or that of the smallest
-    gain, loss = (abs(moments[i] - moments[1]) * own[i] ** 2 / moments[i] for i in (2, 0))
+    gain, loss = (abs(moments[i] - moments[1]) * body_momentum[i] ** 2 / moments[i] for i in (2, 0))
     order = [0, 1, 2] if gain >= loss else [2, 1, 0]
     axes = axes[order]
     axes[1] *= np.sign(np.linalg.det(axes))
@@ -251,10 +251,10 @@ class Flight:
         """Heights (n, k) [m] of points (k,) over the floor at ascending times (n,)."""
         up, shapes = self.orientation(t)[:, 2], self.body.shapes[which]
         moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
-        found = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
+        height = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
         if self.ground is not None:
-            found += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
-        return found
+            height += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
+        return height
 
     def _rigid(self, t: Array, up: Array, which: IntArray) -> Array:
         """Heights without vibration; `up` (n, 3): the vertical in body axes."""
@@ -268,8 +268,8 @@ class Flight:
     def _floor_at(self, t: Array) -> Array:
         """Displacements and rates (2, n, F) of the modes of an elastic floor."""
         assert self.ground is not None
-        own, (q, p) = self.ground.modes, self.start.floor
-        return np.array(ringing(own.omega, own.decay, q, p, t))
+        modes, (q, p) = self.ground.modes, self.start.floor
+        return np.array(ringing(modes.omega, modes.decay, q, p, t))
 
     def touch(self, until: float) -> float | None:
         """Time [s] since the start of the first touch up to `until`; None if there is none.
@@ -278,12 +278,12 @@ class Flight:
         left.
         """
         parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
-        found = (self._within(*near, parted) for near in self._near(until))
-        return next((t for t in found if t is not None), None)
+        touches = (self._within(*near, parted) for near in self._near(until))
+        return next((t for t in touches if t is not None), None)
 
     def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
         """Intervals up to an end in which points may touch, in order, with these points."""
-        body, every = self.body, np.arange(len(self.body.points))
+        body, points = self.body, np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
         # between two looks the height deviates from a straight line by a'' h^2/8 at most
@@ -295,7 +295,7 @@ class Flight:
         slack = bend * (edges[1] - edges[0]) ** 2 / 8
         for first in range(0, count, AT_ONCE):
             t = edges[first : first + AT_ONCE + 1]
-            low = self._rigid(t, self.orientation(t)[:, 2], every)
+            low = self._rigid(t, self.orientation(t)[:, 2], points)
             near = np.minimum(low[:-1], low[1:]) <= self._sizes(t[:-1]) + slack
             for k in np.flatnonzero(near.any(axis=1)):
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
@@ -332,11 +332,11 @@ class Flight:
 
     def _sizes(self, t: Array) -> Array:
         """Bounds (n, V) [m] on the elastic displacements of the points after times (n,)."""
-        found = most(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
+        size = most(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
         if self.ground is not None:
             omega, (a, b) = self.ground.modes.omega, np.abs(self.ground.shape)
-            found = found + (most(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
-        return np.asarray(found)
+            size = size + (most(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
+        return np.asarray(size)
 
     def _fastest(self, start: float) -> float:
         """Highest frequency [rad/s] among modes that move a point noticeably after a time."""

@@ -105,16 +105,16 @@ class Floor(FieldsRepr):
                 raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
             checks.store(self, restitution=e)
         if self.model is not None:
-            own = checked_body("model", self.model).modal()
-            if np.any(own.b[own.omega == 0]):
+            modal = checked_body("model", self.model).modal()
+            if np.any(modal.b[modal.omega == 0]):
                 raise InputError("a floor's model is held by supports; this one is free to move.")
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:
             checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
-        given = [n for n in ("material", "layer", "law") if getattr(self, n) is not None]
-        if len(given) > 1:
-            raise InputError(f"a floor takes one of material, layer and law; got {given}.")
+        kinds = [n for n in ("material", "layer", "law") if getattr(self, n) is not None]
+        if len(kinds) > 1:
+            raise InputError(f"a floor takes one of material, layer and law; got {kinds}.")
         if self.law is not None and self.restitution is not None:
             raise InputError("a floor with its own law takes no restitution: the law has it.")
         if self.layer is not None and self.restitution is not None:
@@ -243,20 +243,20 @@ def law_of(
             raise InputError("a line or a plane on a layer has no law of its own: give radius=.")
         return layer_law(floor.layer, pi * floor.layer.E / (bent * floor.layer.thickness), 2.0)
     E, nu = material.tolist()
-    own = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)
-    if own.rigid and floor.face.matter.rigid:
+    matter = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)
+    if matter.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
             "layer or a law."
         )
-    touching = Surface(own, (low, high), surface.error, surface.kind, surface.length)
+    touching = Surface(matter, (low, high), surface.error, surface.kind, surface.length)
     return choose(touching, floor.face, floor.restitution).law
 
 
 def law_at(body: Any, floor: Floor, which: int) -> ContactLaw:
     """Law of the contact of a point of a FreeBody with a floor."""
-    own: ContactLaw | None = body.laws.get(which)
-    if own is not None:
-        return own
+    law: ContactLaw | None = body.laws.get(which)
+    if law is not None:
+        return law
     strength = np.nan if body.strengths is None else float(body.strengths[which])
     return law_of(floor, body.surface(which), body.materials[which], strength)

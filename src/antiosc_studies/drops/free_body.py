@@ -106,10 +106,10 @@ class FreeBody:
         Velocities of the centre and spins; momenta, and angular momenta about the centre.
         """
         moments, axes = self.principal
-        own = np.eye(6)
-        own[3:, 3:] = axes @ R.T
+        modes = np.eye(6)
+        modes[3:, 3:] = axes @ R.T
         size = np.sqrt(np.append(np.full(3, self.mass), moments))[:, None]
-        return own / size, own * size
+        return modes / size, modes * size
 
     @property
     def slowest(self) -> float:
@@ -124,11 +124,11 @@ class FreeBody:
         """
         if not self.stations:
             return self.balls
-        found = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
+        reach = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
         for one, which in zip(self.cylinders, self.stations, strict=True):
             away = -np.linalg.norm(self.points[which], axis=1)
-            found[..., which] = np.where(one.lands(up)[..., None], self.balls[which], away)
-        return found
+            reach[..., which] = np.where(one.lands(up)[..., None], self.balls[which], away)
+        return reach
 
     def surface(self, which: int) -> Curvature:
         """Curvature at a point."""
@@ -140,15 +140,15 @@ class FreeBody:
         Points of a solid are the same contact that are close together and face the same way, as
         on a round edge, or belong to one ball. Two corners of a slender bar are two.
         """
-        found = np.zeros(len(self.points), dtype=bool)
-        found[which] = True
+        touching = np.zeros(len(self.points), dtype=bool)
+        touching[which] = True
         if self.facing is not None:
             by_itself = ~self.facing.any(axis=1)
             for i in which:
                 near = np.linalg.norm(self.points - self.points[i], axis=1) <= APART * self.extent
                 near &= ~(by_itself | by_itself[i])
-                found |= near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
-        return found
+                touching |= near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
+        return touching
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""

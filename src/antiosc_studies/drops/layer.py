@@ -41,10 +41,10 @@ def with_layer_contact(body: FreeBody) -> FreeBody:
     if body.layer_contact is not None or body.balls.all():
         return body
     matrices: Any = None if body.structure is None else body.structure.matrices
-    found = _of_hull(body) if matrices is None or matrices.located else _of_skin(body)
-    if found is None:
+    surface = _of_hull(body) if matrices is None or matrices.located else _of_skin(body)
+    if surface is None:
         return body
-    places, triangles, rounded = found
+    places, triangles, rounded = surface
     size = PIECE * body.extent
     places, triangles = _refined(places, triangles, size)
     x = places[triangles, :3]
@@ -62,13 +62,13 @@ def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        found = ConvexHull(body.points)
+        convex = ConvexHull(body.points)
     except (QhullError, ValueError):
         return None
-    triangles = np.asarray(found.simplices, dtype=int)
+    triangles = np.asarray(convex.simplices, dtype=int)
     x = body.points[triangles]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    inside = np.einsum("td,td->t", normals, found.equations[:, :3]) < 0
+    inside = np.einsum("td,td->t", normals, convex.equations[:, :3]) < 0
     triangles[inside] = triangles[inside, ::-1]
     places = np.column_stack((body.points, body.shapes.reshape(len(body.points), -1)))
     return places, triangles, body.balls > 0
@@ -98,9 +98,9 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
         outside = np.einsum("td,tvd->t", normals, skin.normals[triangles]) < 0
         triangles = np.where(outside[:, None], triangles[:, ::-1], triangles)
     nodes, _, moved = source(body.structure).at_nodes(body.structure, body.basis)
-    own = np.moveaxis(moved[cKDTree(nodes).query(skin.points)[1]], 1, 2)
+    shapes = np.moveaxis(moved[cKDTree(nodes).query(skin.points)[1]], 1, 2)
     at = cKDTree(skin.points).query(body.points + body.centre)[1]
-    return np.column_stack((x, own.reshape(len(x), -1))), triangles, rounded[at]
+    return np.column_stack((x, shapes.reshape(len(x), -1))), triangles, rounded[at]
 
 
 def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, IntArray]:
@@ -125,16 +125,16 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
     normals, number = areas / weights[:, None], np.zeros(len(areas), dtype=int)
     todo, count = [np.arange(len(areas))], 0
     while todo:
-        own = todo.pop()
-        w = weights[own, None]
-        for values, most in ((normals[own], BENT), (centres[own], size)):
+        piece = todo.pop()
+        w = weights[piece, None]
+        for values, most in ((normals[piece], BENT), (centres[piece], size)):
             off = values - (w * values).sum(axis=0) / w.sum()
             along = off @ np.linalg.eigh((w * off).T @ off)[1][:, -1]
             if np.ptp(along) > most:
-                todo += [own[along < 0], own[along >= 0]]
+                todo += [piece[along < 0], piece[along >= 0]]
                 break
         else:
-            number[own], count = count, count + 1
+            number[piece], count = count, count + 1
     return number
 
 
@@ -162,9 +162,11 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     (volume, half), _, (place, _) = surface.pressed(each, up, start.q, at, LEAN)
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
-    own = replace(surface, share=modulus / stiffness, exponent=n, height=z, speed=speed)
+    surface_with_laws = replace(
+        surface, share=modulus / stiffness, exponent=n, height=z, speed=speed
+    )
     points, shapes, first = place[:, :3], place[:, 3:].reshape(len(place), -1, 3), surface.first
-    deep = own.depth(each, volumes[0], low)
+    deep = surface_with_laws.depth(each, volumes[0], low)
     lifts = z + points @ up + np.einsum("vjd,d,j->v", shapes, up, start.q) + deep
     none, rigid = np.full((len(place), 2), np.inf), np.zeros((3, 3))
     return replace(
@@ -175,7 +177,7 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
         radii=np.vstack((body.radii, none)),
         materials=np.vstack((body.materials, np.nan * none)),
         facing=None if body.facing is None else np.vstack((body.facing, 0 * points)),
-        layer_contact=own,
+        layer_contact=surface_with_laws,
         laws={first + k: layer_law(layer, float(stiffness[k]), float(n[k])) for k in each.tolist()},
         idle=np.append(~surface.round, volumes[np.searchsorted(ways, deepest)] == 0),
         _placed=body._placed | {first + k: (shapes[k], rigid, none[k]) for k in each.tolist()},

@@ -73,8 +73,8 @@ class LayerContact:
         each = np.repeat(np.arange(len(pieces)), counts)
         h = h + (z[:, None] if z.ndim == 1 else z[:, each])[..., None]
         areas = np.linalg.norm(self.areas[own], axis=1)
-        found = np.maximum(-up @ self.areas[own].T, lean * areas)
-        parts = np.maximum(found, 0.0)[..., None] * below(h)
+        projected = np.maximum(-up @ self.areas[own].T, lean * areas)
+        parts = np.maximum(projected, 0.0)[..., None] * below(h)
         volume = np.add.reduceat(parts.sum(axis=2), begins, axis=1)
         empty, whole = volume <= 0, np.add.reduceat(areas, begins)
         parts = np.where(empty[:, each, None], areas[:, None] / 3, parts)
@@ -105,9 +105,9 @@ def below(h: Array) -> Array:
     h : (..., 3) heights of their corners [m]. Each sum is the volume below 0.
     """
     p = -h.reshape(-1, 3)
-    found, lowest = np.zeros_like(p), p.min(axis=1)
+    integrals, lowest = np.zeros_like(p), p.min(axis=1)
     under = np.flatnonzero(lowest >= 0)
-    found[under] = (p[under].sum(axis=1, keepdims=True) + p[under]) / 12
+    integrals[under] = (p[under].sum(axis=1, keepdims=True) + p[under]) / 12
     cut = np.flatnonzero((lowest < 0) & (p.max(axis=1) > 0))
     order = np.argsort(-p[cut], axis=1)
     p = np.take_along_axis(p[cut], order, axis=1)  # descending
@@ -115,8 +115,8 @@ def below(h: Array) -> Array:
     part = np.where(alone[:, None], 0.0, (p.sum(axis=1, keepdims=True) + p) / 12)
     part[~alone] += _tip(-p[~alone][:, ::-1])[:, ::-1]
     part[alone] = _tip(p[alone])
-    found[cut[:, None], order] = np.maximum(part, 0.0)
-    return found.reshape(h.shape)
+    integrals[cut[:, None], order] = np.maximum(part, 0.0)
+    return integrals.reshape(h.shape)
 
 
 def _tip(p: Array) -> Array:

@@ -70,9 +70,9 @@ def _without(body: FreeBody) -> FreeBody:
         return body
     first = int(body.stations[0][0])
     rows = ("points", "balls", "radii", "materials", "shapes", "strengths", "facing")
-    own = {name: getattr(body, name) for name in rows}
-    own = {name: None if one is None else one[:first] for name, one in own.items()}
-    return replace(body, **own, stations=(), laws={}, idle=None, _placed={})
+    kept = {name: getattr(body, name) for name in rows}
+    kept = {name: None if one is None else one[:first] for name, one in kept.items()}
+    return replace(body, **kept, stations=(), laws={}, idle=None, _placed={})
 
 
 def _added(body: FreeBody, one: Cylinder, floor: Floor) -> FreeBody:
@@ -158,23 +158,23 @@ def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
     from antiosc.extension import curvature_at
 
     assert body.structure is not None
-    found, left = [], own[skin.lines[own] & (skin.half[own] == 0)]
+    cylinders_found, remaining = [], own[skin.lines[own] & (skin.half[own] == 0)]
     sharp = cKDTree(skin.points[skin.sharp]) if skin.sharp.any() else None
     for _ in range(LOOKS):
-        if not len(left):
+        if not len(remaining):
             break
-        away = np.zeros(len(left)) if sharp is None else sharp.query(skin.points[left])[0]
-        at = int(left[np.argmax(away)])
-        left = left[left != at]
+        away = np.zeros(len(remaining)) if sharp is None else sharp.query(skin.points[remaining])[0]
+        at = int(remaining[np.argmax(away)])
+        remaining = remaining[remaining != at]
         try:
             surface = curvature_at(body.structure, skin.points[at])
         except InputError:  # of a mesh with too few nodes there
             continue
         one = _cylinder(body, skin, own, surface, at)
         if one is not None:
-            found.append(one)
-            left = np.setdiff1d(left, own[one.members])
-    return tuple(found)
+            cylinders_found.append(one)
+            remaining = np.setdiff1d(remaining, own[one.members])
+    return tuple(cylinders_found)
 
 
 def _cylinder(
@@ -240,8 +240,8 @@ def _closer(along: Array, aside: Array, off: Array, axis: Array) -> tuple[Array,
     basis = np.linalg.svd(axis[None])[2][1:]
     facing = aside @ basis.T / np.linalg.norm(aside, axis=1, keepdims=True)
     rows = np.column_stack((facing, along[:, None] * facing, np.ones(len(along))))
-    found = np.linalg.lstsq(rows, off, rcond=None)[0]
-    return found[:2] @ basis, found[2:4] @ basis, float(found[4])
+    step = np.linalg.lstsq(rows, off, rcond=None)[0]
+    return step[:2] @ basis, step[2:4] @ basis, float(step[4])
 
 
 def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
@@ -271,8 +271,8 @@ def _compliance(body: FreeBody, one: Cylinder) -> float:
     push = tuple((-one.down).tolist())
     sites = [Site(tuple(x), push, radius, snap=True) for x in places.tolist()]
     with without_warnings():
-        found = functionals(structure, sites)
-    b = np.mean([each.b for each in found], axis=0)
+        loads = functionals(structure, sites)
+    b = np.mean([each.b for each in loads], axis=0)
     y = structure.factorize().solve_block(b[:, None])[:, 0]
     rigid, moved = b @ structure.rigid_modes, b @ body.basis
     modes = float(np.sum(moved**2 / (body.omega**2 + structure.shift)))
@@ -280,6 +280,6 @@ def _compliance(body: FreeBody, one: Cylinder) -> float:
     E, nu = one.material.tolist()
     apart = np.abs(along[:, None] - along)
     np.fill_diagonal(apart, inf)
-    patches = sum(each.local_compliance for each in found) / count**2
+    patches = sum(each.local_compliance for each in loads) / count**2
     others = float((1 / apart).sum()) * (1 - nu**2) / (pi * E * count**2)
     return whole - modes - patches - others

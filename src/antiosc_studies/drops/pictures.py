@@ -129,9 +129,9 @@ def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path
     moving = animation.FuncAnimation(figure, drawn, len(times))
     kind = "ffmpeg" if target.suffix.lower() == ".mp4" else "pillow"
     with files.atomic_file(target, "the film") as part:
-        own = part.with_name(f"{part.name}{target.suffix}")
-        moving.save(str(own), writer=kind, fps=RATE)
-        own.replace(part)
+        picture = part.with_name(f"{part.name}{target.suffix}")
+        moving.save(str(picture), writer=kind, fps=RATE)
+        picture.replace(part)
     return target
 
 

@@ -92,8 +92,8 @@ class Skin:
         balls, points, sizes = self.balls[own], self.points[own], self.sizes[own]
         centres = points - balls[:, None] * self.normals[own]
         allowed = REACH * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
-        for way in _ways():
-            beyond = centres @ way + balls - (points @ way).max()
+        for direction in _ways():
+            beyond = centres @ direction + balls - (points @ direction).max()
             balls = np.where(beyond > allowed, 0.0, balls)
         return balls
 
@@ -121,14 +121,14 @@ def skin_of(structure: Structure) -> Skin:
         return of_points(matrices.nodes()[0])
     if not matrices.assembled:
         return of_mesh(on_mesh(structure, "matrices have no points: give a map with coordinates."))
-    found, count = list[Skin](), 0
+    skins, count = list[Skin](), 0
     for member in matrices.members():
-        own, at = of_mesh(member.part), member.at
-        x, n = at.placed(own.points), own.normals @ at.rotation.T
-        found.append(replace(own, points=x, normals=n, triangles=own.triangles + count))
+        skin, at = of_mesh(member.part), member.at
+        x, n = at.placed(skin.points), skin.normals @ at.rotation.T
+        skins.append(replace(skin, points=x, normals=n, triangles=skin.triangles + count))
         count += len(x)
     each = [f.name for f in fields(Skin)]
-    return Skin(*(np.concatenate([getattr(one, name) for one in found]) for name in each))
+    return Skin(*(np.concatenate([getattr(one, name) for one in skins]) for name in each))
 
 
 def of_points(points: Array) -> Skin:
@@ -154,17 +154,17 @@ def of_mesh(part: MeshedStructure) -> Skin:
         np.bincount(at[:, 0], minlength=len(x)), 1
     )
     materials, strengths, half = _materials(part)
-    found = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
-    found = replace(found, strengths=strengths, half=half)
+    skin = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
+    skin = replace(skin, strengths=strengths, half=half)
     if count != 3:
-        return found
-    found = replace(found, triangles=ground.elements)
+        return skin
+    skin = replace(skin, triangles=ground.elements)
     if not part.kind.outside:
-        return found
+        return skin
     sharp = _sharp(x, normals, ground.elements)
     fitted, curvatures = _fitted(x, normals, at, sizes)
     normals = np.where(sharp[:, None], normals, fitted)
-    return replace(found, normals=normals, curvatures=curvatures, sharp=sharp)
+    return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp)
 
 
 def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
@@ -203,13 +203,13 @@ def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Arr
     edges: (E, 2) from vertices to their neighbours; size: (P,) their mean lengths [m].
     """
     at = edges[:, 0]
-    way = x[edges[:, 1]] - x[at]
+    edge = x[edges[:, 1]] - x[at]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, axis)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
     second = np.cross(normals, first)
-    own = way / size[at, None]
-    u, v, w = (np.einsum("ed,ed->e", own, axes[at]) for axes in (first, second, normals))
+    unit = edge / size[at, None]
+    u, v, w = (np.einsum("ed,ed->e", unit, axes[at]) for axes in (first, second, normals))
     rows = np.stack([u, v, u * u / 2, u * v, v * v / 2], axis=1)
     A, f = np.zeros((len(x), 5, 5)), np.zeros((len(x), 5))
     np.add.at(A, at, rows[:, :, None] * rows[:, None, :])
@@ -227,9 +227,9 @@ def hull(points: Array) -> IntArray:
 
     middle = points.mean(axis=0)
     _, size, axes = np.linalg.svd(points - middle, full_matrices=False)
-    own = (points - middle) @ axes[size > THIN * size[0]].T
-    if own.shape[1] == 0:
+    flattened = (points - middle) @ axes[size > THIN * size[0]].T
+    if flattened.shape[1] == 0:
         return np.zeros(1, dtype=int)
-    if own.shape[1] == 1:
-        return np.array([np.argmin(own), np.argmax(own)])
-    return np.sort(cast(IntArray, ConvexHull(own).vertices)).astype(int)
+    if flattened.shape[1] == 1:
+        return np.array([np.argmin(flattened), np.argmax(flattened)])
+    return np.sort(cast(IntArray, ConvexHull(flattened).vertices)).astype(int)

@@ -72,23 +72,23 @@ def trajectory(
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not status:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
-        left = setting.duration - state.time
-        found = 0.0
+        remaining = setting.duration - state.time
+        touch_time = 0.0
         if not held:
-            most = min(flight.longest(), left)
+            most = min(flight.longest(), remaining)
             met = flight.touch(most)
-            found = most if met is None else met
+            touch_time = most if met is None else met
             flights.append(flight)
-            if found >= left:
+            if touch_time >= remaining:
                 status = f"the time {setting.duration:g} s is over"
-                state = flight.at(left)
+                state = flight.at(remaining)
                 break
-        touch = flight.at(found)
+        touch = flight.at(touch_time)
         _check_sides(body, touch)
         if episodes:
             _check_depth(body, touch, pressed, setting)
         # one impact: its flights are shorter than the longest period of the modes, or its contact
-        soon = bool(groups) and found < max(body.slowest, episodes[groups[-1][0]].duration)
+        soon = bool(groups) and touch_time < max(body.slowest, episodes[groups[-1][0]].duration)
         if not (held or soon):
             if len(groups) >= setting.impacts:
                 status = f"{len(groups)} impacts"
@@ -162,8 +162,8 @@ def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> floa
     W = body.rigid_modes(state.R)[0]
     moved = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
     across, size, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
-    own = across[:, : size.size][:, size > STILL * size[0]]
-    taken = own.T @ W @ np.append(body.mass * state.velocity, state.momentum)
+    directions = across[:, : size.size][:, size > STILL * size[0]]
+    taken = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
     return float(taken @ taken / 2)
 
 
@@ -188,8 +188,8 @@ def _pushed(
     up = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
     # up ways^-1 up' is the stiffness against rigid motions
     root = np.linalg.cholesky(np.linalg.inv(ways))
-    found = np.linalg.lstsq(up @ root, W @ wrench, rcond=STILL)[0]
-    return float(found @ found)
+    impulses = np.linalg.lstsq(up @ root, W @ wrench, rcond=STILL)[0]
+    return float(impulses @ impulses)
 
 
 def _shaken(
@@ -350,8 +350,8 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     pressures = []
     for one in episodes:
         for line, forces in one.strongest().items():
-            if told := yielding(body, floor, line, float(forces.sum())):
-                return told
+            if note := yielding(body, floor, line, float(forces.sum())):
+                return note
         for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0).tolist(), strict=True):
             known = _elastic_contact(body, law_at(body, floor, i), i, force) if force > 0 else None
             pressures += [] if known is None else [known]
@@ -422,8 +422,8 @@ def strained(one: PointContact, body: FreeBody, floor: Floor) -> str:
     """Sentence on the force of an elastic contact of large strains; "" if there is none."""
     if one.dent is not None or one.depth * one.curvature < LEAST_STRAIN:
         return ""
-    told = _law_error(one, body, floor)
-    return f"the contact is pressed in by {one.depth * one.curvature:.2g} of its radius; {told}"
+    note = _law_error(one, body, floor)
+    return f"the contact is pressed in by {one.depth * one.curvature:.2g} of its radius; {note}"
 
 
 def _law_error(worst: PointContact, body: FreeBody, floor: Floor) -> str:
@@ -434,11 +434,11 @@ def _law_error(worst: PointContact, body: FreeBody, floor: Floor) -> str:
     if error is None:
         return f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a blunter part"
     cause = "large strains" if worst.dent is None else "the law and the range of the yield strength"
-    told = f"by {cause} that force may be off by {error:.0%}"
+    message = f"by {cause} that force may be off by {error:.0%}"
     if worst.dent is None or worst.depth * worst.curvature < DEEP:
-        return told
+        return message
     return (
-        f"{told}, since it is pressed in by {engineering(worst.depth, 'm')} where the radius is "
+        f"{message}, since it is pressed in by {engineering(worst.depth, 'm')} where the radius is "
         f"{engineering(1 / worst.curvature, 'm')}: give corner_radius= of corners that are blunter"
     )
 
@@ -498,8 +498,8 @@ class Trajectory:
     def impacts(self) -> Impacts:
         """The impacts, as a table."""
         gravity = self.setting.gravity
-        own = range(len(self.groups))
-        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in own)
+        numbers = range(len(self.groups))
+        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in numbers)
 
     def energy(self) -> tuple[Array, Array]:
         """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.

@@ -94,17 +94,17 @@ def by_body(body: Any, by: ByModes, closing: float) -> Values:
 
     `closing`: the speed [m/s] at the start with which the body closes its contact.
     """
-    found: Values = {}
+    values: Values = {}
     if isinstance(body, Impactor):
-        found = by_body(body.body, by, closing)
-        found.pop("initial_velocity", None)
+        values = by_body(body.body, by, closing)
+        values.pop("initial_velocity", None)
     elif isinstance(body, RigidMass | Sphere):
         mass = body.mass
-        found["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ by.modes.b) / (2 * mass)
+        values["mass"] = float(by.start @ by.v + by.load @ by.g - by.site @ by.modes.b) / (2 * mass)
     elif isinstance(body, AntiOscillators):
         K, M = by_matrices(body, by)
         springs = K[0, 0] + K.diagonal()[1:] - 2 * K[0, 1:]
-        found = {
+        values = {
             "m0": None if by.modes.r > 0 else float(M[0, 0]),  # a massless site has none
             "k0": float(K[0, 0]),
             "m": M.diagonal()[1:] + body.omega**2 * springs,
@@ -115,11 +115,11 @@ def by_body(body: Any, by: ByModes, closing: float) -> Values:
     velocity = getattr(body, "velocity", 0.0)
     name = "velocity" if isinstance(body, RigidMass | Sphere | Impactor) else "initial_velocity"
     if isinstance(velocity, Motion):
-        return found
+        return values
     speed = velocity or closing
     if speed:
-        found[name] = float(by.start @ by.v) / speed
-    return found
+        values[name] = float(by.start @ by.v) / speed
+    return values
 
 
 class ByMatrices(NamedTuple):
@@ -311,10 +311,10 @@ def leading(law: ContactLaw) -> Array:
     kind, values = law.kernel[0].kind, law.parameters()  # type: ignore[attr-defined]
     count = {library.TABLE: 0, library.HERTZ: 1}.get(kind, library.LAW_SLOPES - 1)
     first = values[: min(count, len(values) - 1)]
-    found = np.zeros(library.LAW_SLOPES)
-    found[: len(first)] = first
-    found[-1] = law.compliance  # type: ignore[attr-defined]
-    return found
+    slopes = np.zeros(library.LAW_SLOPES)
+    slopes[: len(first)] = first
+    slopes[-1] = law.compliance  # type: ignore[attr-defined]
+    return slopes
 
 
 def impact_of(hit: History) -> Impact | None:
@@ -462,8 +462,8 @@ def by_coupled(
         size = np.asarray(1.0 if key == "damping" else getattr(model, key))
         shares = np.eye(size.size).reshape(size.size, *size.shape)
         slopes = [_slope(model, key, share, change) for share in shares] if size.all() else [None]
-        own = None if None in slopes else np.array(slopes, float).reshape(size.shape) / size
-        result[key] = own if own is None or own.ndim else float(own)
+        matrix = None if None in slopes else np.array(slopes, float).reshape(size.shape) / size
+        result[key] = matrix if matrix is None or matrix.ndim else float(matrix)
     at, s = found.places[name], found.system.marched
     if closing and not found.system.q[found.spans[name]].any():
         result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
@@ -513,12 +513,12 @@ def changed_coupled(
     total += float(np.sum(by.loads * change["loads"]))
     total += float(np.append(by.q, by.v) @ change["state"][0])
     total += float(by.pressed @ (after.system.pressed - before.system.pressed))
-    for (step, u, _), _, own in wanted.readings:
+    for (step, u, _), _, weights in wanted.readings:
         since = u * float(found.edges[step + 1] - found.edges[step])
         at = np.array([step]), np.array([since])
         state = np.hstack(integrated_states(found.run, found.system, *at))[0]
         moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
-        total += float(np.sum(own * moved))
+        total += float(np.sum(weights * moved))
     return total
 
 

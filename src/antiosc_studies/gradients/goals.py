@@ -76,8 +76,8 @@ class Recorded(Assembly):
         """States (n + 1, 2, I) of the integrated modes at the ends of steps."""
         if self.run.every == 1 and self.run.states is not None:
             return self.run.states
-        every = np.arange(self.edges.size)
-        return np.stack(integrated_starts(self.run, self.system, every), axis=1)
+        steps = np.arange(self.edges.size)
+        return np.stack(integrated_starts(self.run, self.system, steps), axis=1)
 
     def velocities(self) -> Array:
         """Velocities (n + 1, J) of the free modes at the ends of steps."""
@@ -95,8 +95,8 @@ def recorded(hit: object) -> Recorded:
             f"{next(iter(a.stretched))!r} stretched in this impact: gradients are of linear bodies;"
             " extract it with stretch=False."
         )
-    given = {each.name: getattr(a, each.name) for each in fields(a)}
-    return Recorded(**given | {"parts": lambda: (a.scene, a.bodies)}, run=run)
+    attributes = {each.name: getattr(a, each.name) for each in fields(a)}
+    return Recorded(**attributes | {"parts": lambda: (a.scene, a.bodies)}, run=run)
 
 
 @dataclass(eq=False)
@@ -315,33 +315,35 @@ def _side(found: Recorded, c: int, end: int = 0) -> Array:
 
 def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: float) -> None:
     s = found.system
-    own = _side(found, c)
+    columns = _side(found, c)
     at = np.array([step]), np.array([since])
     q, _ = states(found.run, s, *at)
     pushed = -(forces(found.run, *at)[0] @ found.G)
     u = since / float(found.edges[step + 1] - found.edges[step])
-    to.value = float(q[0] @ found.B @ own + pushed @ found.r @ own)
-    weight = np.concatenate((found.B @ own, np.zeros(s.omega.size), -(found.G @ found.r @ own)))
-    to.readings.append(((step, u, 0), weight, np.outer(np.eye(3)[0], own)))
-    to.B += np.outer(q[0], own)
-    to.r += np.outer(pushed, own)
+    to.value = float(q[0] @ found.B @ columns + pushed @ found.r @ columns)
+    weight = np.concatenate(
+        (found.B @ columns, np.zeros(s.omega.size), -(found.G @ found.r @ columns))
+    )
+    to.readings.append(((step, u, 0), weight, np.outer(np.eye(3)[0], columns)))
+    to.B += np.outer(q[0], columns)
+    to.r += np.outer(pushed, columns)
 
 
 def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
-    edges, own = found.edges, _side(found, c)
+    edges, columns = found.edges, _side(found, c)
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
     for _ in range(REFINED):
         step, since = locate(found.run, t)
         q, _ = states(found.run, found.system, step, since)
         pushed = -(forces(found.run, step, since) @ found.G)
-        best = int(np.argmax(np.abs(q @ (found.B @ own) + pushed @ (found.r @ own))))
+        best = int(np.argmax(np.abs(q @ (found.B @ columns) + pushed @ (found.r @ columns))))
         where = int(step[best]), float(since[best])
         t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 33)
     _read_displacement(found, c, to, *where)
     if to.value < 0:
         to.value = -to.value
         to.B, to.r = -to.B, -to.r
-        to.readings = [(place, -weight, -own) for place, weight, own in to.readings]
+        to.readings = [(place, -weight, -columns) for place, weight, columns in to.readings]
 
 
 @dataclass(eq=False)
@@ -375,9 +377,9 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
     push = -(forces(run, step, since) @ found.G)
     first, second = _side(found, c), _side(found, c, 1)
     arrays: dict[str, Array] = {"force": forces(run, step, since)[:, c]}
-    for name, own in (("", first), ("impactor_", second)):
-        arrays[f"{name}displacement"] = np.asarray(q @ (found.B @ own) + push @ (found.r @ own))
-        arrays[f"{name}velocity"] = np.asarray(v @ (found.B @ own))
+    for name, body in (("", first), ("impactor_", second)):
+        arrays[f"{name}displacement"] = np.asarray(q @ (found.B @ body) + push @ (found.r @ body))
+        arrays[f"{name}velocity"] = np.asarray(v @ (found.B @ body))
     to.value = _number(goal, run.time, arrays)
     weights = np.zeros((2 * n + 1, 2 * J + len(s.beta)))
     sites = np.zeros((2 * n + 1, 3, found.G.shape[1]))
@@ -386,17 +388,17 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
         if name == "force":
             weights[:, 2 * J + c] += slope
             continue
-        own = second if name.startswith("impactor") else first
+        body = second if name.startswith("impactor") else first
         if name.endswith("velocity"):
-            weights[:, J : 2 * J] += np.outer(slope, found.B @ own)
-            sites[:, 1] += np.outer(slope, own)
-            to.B += np.outer(slope @ v, own)
+            weights[:, J : 2 * J] += np.outer(slope, found.B @ body)
+            sites[:, 1] += np.outer(slope, body)
+            to.B += np.outer(slope @ v, body)
         else:
-            weights[:, :J] += np.outer(slope, found.B @ own)
-            sites[:, 0] += np.outer(slope, own)
-            weights[:, 2 * J :] -= np.outer(slope, found.G @ found.r @ own)
-            to.B += np.outer(slope @ q, own)
-            to.r += np.outer(slope @ push, own)
+            weights[:, :J] += np.outer(slope, found.B @ body)
+            sites[:, 0] += np.outer(slope, body)
+            weights[:, 2 * J :] -= np.outer(slope, found.G @ found.r @ body)
+            to.B += np.outer(slope @ q, body)
+            to.r += np.outer(slope @ push, body)
     assert run.exits is not None
     # where a contact changes, a sample has a slope before and one after, and stands for both sides
     before, h = np.zeros(2 * n + 1), np.diff(found.edges)
@@ -429,17 +431,17 @@ def _slopes(
     """Central differences (n,) of a goal by the samples of one array; 0 if it does not use it."""
     value = arrays[name]
     h = SAMPLE_CHANGE * float(np.abs(value).max(initial=0.0))
-    found = np.zeros(value.size)
+    slopes = np.zeros(value.size)
     if h == 0.0 or not _reads(goal, time, arrays, name):
-        return found
+        return slopes
     for k in range(value.size):
         ends = []
         for end in (value[k] - h, value[k] + h):
             changed = value.copy()
             changed[k] = end
             ends.append(_number(goal, time, {**arrays, name: changed}))
-        found[k] = (ends[1] - ends[0]) / (2 * h)
-    return found
+        slopes[k] = (ends[1] - ends[0]) / (2 * h)
+    return slopes
 
 
 def _reads(

@@ -84,11 +84,11 @@ class Gradient(Completed):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        every = (*self.bodies.values(), *self.contacts.values())
-        holders = [each for each in every if name in each]
+        parts = (*self.bodies.values(), *self.contacts.values())
+        holders = [each for each in parts if name in each]
         if len(holders) == 1:
             return holders[0][name]
-        known = sorted({n for each in every for n in each})
+        known = sorted({n for each in parts for n in each})
         why = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
             f"the gradient has no {name}: {why}; take it from bodies[name] or contacts[a, b], which"
@@ -97,10 +97,13 @@ class Gradient(Completed):
 
     def numbers(self) -> dict[str, object]:
         """The value and its derivatives: name -> JSON value."""
-        parts = {**self.bodies, **{" - ".join(ends): own for ends, own in self.contacts.items()}}
+        parts = {
+            **self.bodies,
+            **{" - ".join(ends): values for ends, values in self.contacts.items()},
+        }
         slopes = {
-            name: {key: None if v is None else np.asarray(v).tolist() for key, v in own.items()}
-            for name, own in parts.items()
+            name: {key: None if v is None else np.asarray(v).tolist() for key, v in values.items()}
+            for name, values in parts.items()
         }
         return {**super().numbers(), "derivatives": slopes}
 
@@ -239,8 +242,8 @@ def overtaken(largest: Gradient, second: Gradient) -> Gradient:
         if a is None or b is None:
             return None
         faster = np.asarray(b) - np.asarray(a)
-        found = np.divide(lead, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
-        return found if found.ndim else float(found)
+        ratio = np.divide(lead, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
+        return ratio if ratio.ndim else float(ratio)
 
     bodies, contacts = (change(getattr(largest, n), getattr(second, n)) for n in _PARTS)
     return Gradient(second.goal, second.value, bodies, contacts)

@@ -121,7 +121,7 @@ def minimize(
     listed = constraints if isinstance(constraints, list | tuple) else [constraints]
     rules = [_rule(each, scale) for each in listed]
     first = abs(search.value(start / scale)) or 1.0
-    found = optimize.minimize(
+    optimum = optimize.minimize(
         lambda y: search.value(y) / first,
         start / scale,
         jac=lambda y: search.slopes(y) / first,
@@ -130,8 +130,10 @@ def minimize(
         method="SLSQP",
         options={"maxiter": MOST_STEPS, "ftol": tol},
     )
-    value, hit = search.value(found.x), search.hit
-    return Optimum(found.x * scale, value, hit, search.runs, bool(found.success), found.message)
+    value, hit = search.value(optimum.x), search.hit
+    return Optimum(
+        optimum.x * scale, value, hit, search.runs, bool(optimum.success), optimum.message
+    )
 
 
 class _Search:
@@ -180,7 +182,7 @@ def _scaled(bounds: object, start: Array, scale: Array) -> list[tuple[float, flo
         return None
     if not isinstance(bounds, list | tuple) or len(bounds) != scale.size:
         raise InputError(f"bounds needs one pair (low, high) for each of {scale.size} inputs.")
-    found = []
+    limits = []
     for pair, x, unit in zip(bounds, start.tolist(), scale.tolist(), strict=True):
         if not isinstance(pair, list | tuple) or len(pair) != 2:
             raise InputError(f"bounds must be pairs (low, high); got {checks.shown(pair)}.")
@@ -190,8 +192,8 @@ def _scaled(bounds: object, start: Array, scale: Array) -> list[tuple[float, flo
             raise InputError(f"bounds must have low <= high; got {low:g} and {high:g}.")
         if not low <= x <= high:
             raise InputError(f"x0 must lie within its bounds, {low:g} to {high:g}; got {x:g}.")
-        found.append((low / unit, high / unit))
-    return found
+        limits.append((low / unit, high / unit))
+    return limits
 
 
 def _rule(rule: Any, scale: Array) -> dict[str, Any]:

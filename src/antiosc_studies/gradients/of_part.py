@@ -134,8 +134,8 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
         if modes.inertia is not None and value.any():
             assert modes.shape is not None
             motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
-            own = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
-            motions.append((beside @ own, motion))
+            by_modes = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
+            motions.append((beside @ by_modes, motion))
     K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
     M[0, 1:] = M[1:, 0] = model.m
     of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
@@ -153,8 +153,8 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str
         )
     model = found.model(name)
     touching = found.G[:, found.columns[name].start]
-    given = zip(touching, found.scene.contacts, found.laws, strict=False)
-    freed = [c for c, (on, contact, law) in enumerate(given) if on and law is not contact.law]
+    contacts = zip(touching, found.scene.contacts, found.laws, strict=False)
+    freed = [c for c, (on, contact, law) in enumerate(contacts) if on and law is not contact.law]
     local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
     return chain(model, by, local)
 
@@ -268,10 +268,10 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
             " builds the part, and x."
         )
     refuse_prestress(part, "a gradient by the numbers of a part")
-    mesh, given, options = part.made_of
-    several = isinstance(given, Mapping)
-    groups = dict(given) if isinstance(given, Mapping) else {"": given}
-    found: list[Values] = [{} for _ in to]
+    mesh, materials, options = part.made_of
+    several = isinstance(materials, Mapping)
+    groups = dict(materials) if isinstance(materials, Mapping) else {"": materials}
+    derivatives: list[Values] = [{} for _ in to]
     for group, material in groups.items():
         for name, step, made in _varied(material):
             ends = []
@@ -280,13 +280,13 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
                 with without_warnings():
                     one = other if several else other[""]
                     ends.append(Structure(mesh, one, part.supports, **options))
-            for values, each in zip(found, to, strict=True):
+            for values, each in zip(derivatives, to, strict=True):
                 slope = each(ends[0], ends[1]) / step
-                own = values.setdefault(name, {}) if several else values
+                of_material = values.setdefault(name, {}) if several else values
                 key = group if several else name
                 layered = hasattr(material, "layers")
-                own[key] = np.append(own.get(key, ()), slope) if layered else slope
-    return found
+                of_material[key] = np.append(of_material.get(key, ()), slope) if layered else slope
+    return derivatives
 
 
 def _varied(
@@ -345,7 +345,7 @@ def by_shape(
                 " another."
             )
         slopes[:, i] = [change(*ends) / (2 * h) for change in changes]
-    return [{"x": own} for own in slopes]
+    return [{"x": slope} for slope in slopes]
 
 
 def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
@@ -355,13 +355,13 @@ def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
     part = checks.instance("build(x)", made, Structure, "a Structure, or the model of one")
     with without_warnings():
         if model.info.method == "modes":
-            found = extract(part, site_of(model), model.n, "modes")
+            model_of_part = extract(part, site_of(model), model.n, "modes")
         else:
             estimated: ErrorOption = None if model.strain_error is None else "estimate"
-            found = extract(part, site_of(model), model.n, error=estimated)
+            model_of_part = extract(part, site_of(model), model.n, error=estimated)
     # dampers of the part are in the coordinates of its own model
-    coupled = isinstance(found.damping, DampingMatrix)
-    return found if coupled else replace(found, damping=model.damping)
+    coupled = isinstance(model_of_part.damping, DampingMatrix)
+    return model_of_part if coupled else replace(model_of_part, damping=model.damping)
 
 
 def site_of(model: AntiOscillators) -> Site:
@@ -455,8 +455,8 @@ def design_map(
     name = model_name(found)
     checked_shapes(part, hit, name, SAME_PART)
     to = part_chain(found, wanted, slopes, name)
-    own = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
-    if not np.isfinite(own).any():
+    by_cell = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
+    if not np.isfinite(by_cell).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
     changes = _relative(part, meshed, by)
@@ -467,7 +467,7 @@ def design_map(
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
     if by == "E" and to.by_local:
         relative += _of_patch(meshed, to, relative.size)
-    size = np.array(own)[meshed.part_of_cells()[: relative.size]]
+    size = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
     return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
 
@@ -499,8 +499,8 @@ def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
     point, along = np.array([site.point]), np.array([site.direction], dtype=float)
     at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
     assert at.weighted is not None
-    own = at.weighted.cell < cells
-    shares = np.bincount(at.weighted.cell[own], at.weighted.weight[own], cells)
+    on_rank = at.weighted.cell < cells
+    shares = np.bincount(at.weighted.cell[on_rank], at.weighted.weight[on_rank], cells)
     return np.asarray(-to.by_local * at.local[0] * shares)
 
 
@@ -509,11 +509,11 @@ def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
     values, vectors = np.linalg.eigh(reduced)
     kept = values > 1e-14 * values[-1]
     root = vectors[:, kept] * np.sqrt(values[kept])
-    shares, own = np.linalg.eigh(root.T @ by @ root)
+    shares, directions = np.linalg.eigh(root.T @ by @ root)
     order = np.argsort(-np.abs(shares))
-    left = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
-    most = order[: 1 + int(np.argmax(left <= LEFT_OUT))]
-    return shares[most], (vectors[:, kept] / np.sqrt(values[kept])) @ own[:, most]
+    neglected = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
+    most = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
+    return shares[most], (vectors[:, kept] / np.sqrt(values[kept])) @ directions[:, most]
 
 
 def _masses(meshed: MeshedStructure) -> Array:

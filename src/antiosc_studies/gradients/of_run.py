@@ -73,13 +73,13 @@ def _refuse(found: Recorded) -> None:
 
 def contact_number(found: Recorded, contact: tuple[str, str] | None) -> int:
     """Number of the contact; it need not be given if there is only one."""
-    every = contact_ends(found)
-    if contact is None and len(every) == 1:
+    ends = contact_ends(found)
+    if contact is None and len(ends) == 1:
         return 0
-    for i, pair in enumerate(every):
+    for i, pair in enumerate(ends):
         if isinstance(contact, tuple | list) and [*pair] == [str(end) for end in contact]:
             return i
-    listed = ", ".join(map(str, every))
+    listed = ", ".join(map(str, ends))
     raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
 
 
@@ -90,7 +90,7 @@ def contact_ends(found: Recorded) -> list[tuple[str, str]]:
 
 def by_modes(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> ByModes | None:
     """Derivatives by the modes of a body of one site; None for other bodies."""
-    s, own, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
+    s, span, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
     k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes
     if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
         return None
@@ -98,12 +98,12 @@ def by_modes(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) 
         modes=modes,
         square=slopes.square[at],
         decay=slopes.decay[at],
-        site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[own, k],
+        site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[span, k],
         r=float(found.G[:, k] @ slopes.residual @ found.G[:, k] + wanted.r[k, k]),
         load=slopes.loads[:, at].sum(axis=0),
         start=slopes.v[at],
-        v=s.v[own],
-        g=s.loads[0, own],
+        v=s.v[span],
+        g=s.loads[0, span],
     )
 
 

@@ -94,8 +94,8 @@ def from_frf(
     if free is not None:
         checks.flag("free", free)
     data = _turned(_data(frf.within(band).without_sensor(sensor_mass)))
-    given = None if above is None else _modes_above(above, frf, float(data.w[-1]))
-    best = fitted(data, free, None if damping is None else damping == "hysteretic", given)
+    tail = None if above is None else _modes_above(above, frf, float(data.w[-1]))
+    best = fitted(data, free, None if damping is None else damping == "hysteretic", tail)
     _check(data, best, above is not None)
     if free is None and unclear(data, best.modes):
         _warn_unclear(data, best.modes)
@@ -277,10 +277,10 @@ def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOs
     stiff = (vectors / values) @ vectors.T
     # singular values of a root of the stiffness: its eigenvalues would lose the low modes
     root = np.hstack((np.diag(omega), b @ (vectors / np.sqrt(values))))
-    shapes, own, _ = np.linalg.svd(root, full_matrices=False)
-    S = shapes @ (shapes.T @ (b @ stiff) / own[:, None] ** 2)
-    left = np.eye(len(r)) - b.T @ S
-    k0 = S.T @ (omega[:, None] ** 2 * S) + left.T @ stiff @ left
+    shapes, singular, _ = np.linalg.svd(root, full_matrices=False)
+    S = shapes @ (shapes.T @ (b @ stiff) / singular[:, None] ** 2)
+    remaining = np.eye(len(r)) - b.T @ S
+    k0 = S.T @ (omega[:, None] ** 2 * S) + remaining.T @ stiff @ remaining
     return AntiOscillators(
-        m0=np.zeros_like(r), k0=(k0 + k0.T) / 2, P=S.T @ shapes, omega=own, sites=sites
+        m0=np.zeros_like(r), k0=(k0 + k0.T) / 2, P=S.T @ shapes, omega=singular, sites=sites
     )

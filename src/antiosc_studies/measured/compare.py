@@ -134,25 +134,25 @@ def compare(
     tried = np.append(tried, at[int(np.argmax(values))] - t[int(np.argmax(F))])
     best = float(tried[int(np.argmin([off(each) for each in tried]))])
     width = (high - low) / (SHIFTS - 1)
-    found = minimize_scalar(off, bounds=(best - width, best + width), method="bounded",
+    best_shift = minimize_scalar(off, bounds=(best - width, best + width), method="bounded",
                             options={"xatol": 1e-6 * width})  # fmt: skip
-    shift = float(found.x) if found.fun < off(best) else best
-    own = computed(t + shift)
-    energy, peak = float(np.sum(weight * own**2)), float(own.max())
+    shift = float(best_shift.x) if best_shift.fun < off(best) else best
+    shifted = computed(t + shift)
+    energy, peak = float(np.sum(weight * shifted**2)), float(shifted.max())
     if energy == 0:
         raise InputError("the histories do not overlap: their times differ by more than they last.")
-    scale = float(np.sum(weight * own * F)) / energy
-    left = np.sqrt(np.sum(weight * (F - scale * own) ** 2) / energy)
+    scale = float(np.sum(weight * shifted * F)) / energy
+    misfit = np.sqrt(np.sum(weight * (F - scale * shifted) ** 2) / energy)
     return ForceComparison(
         time=t + shift,
         measured=F,
-        computed=own,
+        computed=shifted,
         shift=shift,
         L2=float(np.sqrt(off(shift) / energy)),
         scale=scale,
-        scaled_L2=float(left),
+        scaled_L2=float(misfit),
         peak=float(F.max()) / peak - 1,
-        impulse=float(np.sum(weight * F) / np.sum(weight * own)) - 1,
+        impulse=float(np.sum(weight * F) / np.sum(weight * shifted)) - 1,
     )
 
 
@@ -163,10 +163,10 @@ def _history(measured: object) -> tuple[Array, Array]:
     else:
         path = checks.path("measured", measured)
         check_readable(path, "a measurement")
-        found = table(path, ["time", "force"])
-        if not {"time", "force"} <= set(found):
+        columns = table(path, ["time", "force"])
+        if not {"time", "force"} <= set(columns):
             raise InputError(f"{path.name} needs the columns time [s] and force [N].")
-        given = {name: found[name].in_si() for name in ("time", "force")}
+        given = {name: columns[name].in_si() for name in ("time", "force")}
     t = checks.array("the measured times", given["time"], (None,))
     F = checks.array("the measured forces", given["force"], (None,))
     if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):

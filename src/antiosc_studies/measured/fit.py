@@ -69,13 +69,13 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
     `weight` (W, M): one over the standard deviation of each value.
     """
     top = float(w[-1])
-    found = starting_poles(w, H) / top
+    starts = starting_poles(w, H) / top
     for _ in range(RELOCATED):
-        found = _relocated(1j * w / top, H, weight, found)
-    found = found[found.imag > 0] * top
-    omega = np.abs(found)
+        starts = _relocated(1j * w / top, H, weight, starts)
+    starts = starts[starts.imag > 0] * top
+    omega = np.abs(starts)
     order = np.argsort(omega)
-    return omega[order], (-found.real / omega)[order]
+    return omega[order], (-starts.real / omega)[order]
 
 
 def _triangular(A: Array) -> Array:
@@ -92,13 +92,13 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     first, second = 1 / (s[:, None] - a), 1 / (s[:, None] - a.conj())
     basis = np.hstack([np.where(real, first, first + second), (1j * (first - second))[:, ~real]])
     ones = np.ones((len(s), 1))
-    own = np.hstack([basis, ones, 1 / s[:, None] ** 2])
+    with_rest = np.hstack([basis, ones, 1 / s[:, None] ** 2])
     sigma = np.hstack([basis, ones])
     rows: list[Array] = []
     for h, v in zip(H.T, weight.T, strict=True):
-        A = np.hstack([v[:, None] * own, -(v * h)[:, None] * sigma])
+        A = np.hstack([v[:, None] * with_rest, -(v * h)[:, None] * sigma])
         R = _triangular(np.vstack([A.real, A.imag]))
-        rows.append(R[own.shape[1] :, own.shape[1] :])
+        rows.append(R[with_rest.shape[1] :, with_rest.shape[1] :])
     scale = float(np.linalg.norm(np.abs(H) * weight)) / len(s)
     A = np.vstack([*rows, scale * np.sum(sigma, axis=0).real[None, :]])
     right = np.append(np.zeros(len(A) - 1), scale * len(s))
@@ -218,13 +218,13 @@ def lowered(
 def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
     """The step, shortened so that modes move by at most this many widths of their peaks."""
     seen, count = modes.seen, len(modes.omega)
-    own = modes.zeta[:seen]
-    longest = np.minimum(widths * np.maximum(own, 1e-4), LONGEST[1])
+    damping = modes.zeta[:seen]
+    longest = np.minimum(widths * np.maximum(damping, 1e-4), LONGEST[1])
     step = step.copy()
     step[:seen] = np.clip(step[:seen], -longest, longest)
     lowest = np.minimum(np.log((1 + BEYOND) * top / modes.omega[seen:]), 0.0)
     step[seen:count] = np.clip(step[seen:count], lowest, 2 * LONGEST[1])
-    more = np.minimum(LONGEST[2], np.log(MOST_DAMPED / own))
+    more = np.minimum(LONGEST[2], np.log(MOST_DAMPED / damping))
     step[count : count + seen] = np.clip(step[count : count + seen], -LONGEST[2], more)
     return step
 
@@ -486,8 +486,8 @@ def _first(
         A: ComplexArray = weight[:, column, None] * basis
         size = np.linalg.norm(A, axis=0)
         right = whitened(weight[:, column] * data.H[:, column])
-        found = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
-        residues[: len(found), m, n] = residues[: len(found), n, m] = found
+        solution = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
+        residues[: len(solution), m, n] = residues[: len(solution), n, m] = solution
     residues = _completed(residues, data.pairs)
     b = np.array([rank_one(each) for each in residues[: len(omega)]]).reshape(-1, data.sites)
     nothing = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
@@ -499,11 +499,11 @@ def _first(
 
 def _completed(residues: Array, pairs: Pairs) -> Array:
     """Residues (n, p, p) with missing driving points completed as for rank one."""
-    own = sorted({m for m, n in pairs if m == n})
+    driven = sorted({m for m, n in pairs if m == n})
     for residue in residues:
-        r = max(own, key=lambda site: residue[site, site])
+        r = max(driven, key=lambda site: residue[site, site])
         for m in range(len(residue)):
-            if m not in own and residue[r, r] > 0:
+            if m not in driven and residue[r, r] > 0:
                 residue[m] = residue[:, m] = residue[m, r] / residue[r, r] * residue[:, r]
                 residue[m, m] = residue[m, r] ** 2 / residue[r, r]
     return residues
@@ -531,10 +531,12 @@ def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
 
 def _standing(modes: Modes, spreads: Array) -> BoolArray:
     """Mask: modes in the band whose displacement is significant at one site or more."""
-    own = modes.b[: modes.seen]
+    displacement = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
-    spread = np.sqrt(np.diag(spreads)[first : first + own.size]).reshape(own.shape)
-    return np.asarray(np.any(np.abs(own) > STANDS * spread, axis=1))
+    spread = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(
+        displacement.shape
+    )
+    return np.asarray(np.any(np.abs(displacement) > STANDS * spread, axis=1))
 
 
 def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
@@ -550,7 +552,7 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
     omega, zeta = np.repeat(data.w[at], len(WIDTHS)), np.tile(typical * np.array(WIDTHS), len(at))
     D = factors(data.w, omega, zeta, modes.hysteretic)
     score = np.full(len(omega), -np.inf)
-    found = np.zeros((len(omega), data.sites, data.sites))
+    compliance = np.zeros((len(omega), data.sites, data.sites))
     for column, (m, n) in enumerate(data.pairs):
         A = whitened(J[:, column])
         A = A[:, A.any(axis=0)]
@@ -558,7 +560,7 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
         G = G - A @ (covariance(A.T @ A) @ (A.T @ G))  # what the body can take up
         size = np.maximum(np.linalg.norm(G, axis=0), np.finfo(float).tiny)
         along = G.T @ whitened(off[:, column])
-        found[:, m, n] = found[:, n, m] = along / size**2
+        compliance[:, m, n] = compliance[:, n, m] = along / size**2
         if m == n:
             score = np.maximum(score, along / size)
     chosen: list[int] = []
@@ -569,7 +571,7 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
             chosen.append(int(i))
     if not chosen:
         return None
-    parts = _completed(found[chosen], data.pairs)
+    parts = _completed(compliance[chosen], data.pairs)
     seen, b = modes.seen, np.array([rank_one(each) for each in parts])
     return modes.with_seen(
         np.append(modes.omega[:seen], omega[chosen]),
@@ -584,21 +586,21 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
 def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
     """Bodies fitted to other random noise, with a seed."""
     random, lines = np.random.default_rng(0), 2 * data.H.size
-    found = []
+    models = []
     for _ in range(DRAWS):
         shift = np.zeros(lines + len(fit.modes.expected()))
         shift[:lines] = random.standard_normal(lines) * max(fit.chi2, 1.0) ** 0.5
         start = lifted(data, fit.modes)
-        found.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
-    return found
+        models.append(refined(data, fit.weight, start, FEW_STEPS, shift)[0])
+    return models
 
 
 def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
     """Bodies with other tails of equal probability, with a seed from the number of modes."""
     random = np.random.default_rng(fit.modes.seen)
-    found = []
+    models = []
     for _ in range(max(STARTS // data.sites, 1)):
         tail = drawn(fit.modes.tail, float(data.w[-1]), random)
         start = lifted(data, with_tail(fit.modes, tail))
-        found.append(refined(data, fit.weight, start, LAST_STEPS)[0])
-    return found
+        models.append(refined(data, fit.weight, start, LAST_STEPS)[0])
+    return models

@@ -330,14 +330,16 @@ class FRF(ReprMixin):
                 f"a measurement needs {FEWEST_LINES} frequencies above 0 Hz or more; got"
                 f" {np.count_nonzero(seen)}."
             )
-        found: dict[str, Array] = {}
+        arrays: dict[str, Array] = {}
         for name in ("coherence", "sigma"):
             if getattr(self, name) is not None:
-                found[name] = checks.read_only(checks.array(name, getattr(self, name), shape)[seen])
-        if self.sigma is not None and np.any(found["sigma"] <= 0):
+                arrays[name] = checks.read_only(
+                    checks.array(name, getattr(self, name), shape)[seen]
+                )
+        if self.sigma is not None and np.any(arrays["sigma"] <= 0):
             raise InputError("sigma must be > 0: it is the standard deviation of each value.")
         if self.coherence is not None:
-            gamma = found["coherence"]
+            gamma = arrays["coherence"]
             if np.any((gamma < 0) | (gamma > 1 + COHERENCE_ROUNDING)):
                 raise InputError(
                     f"coherence lies between 0 and 1; it ranges from {gamma.min():g} to"
@@ -352,7 +354,7 @@ class FRF(ReprMixin):
             averages=checks.whole("averages", self.averages),
             sites=names,
             references=forced,
-            **found,
+            **arrays,
         )
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -466,8 +468,8 @@ class FRF(ReprMixin):
         inverse = np.linalg.inv(turn)
         sigma = self.receptance_sigma
         if sigma is not None:
-            left = np.abs(np.linalg.inv(np.eye(p) + x * H * m)) ** 2
-            sigma = np.sqrt(left @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
+            loaded = np.abs(np.linalg.inv(np.eye(p) + x * H * m)) ** 2
+            sigma = np.sqrt(loaded @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
             sigma = sigma.reshape(self.values.shape) * np.abs(self._power)
         values = (H @ inverse).reshape(self.values.shape) * self._power
         return replace(self, values=values, sigma=sigma, coherence=None)
@@ -486,7 +488,7 @@ def stated(quantity: Quantity | None) -> Quantity:
 def _names(name: str, given: Sequence[str]) -> tuple[str, ...]:
     """Checked names, which must differ."""
     checks.instance(name, given, (list, tuple), "a list of names")
-    found = tuple(checks.name(f"a name in {name}", each) for each in given)
-    if len(set(found)) < len(found):
+    names = tuple(checks.name(f"a name in {name}", each) for each in given)
+    if len(set(names)) < len(names):
         raise InputError(f"{name} must be different names; got {checks.shown(given)}.")
-    return found
+    return names

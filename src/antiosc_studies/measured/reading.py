@@ -81,13 +81,13 @@ def functions(path: Path) -> list[Function]:
     for one in sets:
         if one["type"] == 164:
             scale = _units(one)
-    found = [_function(one, scale) for one in sets if one["type"] == 58 and _wanted(one)]
-    if not any(not one.coherence for one in found):
+    measured = [_function(one, scale) for one in sets if one["type"] == 58 and _wanted(one)]
+    if not any(not one.coherence for one in measured):
         raise InputError(
             f"{path.name} holds no frequency response (data set 58, function type 4); it has"
             f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
         )
-    return found
+    return measured
 
 
 def _units(one: DataSet) -> float:
@@ -164,8 +164,8 @@ def chosen(
     elif isinstance(site, str | int) and not isinstance(site, bool):
         ends = {"": _named(measured, site)}
     else:
-        told = "a name, a node, or a dict {name: name or node}"
-        named = checks.instance("site", site, Mapping, told).items()
+        message = "a name, a node, or a dict {name: name or node}"
+        named = checks.instance("site", site, Mapping, message).items()
         if not named:
             raise InputError("site names no site.")
         ends = {
@@ -230,13 +230,13 @@ def _joined(
             f"{checks.shown(', '.join(map(_in_words, places)))}."
         )
     parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
-    every = [one for row in parts for one in row]
-    kinds = {quantity or one.quantity for one in every}
+    cells = [one for row in parts for one in row]
+    kinds = {quantity or one.quantity for one in cells}
     given = stated(kinds.pop() if len(kinds) == 1 else None)
-    f = every[0].frequency
-    if any(len(one.frequency) != len(f) or not np.allclose(one.frequency, f) for one in every):
+    f = cells[0].frequency
+    if any(len(one.frequency) != len(f) or not np.allclose(one.frequency, f) for one in cells):
         raise InputError("the responses have different frequencies: measure all with one set.")
-    if unit is None and (unknown := next((one.label for one in every if one.factor is None), None)):
+    if unit is None and (unknown := next((one.label for one in cells if one.factor is None), None)):
         raise InputError(
             f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
             " m/(s^2 N)."
@@ -314,8 +314,8 @@ def read_frf(
     try:
         check_readable(where, "a measurement")
         if ending in (".uff", ".unv", ".58"):
-            found = functions(where)
-            return chosen(found, site, quantity, unit, averages)
+            frfs = functions(where)
+            return chosen(frfs, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
         columns = _arrays(where) if ending == ".npz" else _in_si(table(where, DEFAULT), factor)
@@ -333,19 +333,19 @@ _DECIBELS = re.compile(r"db(?:\s*re\.?\s*([\d.e+-]*)\s*(\D.*)?)?", re.IGNORECASE
 def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
     """The columns of a table in SI units; responses unchanged if their `factor` is given."""
     found: dict[str, object] = {}
-    told: set[Quantity | None] = set()
+    quantities: set[Quantity | None] = set()
     for kind, column in columns.items():
         if kind in UNITS:
             found[kind] = column.in_si()
             continue
         values, quantity = _response(column, factor is not None)
         found[kind] = values
-        told.add(quantity)
+        quantities.add(quantity)
     if "phase" in columns and columns["phase"].unit:
         found["degrees"] = False
-    if len(told - {None}) > 1:
+    if len(quantities - {None}) > 1:
         raise InputError("the units in the header are those of different quantities.")
-    return {**found, "told": next(iter(told - {None}), None)}
+    return {**found, "told": next(iter(quantities - {None}), None)}
 
 
 def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
@@ -360,10 +360,10 @@ def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
             raise unknown_unit(column, "dB, dB re 1 (m/s²)/N") from None
     if plain or not unit:
         return values, None
-    own, quantity = response_unit(motion_label(unit))
-    if own is None:
+    unit_of_response, quantity = response_unit(motion_label(unit))
+    if unit_of_response is None:
         raise unknown_unit(column, "m/N, (m/s)/N, (m/s²)/N, mm/N, g/N, dB, or give unit=")
-    return own * values, quantity
+    return unit_of_response * values, quantity
 
 
 def _of_columns(given: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
@@ -416,7 +416,7 @@ def _missing(what: str, known: set[str]) -> InputError:
 def _arrays(path: Path) -> DataSet:
     """The arrays of a NumPy file."""
     what = "a NumPy file of arrays (.npz)"
-    found: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, what, "fiucU"))
-    if "quantity" in found:
-        found["quantity"] = str(found["quantity"])
-    return {name: found[name] for name in found if name not in ("told", "degrees")}
+    arrays: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, what, "fiucU"))
+    if "quantity" in arrays:
+        arrays["quantity"] = str(arrays["quantity"])
+    return {name: arrays[name] for name in arrays if name not in ("told", "degrees")}

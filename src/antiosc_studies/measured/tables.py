@@ -126,14 +126,14 @@ def columns(path: Path, default: list[str]) -> list[Column]:
     """All columns of a table; `default`: kinds if it has no header."""
     header, values = rows_of(path)
     count = values.shape[1]
-    given = [*default, *[""] * count][:count]
+    names = [*default, *[""] * count][:count]
     lines = [[_named(cell) for cell in _joined(line, count)] for line in header[-2:]]
     named = lines[-1] if lines else []
     units = [_is_unit(name) for _, name, _ in named]
     if named and all(units):
         before = [kind for kind, _, _ in lines[0]]
         fits = len(before) == len(named) and any(before) and len(lines) == 2
-        kinds = before if fits else given
+        kinds = before if fits else names
         bare = [_bare(name) for _, name, _ in named]
         named = [(kind, unit, unit) for kind, unit in zip(kinds, bare, strict=False)]
         tells = True
@@ -145,7 +145,7 @@ def columns(path: Path, default: list[str]) -> list[Column]:
                 f"the header of {path.name} has units, and does not name the {count} columns:"
                 f" {checks.shown(header[-1])}."
             )
-        named = [(kind, kind, "") for kind in given]
+        named = [(kind, kind, "") for kind in names]
     return [Column(*told, values[:, i]) for i, told in enumerate(named)]
 
 
@@ -192,13 +192,13 @@ def _joined(text: str, count: int) -> list[str]:
     cells = _cells(text)
     if len(cells) <= count:
         return cells
-    found: list[str] = []
+    lines: list[str] = []
     for cell in cells:
-        if found and cell[:1] in "[({":
-            found[-1] += f" {cell}"
+        if lines and cell[:1] in "[({":
+            lines[-1] += f" {cell}"
         else:
-            found.append(cell)
-    return found
+            lines.append(cell)
+    return lines
 
 
 def _numbers(cells: list[str]) -> list[float] | None:
@@ -220,16 +220,16 @@ def _named(cell: str) -> tuple[str, str, str]:
     name = cell.strip()[:_LONGEST]
     if factor_of(name, FREQUENCIES) is not None:  # a unit is the name: "Hz", "rpm"
         return "frequency", name, name
-    kind, found = _kind(name), _BRACKETS.match(name)
-    unit = found[2].strip() if found else ""
-    if found and found[1].lower() in _FUNCTIONS and name[-1] == ")" and not _is_known(kind, unit):
+    kind, match = _kind(name), _BRACKETS.match(name)
+    unit = match[2].strip() if match else ""
+    if match and match[1].lower() in _FUNCTIONS and name[-1] == ")" and not _is_known(kind, unit):
         unit = ""  # an argument
-    if not found:
+    if not match:
         rest = re.split(r"[\s_/]", name, maxsplit=1)[1:]
         forces = {kind, "force"} if kind == "frequency" else {kind}  # "F/kN"
         known = (part.strip() for part in rest if any(_is_known(k, part.strip()) for k in forces))
         unit = next(known, "")
-    if kind == "phase" and not found and not unit:
+    if kind == "phase" and not match and not unit:
         turn = re.search("deg|rad|°", name.lower())
         unit = turn[0] if turn else ""
     if kind == "frequency" and unit and factor_of(unit, FORCES) is not None:

@@ -320,11 +320,11 @@ def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
         )
     key = next(k for k in [*first, *other] if first.get(k) != other.get(k))
     values = [texts[k].get(key, "nothing") for k in (0, rank)]
-    told = f"{values[0]} on rank 0, {values[1]} on rank {rank}"
+    message = f"{values[0]} on rank 0, {values[1]} on rank {rank}"
     if values[0] == values[1]:
-        told = f"on rank {rank} not what it is on rank 0, {values[0]}"
+        message = f"on rank {rank} not what it is on rank 0, {values[0]}"
     raise InputError(
-        f"{_public(name)} needs the same arguments on every MPI rank; {key} differs: {told}; "
+        f"{_public(name)} needs the same arguments on every MPI rank; {key} differs: {message}; "
         "compute it on one rank and broadcast it."
     )
 

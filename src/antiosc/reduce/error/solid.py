@@ -230,14 +230,14 @@ def refuse_locking(structure: MeshedStructure) -> None:
         (_poisson(m) for m, _ in structure.parts if getattr(m, "plane", None) != "stress"),
         default=0.0,
     )
-    told = (
+    message = (
         f"Poisson's ratio is {nu:.4g} and the {structure.mesh.cell} elements are linear (order=1): "
         f"from {LOCKING:g} on they lock, and the estimate of the error is too small; take order=2."
     )
     if nu >= LOCKED:
-        raise InputError(told)
+        raise InputError(message)
     if nu >= LOCKING:
-        warn(structure.comm, told, AccuracyWarning)
+        warn(structure.comm, message, AccuracyWarning)
 
 
 def _poisson(material: Material) -> float:
