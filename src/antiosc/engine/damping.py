@@ -127,9 +127,9 @@ def from_factors(factor: Array, branches: Sequence[tuple[Array, float]] = ()) ->
     """Damping of the matrix C = factor' factor, factor (r, n), and of Maxwell branches;
     semidefinite.
     """
-    found = object.__new__(DampingMatrix)
-    _store_factors(found, factor, branches)
-    return found
+    damping = object.__new__(DampingMatrix)
+    _store_factors(damping, factor, branches)
+    return damping
 
 
 def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
@@ -151,14 +151,14 @@ def _store_factors(
 
 def _factor(name: str, matrix: object, size: int | None) -> Array:
     """L (r, n) of matrix = L'L; InputError for what is not symmetric and semidefinite."""
-    found = checks.array(name, matrix, (size, size))
-    if found.shape[0] != found.shape[1]:
-        raise InputError(f"{name} must be square; got shape {found.shape}.")
-    scale = np.sqrt(np.maximum(found.diagonal(), 0.0))
-    unit, uneven = checks.scaled_symmetric(found, scale)
+    checked_matrix = checks.array(name, matrix, (size, size))
+    if checked_matrix.shape[0] != checked_matrix.shape[1]:
+        raise InputError(f"{name} must be square; got shape {checked_matrix.shape}.")
+    scale = np.sqrt(np.maximum(checked_matrix.diagonal(), 0.0))
+    unit, uneven = checks.scaled_symmetric(checked_matrix, scale)
     values, vectors = np.linalg.eigh(unit)
     least = float(values.min(initial=0.0))
-    if uneven > ASYMMETRY or least < -ASYMMETRY or np.any(found[scale == 0]):
+    if uneven > ASYMMETRY or least < -ASYMMETRY or np.any(checked_matrix[scale == 0]):
         raise InputError(
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
             f" its least eigenvalue is {least:.2g} of its diagonal: it would add energy."
@@ -248,33 +248,35 @@ class StackedModes:
     def rows(self, values: Array) -> Array:
         """Project functionals (n, J) of the displacements on the first-order states: (n, 2 I)."""
         size = self.omega.size
-        found = np.zeros((len(values), 2, size))
-        for free, own, _, first in self._spans():
+        rows_of_modes = np.zeros((len(values), 2, size))
+        for free, span, _, first in self._spans():
             if first is None:
-                found[:, 0, own] = values[:, free]
+                rows_of_modes[:, 0, span] = values[:, free]
             else:
                 projected = values[:, free] @ first.at_q
-                found[:, :, own] = projected.reshape(-1, 2, first.omega.size)
-        return found.reshape(len(values), 2 * size)
+                rows_of_modes[:, :, span] = projected.reshape(-1, 2, first.omega.size)
+        return rows_of_modes.reshape(len(values), 2 * size)
 
     def state_gradient(self, by_q: Array, by_v: Array) -> Array:
         """Derivatives by the states (a, b), (n, 2 I), from those by q and v (n, J)."""
-        found = self.rows(by_q).reshape(-1, 2, self.omega.size)
-        for free, own, _, first in self._spans():
+        gradient = self.rows(by_q).reshape(-1, 2, self.omega.size)
+        for free, span, _, first in self._spans():
             if first is None:
-                found[:, 1, own] += by_v[:, free]
+                gradient[:, 1, span] += by_v[:, free]
             else:
                 projected = by_v[:, free] @ first.at_v
-                found[:, :, own] += projected.reshape(-1, 2, first.omega.size)
-        return found.reshape(len(by_q), 2 * self.omega.size)
+                gradient[:, :, span] += projected.reshape(-1, 2, first.omega.size)
+        return gradient.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:
         """Derivatives (J,) by initial displacements, from those by the result (a, b) of `state`."""
-        found = np.zeros(self.free)
-        for free, own, _, first in self._spans():
-            both = by_a[own] if first is None else np.append(by_a[own], by_b[own]) @ first.inverse
-            found[free] = both[: free.stop - free.start]
-        return found
+        derivatives = np.zeros(self.free)
+        for free, span, _, first in self._spans():
+            both = (
+                by_a[span] if first is None else np.append(by_a[span], by_b[span]) @ first.inverse
+            )
+            derivatives[free] = both[: free.stop - free.start]
+        return derivatives
 
     @property
     def spans(self) -> list[slice]:
@@ -284,28 +286,28 @@ class StackedModes:
     def state(self, q: Array, v: Array) -> Array:
         """First-order states (2, I) for displacements and velocities (J,) of the free modes."""
         found = np.zeros((2, self.omega.size))
-        for (free, own, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
+        for (free, span, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
             if begun is not None:
-                found[:, own] = begun
+                found[:, span] = begun
             elif first is None:
-                found[0, own], found[1, own] = q[free], v[free]
+                found[0, span], found[1, span] = q[free], v[free]
             elif q[free].any() or v[free].any():
                 state = np.concatenate((q[free], v[free]))
-                found[:, own] = (first.inverse @ state).reshape(2, -1)
+                found[:, span] = (first.inverse @ state).reshape(2, -1)
         return found
 
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
         """Displacements, velocities and damping decelerations (n, J) of the free modes."""
         q, v, deceleration = (np.empty((len(a), self.free)) for _ in range(3))
-        for free, own, d, first in self._spans():
+        for free, span, d, first in self._spans():
             if first is None:
                 q[:, free], v[:, free], deceleration[:, free] = (
-                    a[:, own],
-                    b[:, own],
-                    2 * d * b[:, own],
+                    a[:, span],
+                    b[:, span],
+                    2 * d * b[:, span],
                 )
                 continue
-            both = np.hstack([a[:, own], b[:, own]])
+            both = np.hstack([a[:, span], b[:, span]])
             q[:, free], v[:, free] = both @ first.at_q.T, both @ first.at_v.T
             deceleration[:, free] = both @ first.deceleration.T
         return q, v, deceleration
@@ -315,15 +317,17 @@ class StackedModes:
         return [
             []
             if first is None
-            else [np.hstack([a[:, own], b[:, own]]) @ each.T for each in first.at_springs]
-            for _, own, _, first in self._spans()
+            else [np.hstack([a[:, span], b[:, span]]) @ each.T for each in first.at_springs]
+            for _, span, _, first in self._spans()
         ]
 
     @property
     def undamped(self) -> BoolArray:
         """Whether each free mode (J,) is undamped."""
-        own = [d == 0 if f is None else ~f.deceleration.any(axis=1) for _, d, f, _ in self.parts]
-        return np.concatenate(own)
+        undamped = [
+            d == 0 if f is None else ~f.deceleration.any(axis=1) for _, d, f, _ in self.parts
+        ]
+        return np.concatenate(undamped)
 
 
 def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
@@ -339,10 +343,10 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
             root * damping.factor, [(root * L, tau) for L, tau in damping.factors]
         )
         with np.errstate(all="ignore"):
-            found = _first_order_modes(omega, nudged)
-            off = _receptance_error(found, omega, damping)
+            modes = _first_order_modes(omega, nudged)
+            off = _receptance_error(modes, omega, damping)
         if off < least:
-            least, best = off, found
+            least, best = off, modes
         if least <= EXACT:
             break
     if best is None or least > INEXACT:
@@ -359,10 +363,12 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     rigid = np.flatnonzero(omega == 0)
     slow = damping.matrix + sum((t * G for G, t in damping.branches), np.zeros(1))
     values, turn[np.ix_(rigid, rigid)] = np.linalg.eigh(slow[np.ix_(rigid, rigid)])
-    own = np.sum((damping.factor @ turn) ** 2, axis=0)
-    own += sum((tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J))
-    touched = own > UNDAMPED * own.max(initial=0.0)
-    touched[rigid] = values > UNDAMPED_RIGID * own.max(initial=0.0)
+    modal_damping = np.sum((damping.factor @ turn) ** 2, axis=0)
+    modal_damping += sum(
+        (tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J)
+    )
+    touched = modal_damping > UNDAMPED * modal_damping.max(initial=0.0)
+    touched[rigid] = values > UNDAMPED_RIGID * modal_damping.max(initial=0.0)
     coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
     own_damping = in_coordinates(damping, turn[:, coupled])
     w, d, S, JS, braked, stretched = _modes(omega[coupled], own_damping)
@@ -401,8 +407,15 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
     """
     k, moving = omega.size, np.flatnonzero(omega)
-    L = np.vstack([np.zeros((0, k)), *(own for own, _ in damping.factors)])
-    tau = np.concatenate([np.zeros(0), *(np.full(len(own), t) for own, t in damping.factors)])
+    L = np.vstack(
+        [np.zeros((0, k)), *(vectors_of_group for vectors_of_group, _ in damping.factors)]
+    )
+    tau = np.concatenate(
+        [
+            np.zeros(0),
+            *(np.full(len(vectors_of_group), t) for vectors_of_group, t in damping.factors),
+        ]
+    )
     e = moving.size
     q, v, y = slice(0, e), slice(e, e + k), slice(e + k, e + k + tau.size)
     A = np.zeros((y.stop, y.stop))
@@ -418,7 +431,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     Y[:k], Y[k : 2 * k] = Z[v] / poles, Z[v]
     Y[moving] = Z[q] / omega[moving, None]
     Y[2 * k :] = L @ Y[:k] - Z[y]
-    found: list[tuple[float, float, Array, Array]] = []
+    pairs: list[tuple[float, float, Array, Array]] = []
     plus: list[tuple[float, Array]] = []
     minus: list[tuple[float, Array]] = []
     for group in _groups(poles):
@@ -430,20 +443,20 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
             for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
                 turned = column * np.sqrt(2j * z.imag)
                 rate, real = turned.imag / z.imag, min(float(z.real), 0.0)
-                found.append((abs(z), -real, turned.real - real * rate, rate))
+                pairs.append((abs(z), -real, turned.real - real * rate, rate))
         elif pole.imag == 0:
             values, vectors = np.linalg.eigh(gram.real)
-            own = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
-            for value, column in zip(values, own.T, strict=True):
+            vectors_of_group = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
+            for value, column in zip(values, vectors_of_group.T, strict=True):
                 (plus if value > 0 else minus).append((min(float(pole.real), 0.0), column))
     for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
         column = np.zeros(len(Y))
         column[j], column[2 * k :] = 1.0, L[:, j]
         deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
         plus.append((0.0, column / np.sqrt(deceleration)))
-    found += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
-    w, d = np.array([one[0] for one in found]), np.array([one[1] for one in found])
-    shapes = [one[2] for one in found] + [one[3] for one in found]
+    pairs += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
+    w, d = np.array([one[0] for one in pairs]), np.array([one[1] for one in pairs])
+    shapes = [one[2] for one in pairs] + [one[3] for one in pairs]
     S = np.array(shapes).reshape(2 * w.size, len(Y)).T
     relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
     JS = np.vstack([relaxed, S[:k]])  # xi = L q
@@ -502,14 +515,14 @@ def _pairs(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
     """Real poles in pairs (w, d, c_a, c_b): a negative one with the nearest slower positive one."""
-    found: list[tuple[float, float, Array, Array]] = []
+    pairs: list[tuple[float, float, Array, Array]] = []
     rest = sorted(plus, key=lambda one: one[0])  # the fastest first
 
     def add(slow: float, fast: float, one: Array, other: Array) -> None:
         root = np.sqrt(slow - fast)
         sign = -1.0 if one @ other < 0 else 1.0
         rate = (one - sign * other) * root / (slow - fast)
-        found.append((np.sqrt(slow * fast), -(slow + fast) / 2, one * root - slow * rate, rate))
+        pairs.append((np.sqrt(slow * fast), -(slow + fast) / 2, one * root - slow * rate, rate))
 
     for fast, column in sorted(minus, key=lambda one: -one[0]):  # the slowest first
         slower = next((i for i, one in enumerate(rest) if one[0] > fast), None)
@@ -520,7 +533,7 @@ def _pairs(
             add(slow, fast, own, column)
     for slow, column in rest:
         add(slow, 2 * slow if slow < 0 else -fastest, column, np.zeros(column.size))
-    return found
+    return pairs
 
 
 def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -> float:
@@ -529,7 +542,7 @@ def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -
     s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
     at = np.array(-1j * s)
     exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(at).real)
-    found = modes.receptance(np.eye(omega.size), at).real
+    receptance = modes.receptance(np.eye(omega.size), at).real
     scale = np.sqrt(exact.diagonal())
-    off = float(np.abs((found - exact) / np.outer(scale, scale)).max(initial=0.0))
+    off = float(np.abs((receptance - exact) / np.outer(scale, scale)).max(initial=0.0))
     return off if np.isfinite(off) else np.inf

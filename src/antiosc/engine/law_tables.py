@@ -107,8 +107,8 @@ def packed(law: ContactLaw) -> tuple[library.Law, object]:
     """A law as the C library takes it, and the objects whose memory it refers to."""
     if is_compiled(law):
         return law.kernel
-    own = OwnLaw(law)
-    return library.Law(library.USER, 0, None, addressof(own.kernel)), own
+    own_law = OwnLaw(law)
+    return library.Law(library.USER, 0, None, addressof(own_law.kernel)), own_law
 
 
 def raise_error(own: object) -> None:

@@ -61,10 +61,10 @@ def plot_deformed(
     """
     seen_from = None if view is None else checks.array("view", view, (2,))
     arrow = _arrow(point, direction)
-    found = deformed(structure, history, time, body, field)
-    mark = None if field is None else int(np.argmax(found.values))
+    surface = deformed(structure, history, time, body, field)
+    mark = None if field is None else int(np.argmax(surface.values))
     figure = surfaces.deformed_figure(
-        found, arrow=arrow, view=seen_from, mark=mark, shown=path is None
+        surface, arrow=arrow, view=seen_from, mark=mark, shown=path is None
     )
     return figure_or_path(figure, path)
 

@@ -196,8 +196,8 @@ def nodal_motion(
     _, cells, shapes = source(structure).at_nodes(structure, own)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
     moved = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
-    found: Array = structure.comm.bcast(moved, root=0)
-    return found
+    motion: Array = structure.comm.bcast(moved, root=0)
+    return motion
 
 
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
@@ -245,8 +245,8 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
 def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
     """Factors (n, B (1 + branches)) of the columns of stress, in the order of `with_branches`."""
     springs = spring_amplitudes(history, times, body)
-    own = [springs[k] for k in branches_of_materials(structure, len(springs))]
-    return np.hstack([amplitudes(history, times, body), *own])
+    branches = [springs[k] for k in branches_of_materials(structure, len(springs))]
+    return np.hstack([amplitudes(history, times, body), *branches])
 
 
 def checked_shapes(
@@ -258,25 +258,25 @@ def checked_shapes(
     instance("structure", structure, Structure, "a Structure")
     kinds = (History, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    own = modes_of(history, body)
-    assert own.basis is not None
+    modes = modes_of(history, body)
+    assert modes.basis is not None
     rows = structure.rows
-    fits = all(len(block) == rows for block in own.basis)
+    fits = all(len(block) == rows for block in modes.basis)
     if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
         raise InputError(
-            f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
+            f"the model's shapes have {len(modes.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    factors, count = unit_energy_factors(own)
+    factors, count = unit_energy_factors(modes)
     of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
-    for x, (matrix, what, limit) in zip(superposed(own.basis, factors), of_kinds, strict=True):
+    for x, (matrix, what, limit) in zip(superposed(modes.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
                 f"the structure is {ratio:.6g} times as {what} on the shapes of the model as the"
                 " model: the model was extracted from another structure; give that of this run."
             )
-    return own.basis
+    return modes.basis
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -373,9 +373,11 @@ def reactions(
         )
     comm = structure.comm
     accelerations = amplitudes(history, at, body, 2)
-    found = accelerations @ dot(comm, shapes, moved) - forces @ work
+    forces_of_supports = accelerations @ dot(comm, shapes, moved) - forces @ work
     if stretch_in(history, body) is not None:
-        found += second_order.work_on(structure, history, body, shapes, released.motions, at)
+        forces_of_supports += second_order.work_on(
+            structure, history, body, shapes, released.motions, at
+        )
     velocities = amplitudes(history, at, body, 1)
     springs = spring_amplitudes(history, at, body)
     terms = released.damping(shapes)
@@ -383,12 +385,12 @@ def reactions(
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
         raise InputError(other_damping("the force of a damper"))
     for tau, by_motion in terms:
-        found += (velocities if tau is None else springs.pop(0)) @ by_motion.T
+        forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T
     names = list(released.centres)
     return Reactions(
         time=at,
-        force={name: found[:, 6 * i : 6 * i + 3] for i, name in enumerate(names)},
-        moment={name: found[:, 6 * i + 3 : 6 * i + 6] for i, name in enumerate(names)},
+        force={name: forces_of_supports[:, 6 * i : 6 * i + 3] for i, name in enumerate(names)},
+        moment={name: forces_of_supports[:, 6 * i + 3 : 6 * i + 6] for i, name in enumerate(names)},
         centre=released.centres,
         applied=forces @ applied,
         inertia=accelerations @ dot(comm, shapes, carried),
@@ -419,12 +421,12 @@ def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
     """Static displacements (rows, k) of the free dofs under forces (rows, k)."""
     fixed = structure.fixed[structure.fixed < structure.rows]
     solver = structure.factorize()
-    found = np.zeros_like(pulled)
+    reactions = np.zeros_like(pulled)
     moving = structure.comm.allreduce(np.einsum("ij,ij->j", pulled, pulled)) > 0
     if structure.rigid_modes.shape[1]:
         for k in np.flatnonzero(moving):
-            found[:, k] = beside_rigid(structure, solver, pulled[:, k])
+            reactions[:, k] = beside_rigid(structure, solver, pulled[:, k])
     elif moving.any():
-        found[:, moving] = solver.solve_checked(pulled[:, moving])
-    found[fixed] = 0.0
-    return found
+        reactions[:, moving] = solver.solve_checked(pulled[:, moving])
+    reactions[fixed] = 0.0
+    return reactions

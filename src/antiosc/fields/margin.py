@@ -124,8 +124,8 @@ def margin_of(
         return None
     k = int(np.nanargmax(exposure))
     layer, side = places[k].layer, str(places[k].surface) if places[k].layer is not None else None
-    found = float(values[k]), float(strengths[k])
-    return Margin(criterion, *found, points[k], float(times[k]), layer, side)
+    stress_and_strength = float(values[k]), float(strengths[k])
+    return Margin(criterion, *stress_and_strength, points[k], float(times[k]), layer, side)
 
 
 #: Surfaces of every ply at which a criterion of plies is largest: stresses in the plane are linear
@@ -188,19 +188,21 @@ def plies(structure: Structure, quantity: str, part: str | None) -> list[Place |
 def criteria_of(structure: Structure) -> list[str]:
     """The criteria for which materials of the structure have strengths."""
     materials = source(structure).materials_of(structure, None)
-    own = [getattr(material, "yield_strength", None) for material in materials]
-    own += [layer.strength for material in materials for layer in layers_of(material)]
+    strengths = [getattr(material, "yield_strength", None) for material in materials]
+    strengths += [layer.strength for material in materials for layer in layers_of(material)]
     asked = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
     return [
-        name for name, c in asked.items() if any(_has_strength(strength, c) for strength in own)
+        name
+        for name, c in asked.items()
+        if any(_has_strength(strength, c) for strength in strengths)
     ]
 
 
 def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
     """The tensors of materials with the strength that a criterion needs."""
     known = [_has_strength(strength, criterion) for strength, _ in found.origins]
-    own = np.array(known, dtype=bool)[found.origin]
-    arrays = found.nodes[own], found.columns[own], found.origin[own]
+    with_strength = np.array(known, dtype=bool)[found.origin]
+    arrays = found.nodes[with_strength], found.columns[with_strength], found.origin[with_strength]
     return NodeTensors(*arrays, found.origins if any(known) else [])
 
 
@@ -215,25 +217,25 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
     """The largest values of tensors, with exposures and margin for known strengths."""
     criterion = quantity
     if quantity in PLY_SURFACES:
-        own, then, error = _of_plies(quantity, found, search)
-        strengths = np.ones(len(own))
+        extremes, then, error = _of_plies(quantity, found, search)
+        strengths = np.ones(len(extremes))
     else:
         principal = quantity in ("stress", "strain")
         columns = found.columns if principal else equivalent_parts(found.columns)
-        own, then, error = search(columns, extreme_principal if principal else length)
+        extremes, then, error = search(columns, extreme_principal if principal else length)
         yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
         strengths, criterion = np.array(yields)[found.origin], "yield"
         if principal:
             strengths[:] = np.nan
     exposures, margin = None, None
     if np.isfinite(strengths).any():
-        share = np.nan_to_num(own / strengths)
+        share = np.nan_to_num(extremes / strengths)
         exposures, _ = nodal_maxima(found.nodes, share, then, len(points))
         places = [found.origins[k].place for k in found.origin]
-        margin = margin_of(criterion, own, strengths, points[found.nodes], then, places)
+        margin = margin_of(criterion, extremes, strengths, points[found.nodes], then, places)
         if quantity == "yield":
-            own, error = share, error and error / float(strengths.min())
-    values, when = nodal_maxima(found.nodes, own, then, len(points))
+            extremes, error = share, error and error / float(strengths.min())
+    values, when = nodal_maxima(found.nodes, extremes, then, len(points))
     return Maxima(values, when, error, exposures, margin)
 
 
@@ -246,9 +248,9 @@ def _of_plies(
     values, when, missed = np.zeros(len(found.nodes)), np.zeros(len(found.nodes)), None
     of_origin = [strength for strength, _ in found.origins]
     for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
-        own = np.isin(found.origin, [k for k, s in enumerate(of_origin) if s == strength])
+        of_material = np.isin(found.origin, [k for k, s in enumerate(of_origin) if s == strength])
         scalar = functools.partial(exposure, criterion, strength)
-        values[own], when[own], error = search(found.columns[own], scalar)
+        values[of_material], when[of_material], error = search(found.columns[of_material], scalar)
         missed = _larger_error(missed, error)
     return values, when, missed
 

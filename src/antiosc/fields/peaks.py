@@ -127,19 +127,19 @@ def _step(
     motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[float, float]:
     """Time step [s] of the search, and the largest underestimate of a peak."""
-    every = max(1, len(motion.nodes) // FEWEST)
-    at = motion.nodes[::every]
+    stride = max(1, len(motion.nodes) // FEWEST)
+    at = motion.nodes[::stride]
     values, _ = sampled_maxima(columns, motion.factors(at), at, scalar)
     top = float(values.max(initial=0.0))
     values = np.maximum(values, FLOOR * top)
     # of the node where the modes curve the value most, relative to it
     curved, weights = 0.0, np.zeros(len(motion.omega))
     for block in _blocks(columns, len(weights)) if top else ():
-        own = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
-        bends = own @ motion.omega**2
+        share = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
+        bends = share @ motion.omega**2
         worst = int(bends.argmax())
         if bends[worst] > curved:
-            curved, weights = float(bends[worst]), own[worst]
+            curved, weights = float(bends[worst]), share[worst]
 
     def missed(h: float) -> float:
         return float(weights @ np.minimum(2.0, (motion.omega * h) ** 2 / 8))
@@ -215,8 +215,8 @@ def _refined_near(
     for first in range(0, len(used), WINDOW // fine.shape[1]):
         some = slice(first, first + WINDOW // fine.shape[1])
         factors = motion.factors(fine[some].ravel()).reshape(*fine[some].shape, -1)
-        for own, t, group in zip(factors, fine[some], groups[some], strict=True):
-            values[group], when[group] = sampled_maxima(columns[group], own, t, scalar)
+        for factors_of_group, t, group in zip(factors, fine[some], groups[some], strict=True):
+            values[group], when[group] = sampled_maxima(columns[group], factors_of_group, t, scalar)
     return values, when
 
 
@@ -319,25 +319,25 @@ class PeakField(Completed):
             apart = PLACES_APART * float(np.ptp(self.points, axis=0).max())
         apart = checks.nonnegative("apart", apart, "m")
         open_to = np.ones(len(self.values), dtype=bool)
-        found: list[tuple[float, Array, float]] = []
-        while open_to.any() and len(found) < count:
+        largest_of_kind: list[tuple[float, Array, float]] = []
+        while open_to.any() and len(largest_of_kind) < count:
             k = int(np.argmax(np.where(open_to, self.values, -np.inf)))
-            found.append((float(self.values[k]), self.points[k], float(self.times[k])))
+            largest_of_kind.append((float(self.values[k]), self.points[k], float(self.times[k])))
             open_to &= np.linalg.norm(self.points - self.points[k], axis=1) > apart
-        return found
+        return largest_of_kind
 
     def summary(self, count: int = 5) -> str:
         """The largest values with point and time, as a table."""
         rows = [f"largest {self.quantity}, where and when"]
         for value, x, t in self.largest(count):
-            told = engineering(value, self.unit, 4)
-            rows.append(f"{told:>12}  {placed(x)}  {engineering(t, 's')}")
+            largest = engineering(value, self.unit, 4)
+            rows.append(f"{largest:>12}  {placed(x)}  {engineering(t, 's')}")
         if self.error is not None:
             more = engineering(self.error, self.unit)
             rows.append(f"between the times that were looked at: up to {more} more")
         if self.mesh_error is not None:
-            own = engineering(self.mesh_error[np.argmax(self.values)], self.unit)
-            rows.append(f"estimated error by the mesh, of the largest: {own}")
+            mesh_error = engineering(self.mesh_error[np.argmax(self.values)], self.unit)
+            rows.append(f"estimated error by the mesh, of the largest: {mesh_error}")
         rows += [self.doubt] if self.doubt else []
         if self._margin is not None:
             rows.append(self._margin.sentence)
@@ -353,10 +353,10 @@ class PeakField(Completed):
         from antiosc.plot.surfaces import deformed_figure
 
         seen_from = None if view is None else checks.array("view", view, (2,))
-        found = self.surface(f"largest {self.label}", np.zeros_like(self.points))
+        surface = self.surface(f"largest {self.label}", np.zeros_like(self.points))
         mark = int(np.argmax(self.values))
         return figure_or_path(
-            deformed_figure(found, view=seen_from, mark=mark, shown=path is None), path
+            deformed_figure(surface, view=seen_from, mark=mark, shown=path is None), path
         )
 
     @property
@@ -481,9 +481,13 @@ def peak_field(
             factors = functools.partial(_beside_static, factors)
         search = functools.partial(refined_maxima, BodyMotion(at, factors, omega, modal, sizes))
     else:
-        own = factors(times=at)
-        own = np.pad(own, ((0, 0), (0, 1)), constant_values=1.0) if static else own
-        search = functools.partial(_at_times, own, at)
+        factors_of_motion = factors(times=at)
+        factors_of_motion = (
+            np.pad(factors_of_motion, ((0, 0), (0, 1)), constant_values=1.0)
+            if static
+            else factors_of_motion
+        )
+        search = functools.partial(_at_times, factors_of_motion, at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(moved, length))
@@ -551,8 +555,8 @@ def _with_pairs(
     )
     pairs = np.where(moved > 0, moved, 1.0)
     size = moved if derivative == 0 else bends if derivative == 2 else np.sqrt(moved * bends)
-    own = np.eye(len(moved), count + len(moved), count)
-    whole = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), own])
+    of_motion = np.eye(len(moved), count + len(moved), count)
+    whole = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), of_motion])
     return np.append(omega, np.sqrt(bends / pairs)), whole, np.append(sizes, size)
 
 
@@ -563,8 +567,8 @@ def static_stress(structure: Structure) -> PeakField:
         return _at_times(np.ones((1, columns.shape[2])), np.zeros(1), columns, scalar)
 
     places = _places(None, None, None)
-    points, cells, found = source(structure).tensors_at_nodes(structure, None, "stress", places)
-    best = margin.stresses("von_mises", points, found, search)
+    points, cells, tensors = source(structure).tensors_at_nodes(structure, None, "stress", places)
+    best = margin.stresses("von_mises", points, tensors, search)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     return _peak_field_of("von_mises", "Pa", points, cells, best)
 
@@ -585,10 +589,10 @@ def _peak_field_of(
 ) -> PeakField:
     """The field at the nodes of these cells, without nodes of other ranks."""
     used = _used_nodes(cells)
-    own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
+    renumbered: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
     exposures = None if best.exposure is None else best.exposure[used]
     at_used = points[used], best.values[used], best.times[used]
-    found = PeakField(quantity, unit, *at_used, own, best.error, exposures)
+    found = PeakField(quantity, unit, *at_used, renumbered, best.error, exposures)
     return replace(found, _margin=best.margin)
 
 
@@ -602,10 +606,10 @@ def _with_mesh_error(
     """The field with its estimated errors [Pa]."""
     if errors is None:
         return found
-    own = errors[_used_nodes(cells)]
+    mesh_error = errors[_used_nodes(cells)]
     if found.quantity == "yield" and found._margin is not None:
-        own = own / found._margin.strength
-    return replace(found, mesh_error=own)
+        mesh_error = mesh_error / found._margin.strength
+    return replace(found, mesh_error=mesh_error)
 
 
 def _places(

@@ -141,11 +141,11 @@ class SavedFields(ReprMixin):
             own: dict[str, Array] = {
                 name: checks.array(name, arrays[name], None) for name in sorted(needed)
             }
-            found = cls(cells=cells, **own)
-            len(found.faces)  # of corners that the cells have
+            fields = cls(cells=cells, **own)
+            len(fields.faces)  # of corners that the cells have
         except (InputError, KeyError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None
-        return found
+        return fields
 
     def plot(
         self,
@@ -159,9 +159,9 @@ class SavedFields(ReprMixin):
         `path` and `view` as for `plotting.plot_deformed`.
         """
         seen_from = None if view is None else checks.array("view", view, (2,))
-        found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
+        surface = Deformed.of(self.points, self.faces, self.at(time), self.largest)
         shown = path is None
-        figure = surfaces.deformed_figure(found, view=seen_from, whole_scale=True, shown=shown)
+        figure = surfaces.deformed_figure(surface, view=seen_from, whole_scale=True, shown=shown)
         return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -190,9 +190,9 @@ def _cells(given: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
 
 def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
-    found = [_outer(kind, cells) for kind, cells in blocks]
-    most = max(f.shape[1] for f in found)
-    drawn = [f for f in found if f.shape[1] >= min(most, 3)]
+    faces = [_outer(kind, cells) for kind, cells in blocks]
+    most = max(f.shape[1] for f in faces)
+    drawn = [f for f in faces if f.shape[1] >= min(most, 3)]
     if len({f.shape[1] for f in drawn}) > 1:  # quadrilaterals as triangles
         drawn = [
             np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in drawn

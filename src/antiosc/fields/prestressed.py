@@ -45,8 +45,8 @@ class PrestressedState(ReprMixin):
 
     @collective()
     def __init__(self, structure: Structure) -> None:
-        given = instance("structure", structure, Structure, "a Structure with prestress=")
-        preload = given.matrices.preload
+        part = instance("structure", structure, Structure, "a Structure with prestress=")
+        preload = part.matrices.preload
         if preload is None:
             raise InputError("the structure has no prestress: give Structure(…, prestress=…).")
         self._structure, self._preload = structure, preload
@@ -64,8 +64,10 @@ class PrestressedState(ReprMixin):
         structure = self._structure
         points, cells, moved = source(structure).at_nodes(structure, self._preload.q[:, None])
         used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-        found: tuple[Array, Array] = structure.comm.bcast((points[used], moved[used, :, 0]), root=0)
-        return found
+        points_and_motion: tuple[Array, Array] = structure.comm.bcast(
+            (points[used], moved[used, :, 0]), root=0
+        )
+        return points_and_motion
 
     @property
     def points(self) -> Array:

@@ -69,8 +69,8 @@ def with_pairs(
             " stretches: leave prony= out, or extract it with stretch=False."
         )
     square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
-    own = square[..., i == j]
-    mixed = (square - own[..., i] - own[..., j]) / 2
+    squares = square[..., i == j]
+    mixed = (square - squares[..., i] - squares[..., j]) / 2
     columns = linear[..., : shapes.shape[1]] + _of_state(at, structure, shapes)
     columns[..., count:] += np.where(i == j, square, mixed)
     return columns

@@ -106,8 +106,8 @@ class Spectrum(ReprMixin):
     @property
     def energy(self) -> Array:
         """(m,) energy spectral density |values|², one-sided: its integral is ∫ x² dt."""
-        found = np.abs(self.values) ** 2
-        return np.asarray(np.where(self.frequency > 0, 2 * found, found))
+        density = np.abs(self.values) ** 2
+        return np.asarray(np.where(self.frequency > 0, 2 * density, density))
 
     def _facts(self) -> list[tuple[str, str]]:
         most = int(np.argmax(self.amplitude))
@@ -192,8 +192,8 @@ def srs(
     f = _frequencies(t, frequencies, resolved)
     if signal == "acceleration":
         _warn_if_rough(t, a)
-    found = np.array([_extremes(t, a, float(each), Q, parts, signal) for each in f])
-    return ShockSpectrum(f, found[:, 0], found[:, 1], Q)
+    responses = np.array([_extremes(t, a, float(each), Q, parts, signal) for each in f])
+    return ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
 
 
 def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> Array:

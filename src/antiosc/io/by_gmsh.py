@@ -325,21 +325,21 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         attempt.prepare(gmsh)
         stated = 1.0 if ask.solid else cad.opened(gmsh, str(path))
         attempt.prepare(gmsh, scripted=suffix in SCRIPTS)
-        told: list[str] = []
+        notes: list[str] = []
         names: Names = {}
         if ask.solid:
-            told, names = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
+            notes, names = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
         elif suffix in CAD:
             names = cad.names_of(gmsh, ask, stated * ask.unit[0])
         if ask.outline:
             return _outline(gmsh, names, stated)
         if suffix != ".msh":
             mesh_model(gmsh, _as_attempted(ask, attempt), stated * ask.unit[0])
-        found = _arrays(gmsh, ask.name, names, suffix == ".msh")
-        found.points *= stated
-        found.told = [*told, *found.told]
-        found.cad = found.cad and found.cad.scaled(stated)
-        return found
+        mesh = _arrays(gmsh, ask.name, names, suffix == ".msh")
+        mesh.points *= stated
+        mesh.told = [*notes, *mesh.told]
+        mesh.cad = mesh.cad and mesh.cad.scaled(stated)
+        return mesh
     except MeshError:
         raise
     except Exception as error:
@@ -367,9 +367,9 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     listed = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
     listed += cad.in_order({name for several in names.values() for name in several})
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
-    every = {"line": np.arange(len(lines))}
+    cells = {"line": np.arange(len(lines))}
     corners = boxes.reshape(-1, 3) * scale
-    return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(listed, every))
+    return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(listed, cells))
 
 
 def _session() -> ModuleType:
@@ -399,11 +399,11 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
     points = np.asarray(coordinates, dtype=float).reshape(-1, 3)
 
     def indices(node_tags: IntArray, width: int) -> IntArray:
-        found = np.searchsorted(sorted_tags, node_tags)
-        found[found == len(sorted_tags)] = 0
-        if not len(sorted_tags) or not np.array_equal(sorted_tags[found], node_tags):
+        positions = np.searchsorted(sorted_tags, node_tags)
+        positions[positions == len(sorted_tags)] = 0
+        if not len(sorted_tags) or not np.array_equal(sorted_tags[positions], node_tags):
             raise MeshError(f"{name} has cells on nodes that it does not hold: it is damaged.")
-        return by_tag[found].reshape(-1, width)
+        return by_tag[positions].reshape(-1, width)
 
     blocks: dict[str, list[IntArray]] = {}
     rows: dict[tuple[int, int], dict[str, IntArray]] = {}
@@ -426,13 +426,13 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
         for label in labels
     )
     of_solids = {label: of_solids[label] for label in cad.in_order(of_solids)}
-    found = FileMesh(points, cells, "gmsh", of_solids | groups, aids=bool(groups))
+    mesh = FileMesh(points, cells, "gmsh", of_solids | groups, aids=bool(groups))
     if numbered:
-        found.labels = np.asarray(tags, dtype=np.int64)
-    found = as_carried(found, name)
+        mesh.labels = np.asarray(tags, dtype=np.int64)
+    mesh = as_carried(mesh, name)
     surfaces = [tag for _, tag in gmsh.model.getEntities(2) if _mass(gmsh, 2, tag) is not None]
-    found.cad = cad_curvature.at_nodes(gmsh, surfaces)
-    return found
+    mesh.cad = cad_curvature.at_nodes(gmsh, surfaces)
+    return mesh
 
 
 def _groups(

@@ -167,8 +167,8 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
     _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
     gmsh.model.occ.synchronize()
     cut: Names = {}
-    for entity, own in zip(solids, pieces, strict=False):
-        for dim, tag in own:
+    for entity, pieces_of_solid in zip(solids, pieces, strict=False):
+        for dim, tag in pieces_of_solid:
             if dim == 3:
                 cut.setdefault((3, int(tag)), []).extend(names.get(entity, []))
     return cut
@@ -185,7 +185,7 @@ def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
     kept = solids.pop(piece - 1)
     gmsh.model.occ.remove(solids, recursive=True)
     gmsh.model.occ.synchronize()
-    return {entity: own for entity, own in names.items() if entity == kept}
+    return {entity: label for entity, label in names.items() if entity == kept}
 
 
 def face_names(gmsh: ModuleType, scale: float) -> Names:
@@ -195,7 +195,7 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
         every = [face for face in every if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
     names: Names = {face: [f"face {face[1]}"] for face in every}
     for face, (label,) in _labelled(gmsh, 2).items():
-        if face in names and label not in (each for own in names.values() for each in own):
+        if face in names and label not in (each for labels in names.values() for each in labels):
             names[face].append(label)
     colours = {face: _colour(gmsh, face) for face in every}
     if len(set(colours.values())) > 1:
@@ -240,12 +240,12 @@ def _holes(
         beside = [own for own in joined if any(_beside(one, other) for other in own)]
         joined = [own for own in joined if own not in beside]
         joined.append([one, *(other for own in beside for other in own)])
-    found: dict[str, list[list[Cylinder]]] = {}
+    by_size: dict[str, list[list[Cylinder]]] = {}
     for own in joined:
         if len(frozenset[int]().union(*(one.sectors for one in own))) == SECTORS:
             name = f"hole {2e3 * scale * own[0].radius:.4g} mm"
-            found.setdefault(name, []).append(own)
-    for name, groups in sorted(found.items()):
+            by_size.setdefault(name, []).append(own)
+    for name, groups in sorted(by_size.items()):
         groups.sort(key=lambda own: tuple(np.round(own[0].middle, 6)))
         for number, own in enumerate(groups, 1):
             yield f"{name} ({number})", [one.face for one in own]

@@ -16,7 +16,7 @@ BESIDE = 1e-4
 
 def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
     """Curvatures of OpenCASCADE surfaces at the nodes of their mesh; None if there are none."""
-    found = []
+    curvatures = []
     for tag in surfaces:
         tags, x, at = gmsh.model.mesh.getNodes(2, tag, True, True)
         if not len(tags) or len(at) != 2 * len(tags):
@@ -35,10 +35,10 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
         # seams have their nodes twice
         kept = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]
         number = np.full(len(kept), tag, dtype=np.int64)
-        found.append([np.reshape(x, (-1, 3))[kept], number, normals[kept], tensors[kept]])
-    if not found:
+        curvatures.append([np.reshape(x, (-1, 3))[kept], number, normals[kept], tensors[kept]])
+    if not curvatures:
         return None
-    return CadSurface(*(np.concatenate(each) for each in zip(*found, strict=True)))
+    return CadSurface(*(np.concatenate(each) for each in zip(*curvatures, strict=True)))
 
 
 def _bent(gmsh: ModuleType, tag: int, at: Array) -> tuple[Array, Array, BoolArray]:

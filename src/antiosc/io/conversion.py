@@ -230,7 +230,7 @@ class FixedEntities:
 
     def of(self, rows: IntArray) -> dict[int, IntArray]:
         """{dimension: entities by their vertices} that fixing the nodes `rows` fixes."""
-        found = {0: np.intersect1d(rows, self.corners)[:, None]}
+        nodes_of = {0: np.intersect1d(rows, self.corners)[:, None]}
         marked = np.zeros(self.nodes.count + 1, dtype=bool)
         marked[self.nodes.grown(rows)] = True
         edges = marked[self.edges].all(axis=2)
@@ -240,12 +240,12 @@ class FixedEntities:
             marked[-1] = True  # the entry of index -1, which stands for no node
             edges &= marked[self._around].all(axis=2)
         dim = DIMENSION[self.shape]
-        found[1] = self.edges[edges]
+        nodes_of[1] = self.edges[edges]
         if dim == 3:
-            found[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
+            nodes_of[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
         if dim > 1:
-            found[dim] = self.corners[edges.all(axis=1)]
-        return {d: entities for d, entities in found.items() if len(entities)}
+            nodes_of[dim] = self.corners[edges.all(axis=1)]
+        return {d: entities for d, entities in nodes_of.items() if len(entities)}
 
     def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
         own = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
@@ -291,7 +291,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
-    every = [(block, own) for block, own in deck.numbered() if len(block)]
+    every = [(block, mark) for block, mark in deck.numbered() if len(block)]
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
@@ -321,8 +321,8 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     # else those of lower dimension are sides of the first
     for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
         entities = FixedEntities(shape, cells[label], blocks, nodes)
-        own = of_kind("", label) if joined else ""
-        mesh.fixed |= {name + own: entities.of(rows) for name, rows in deck.fixed.items()}
+        mark = of_kind("", label) if joined else ""
+        mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
     mesh.model = deck.model
     if joined and deck.model:
         joints = deck.model["joints"]
@@ -352,13 +352,13 @@ def kept_apart(deck: Deck) -> bool:
 
 def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, IntArray]]]:
     """(quadrilaterals, triangles and quadrilaterals that repeat a node)."""
-    found: list[list[tuple[Block, IntArray]]] = [[], []]
+    by_shape: list[list[tuple[Block, IntArray]]] = [[], []]
     for block, elements in sheets:
         flat = _folded(block) | (block.shape == "triangle")
-        for own, some in zip(found, (~flat, flat), strict=True):
+        for blocks, some in zip(by_shape, (~flat, flat), strict=True):
             if some.any():
-                own.append((block[some], elements[some]))
-    return found
+                blocks.append((block[some], elements[some]))
+    return by_shape
 
 
 #: Shapes that are not divided if all elements have one of them.
@@ -397,8 +397,8 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
     """Enter the middle nodes of the edges in the deck into the table."""
     if block.mids.shape[1]:
         ends = block.corners[:, np.array(EDGES[block.shape])]
-        given = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
-        nodes.give(ends[given], block.mids[given])
+        stated = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
+        nodes.give(ends[stated], block.mids[stated])
 
 
 def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:

@@ -165,8 +165,8 @@ class Deck:
 
     def nodes_of(self, elements: IntArray) -> IntArray:
         """All nodes of some elements, ascending."""
-        every = [block.nodes for block, _ in self.blocks_of(elements)]
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *every]))
+        tables = [block.nodes for block, _ in self.blocks_of(elements)]
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *tables]))
 
 
 class Numbering:

@@ -51,14 +51,14 @@ class DofMap:
         rows = np.flatnonzero(self.node == node)
         if not len(rows):
             raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
-        found = rows[self.component[rows] == component]
-        if not len(found):
+        matches = rows[self.component[rows] == component]
+        if not len(matches):
             there = ", ".join(name_of(int(k)) for k in self.component[rows])
             raise InputError(
                 f"node {node} has no dof {name_of(component)} in the matrices: it has {there} "
                 "(fixed dofs are left out by most programs)."
             )
-        return int(found[0])
+        return int(matches[0])
 
 
 def name_of(component: int) -> str:
@@ -69,9 +69,9 @@ def name_of(component: int) -> str:
 def component_of(dof: object) -> int:
     """The number of a dof's name (x, ux, t1, …) or number; InputError for others."""
     if isinstance(dof, str):
-        found = _OTHER_NAMES.get(dof.strip().lower())
-        if found is not None:
-            return found
+        component = _OTHER_NAMES.get(dof.strip().lower())
+        if component is not None:
+            return component
         if dof.strip().isdigit():
             return int(dof)
         raise InputError(
@@ -85,9 +85,9 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
     if rows is None:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
     what = "a dict of node -> 'all' or names of dofs"
-    given = checks.instance("supports", supports, Mapping, what)
+    supports_of = checks.instance("supports", supports, Mapping, what)
     found: list[int] = []
-    for node, dofs in given.items():
+    for node, dofs in supports_of.items():
         number = checks.whole("a node of supports", node)
         names = list(dofs) if isinstance(dofs, list | tuple) else [dofs]
         if names == ["all"]:

@@ -332,8 +332,8 @@ def fill(
     for body in bodies:
         loops = []
         for one in body:
-            own = [tag for tag, its in zip(surfaces, piece, strict=True) if its == one]
-            loops.append(gmsh.model.geo.addSurfaceLoop(own))
+            tags = [tag for tag, its in zip(surfaces, piece, strict=True) if its == one]
+            loops.append(gmsh.model.geo.addSurfaceLoop(tags))
         gmsh.model.geo.addVolume(loops)
     gmsh.model.geo.synchronize()
     number = sides(skin)[first] + 1
@@ -373,11 +373,11 @@ def sides(skin: Skin) -> IntArray:
 
 def _put(gmsh: ModuleType, skin: Skin, piece: int) -> int:
     """The triangles of a piece as a discrete surface of gmsh; its tag."""
-    own = skin.triangles[skin.piece == piece]
-    nodes = np.unique(own)
+    triangles = skin.triangles[skin.piece == piece]
+    nodes = np.unique(triangles)
     tag = int(gmsh.model.addDiscreteEntity(2))
     gmsh.model.mesh.addNodes(2, tag, nodes + 1, skin.points[nodes].ravel())
-    gmsh.model.mesh.addElementsByType(tag, 2, [], (own + 1).ravel())
+    gmsh.model.mesh.addElementsByType(tag, 2, [], (triangles + 1).ravel())
     return tag
 
 
@@ -424,18 +424,18 @@ def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
 def _inside(skin: Skin, count: int) -> Array:
     """Share of the sample points of each piece (k) that lie inside another (m): (count, count)."""
     middles = skin.points[skin.triangles].mean(axis=1)
-    found = np.zeros((count, count))
+    inside = np.zeros((count, count))
     order = np.argsort(skin.piece, kind="stable")
     rows = np.split(order, np.flatnonzero(np.diff(skin.piece[order])) + 1)
     for m in range(count) if count > 1 else ():
-        own = skin.points[skin.triangles[rows[m]]].reshape(-1, 3)
-        low, high = own.min(axis=0), own.max(axis=0)
+        corners = skin.points[skin.triangles[rows[m]]].reshape(-1, 3)
+        low, high = corners.min(axis=0), corners.max(axis=0)
         for k in range(count):
             some = middles[rows[k][:: max(1, len(rows[k]) // MOST_LOOKED_AT)]]
             near = some[((some > low) & (some < high)).all(axis=1)]
             if k != m and len(near):
-                found[k, m] = (np.abs(winding(skin, m, near)) > 0.5).sum() / len(some)
-    return found
+                inside[k, m] = (np.abs(winding(skin, m, near)) > 0.5).sum() / len(some)
+    return inside
 
 
 def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
@@ -449,12 +449,12 @@ def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> li
 def winding(skin: Skin, piece: int, points: Array) -> Array:
     """Winding number of a piece about points (p, 3): solid angle over 4π (Van Oosterom 1983)."""
     corners = skin.points[skin.triangles[skin.piece == piece]]
-    found = np.zeros(len(points))
+    angle = np.zeros(len(points))
     for row, point in enumerate(points):
         a, b, c = (corners - point).transpose(1, 0, 2)
         la, lb, lc = (np.linalg.norm(one, axis=1) for one in (a, b, c))
         dots = [np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a))]
         below = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
         above = np.einsum("ni,ni->n", a, np.cross(b, c))
-        found[row] = np.arctan2(above, below).sum() / (2 * np.pi)
-    return found
+        angle[row] = np.arctan2(above, below).sum() / (2 * np.pi)
+    return angle

@@ -90,8 +90,10 @@ def harmless(text: str, name: str, beside: Callable[[str], str]) -> Script:
     merged = [_check(meant, k, name) for k in range(len(meant))]
     if any(_END_OF_SKIPPED.search(t.text) for t in meant if t.kind == "string"):
         for token in meant:
-            if token.kind == "string" and (found := _REFUSED_NAMES.search(token.text)):
-                raise _refusal(name, token, f"{found[0]} in a string beside one that ends a block")
+            if token.kind == "string" and (refused := _REFUSED_NAMES.search(token.text)):
+                raise _refusal(
+                    name, token, f"{refused[0]} in a string beside one that ends a block"
+                )
     text = "".join(map(_written, tokens)) + "\n"  # gmsh 4.8 ignores a last line without a line end
     return Script(text, [m for m in merged if m])
 

@@ -380,21 +380,21 @@ def _on(K: Entries, M: Entries) -> Entries:
 
 def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
     source = Source(path)
-    found = _matrices(source)
-    if isinstance(found, Entries):
-        return checked(found)
+    matrices = _matrices(source)
+    if isinstance(matrices, Entries):
+        return checked(matrices)
     if name is not None:
-        wanted = [key for key in found if key.upper() == name.upper()]
+        wanted = [key for key in matrices if key.upper() == name.upper()]
     else:
-        wanted = list(found)
-        if len(found) > 1:
-            wanted = [key for key in found if key.upper().startswith(letter)]
+        wanted = list(matrices)
+        if len(matrices) > 1:
+            wanted = [key for key in matrices if key.upper().startswith(letter)]
     if len(wanted) != 1:
         raise InputError(
-            f"{source.name} holds the matrices {', '.join(found)}: say which are K and M, "
+            f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
             "names=('KAA', 'MAA')."
         )
-    return checked(found[wanted[0]])
+    return checked(matrices[wanted[0]])
 
 
 def _matrices(source: Source) -> Entries | dict[str, Entries]:

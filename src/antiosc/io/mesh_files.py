@@ -166,10 +166,10 @@ FORMATS = {
 def read_by_meshio(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
-    path, told = Path(ask.path), list[str]()
+    path, notes = Path(ask.path), list[str]()
     numbers: IntArray = np.zeros(0, dtype=np.int64)
     if path.suffix.lower() == ".med":
-        path, told, numbers = med.of_one_mesh(path, name)
+        path, notes, numbers = med.of_one_mesh(path, name)
     mesh = content(path, name)
     points = np.zeros((len(mesh.points), 3))
     if len(points):
@@ -186,7 +186,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
-    result.told, result.labels = told, numbers
+    result.told, result.labels = notes, numbers
     return as_carried(result, name)
 
 
@@ -289,8 +289,8 @@ def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
 def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
     """(value, rows with this value), ascending, by one sort."""
     order = np.argsort(values, kind="stable")
-    found, first = np.unique(values[order], return_index=True)
-    for value, rows in zip(found, np.split(order, first[1:]), strict=True):
+    distinct, first = np.unique(values[order], return_index=True)
+    for value, rows in zip(distinct, np.split(order, first[1:]), strict=True):
         yield int(value), rows.astype(np.int64)
 
 
@@ -428,12 +428,12 @@ def _node(found: _Content, label: list[str], at: Place, x: list[str], place: Pla
 
 def _wholes(rows: Lines, k: int, least: int, told: str, place: Place) -> tuple[list[int], int]:
     """(at least `least` integers from line k on, number of the following line)."""
-    found: list[int] = []
-    while len(found) < least:
+    numbers: list[int] = []
+    while len(numbers) < least:
         place.needs(k < len(rows), told)
-        found += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
+        numbers += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
         k += 1
-    return found, k
+    return numbers, k
 
 
 def _elements(found: _Content, rows: Lines) -> None:
@@ -508,18 +508,18 @@ def _deck(found: _Content, asked: Mapping[str, Sequence[int]]) -> Deck:
         kind = f"element type {descriptor}"
         deck.blocks.append(Block(shape, kind, own[:, corners], own[:, mids], own[:, :0]))
         labels.append(table[:, 0])
-    every = np.concatenate(labels)
-    if not len(every):
-        left = ", ".join(f"{many} of {kind}" for kind, many in found.others.items())
+    numbers = np.concatenate(labels)
+    if not len(numbers):
+        ignored = ", ".join(f"{many} of {kind}" for kind, many in found.others.items())
         raise MeshError(
-            f"{found.name} has no elements that are cells of a mesh: {left or 'none at all'}; "
+            f"{found.name} has no elements that are cells of a mesh: {ignored or 'none at all'}; "
             "write the file with its lines, faces or solids."
         )
-    elements = Numbering(every)
+    elements = Numbering(numbers)
     if (np.diff(elements.labels) == 0).any():
         raise MeshError(f"{found.name} gives two elements one number.")
     deck.left = found.others
-    deck.name_elements(asked, every)
+    deck.name_elements(asked, numbers)
     for name, (of_nodes, of_elements) in found.groups.items():
         for some, numbering, sets in (
             (of_nodes, nodes, deck.node_sets),

@@ -263,12 +263,12 @@ class RawMesh:
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
     """Groups of cells merged from partial ones: (name, kind, rows)."""
-    found: dict[str, dict[str, list[IntArray]]] = {}
+    groups: dict[str, dict[str, list[IntArray]]] = {}
     for name, kind, rows in parts:
-        found.setdefault(name, {}).setdefault(kind, []).append(rows)
+        groups.setdefault(name, {}).setdefault(kind, []).append(rows)
     return {
         name: {kind: np.concatenate(rows) for kind, rows in kinds.items()}
-        for name, kinds in found.items()
+        for name, kinds in groups.items()
     }
 
 

@@ -174,14 +174,14 @@ def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dty
     (order,) = (PLY_ORDERS[words[1]] for words in header if words[:1] == ["format"])
     counts: dict[str, int] = {}
     fields: dict[str, list[tuple[str, str] | tuple[str, str, int]]] = {}
-    own: list[tuple[str, str] | tuple[str, str, int]] = []
+    columns: list[tuple[str, str] | tuple[str, str, int]] = []
     for words in header:
         if words[:1] == ["element"]:
-            own = fields[words[1]] = []
+            columns = fields[words[1]] = []
             counts[words[1]] = int(words[2])
         elif words[:2] == ["property", "list"]:
-            own.append((SIZE, order + PLY_TYPES[words[2]]))
-            own.append((CORNERS, order + PLY_TYPES[words[3]], 3))
+            columns.append((SIZE, order + PLY_TYPES[words[2]]))
+            columns.append((CORNERS, order + PLY_TYPES[words[3]], 3))
         elif words[:1] == ["property"]:
-            own.append((words[2], order + PLY_TYPES[words[1]]))
-    return {name: (counts[name], np.dtype(own)) for name, own in fields.items()}
+            columns.append((words[2], order + PLY_TYPES[words[1]]))
+    return {name: (counts[name], np.dtype(columns)) for name, columns in fields.items()}

@@ -55,8 +55,10 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     """The `wanted` cells of a file as a mesh, by default those of the highest dimension."""
     dims = {label: kind_of(label).dim for label, block in mesh.cells.items() if len(block)}
     if max(dims.values(), default=0) == 0:
-        found = ", ".join(sorted(dims)) or "none"
-        raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
+        dimensions = ", ".join(sorted(dims)) or "none"
+        raise MeshError(
+            f"{name} contains no cells: no lines, faces or volumes (found: {dimensions})."
+        )
     rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
     top = max(dims[label] for label in rows)
     grouped = _grouped(mesh, [label for label in dims if dims[label] == top])
@@ -143,8 +145,8 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
         if aids:
             block = block[_grouped(mesh, [label]).get(label, np.zeros(0, dtype=np.int64))]
         sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
-        own = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
-        alone = ~_among(block[:, : kind.vertices], own)
+        facets = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
+        alone = ~_among(block[:, : kind.vertices], facets)
         if drawing and alone.any():
             left.append(("curves", "surfaces")[kind.dim - 1])
         elif alone.any():
@@ -218,8 +220,8 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
     if len(spanned):
         _add(raw, group, raw.kind.dim - 1, spanned)
         marked[spanned.ravel()] = False
-    left = np.unique(nodes[marked[nodes]])
-    alone = left[np.isin(left, raw.cells[:, : raw.kind.vertices])]
+    remaining = np.unique(nodes[marked[nodes]])
+    alone = remaining[np.isin(remaining, raw.cells[:, : raw.kind.vertices])]
     if len(alone):
         _add(raw, group, 0, alone[:, None])
 
@@ -399,7 +401,9 @@ def pieces_of(raw: RawMesh) -> list[Piece]:
     names = _piece_names(raw, label)
     order = np.argsort(label, kind="stable")
     parts = np.split(raw.cells[order], np.cumsum(np.bincount(label))[:-1])
-    boxes = ((raw.points[own].min(axis=(0, 1)), raw.points[own].max(axis=(0, 1))) for own in parts)
+    boxes = (
+        (raw.points[cells].min(axis=(0, 1)), raw.points[cells].max(axis=(0, 1))) for cells in parts
+    )
     return [Piece(names.get(k, ""), *box) for k, box in enumerate(boxes)]
 
 
@@ -414,20 +418,20 @@ def described_pieces(pieces: Sequence[Piece], most: int = 6) -> str:
 
 def pieces_error(raw: RawMesh, what: str, remedy: str) -> PiecesError:
     """The error for a mesh of several connected pieces, with their description."""
-    found = pieces_of(raw)
-    error = PiecesError(f"{what} ({described_pieces(found)}): {remedy}")
-    error.pieces = found
+    pieces = pieces_of(raw)
+    error = PiecesError(f"{what} ({described_pieces(pieces)}): {remedy}")
+    error.pieces = pieces
     return error
 
 
 def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
     """Names of groups that contain the first cell of each piece, by piece."""
     first = np.unique(label, return_index=True)[1]
-    own = keys(raw.cells[first][:, : raw.kind.vertices])
+    cell_keys = keys(raw.cells[first][:, : raw.kind.vertices])
     names: dict[int, str] = {}
     for name, parts in raw.groups.items():
         if raw.kind.dim in parts:
-            inside = np.flatnonzero(np.isin(own, keys(parts[raw.kind.dim])))
+            inside = np.flatnonzero(np.isin(cell_keys, keys(parts[raw.kind.dim])))
             if len(inside) == 1:  # others are of several pieces
                 names.setdefault(int(inside[0]), name)
     return names
@@ -460,8 +464,8 @@ def read_parts(
     if content.model is not None and content.model["joined"]:
         labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
         contents = [_alone(content, label) for label in labels]
-    found = [selected(one, None, None, path.name) for one in contents]
-    return {raw.kind.shape: raw for raw in found}
+    meshes = [selected(one, None, None, path.name) for one in contents]
+    return {raw.kind.shape: raw for raw in meshes}
 
 
 def _alone(content: FileMesh, label: str) -> FileMesh:

@@ -138,8 +138,8 @@ def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]
     from importlib import metadata  # its modules for mails take 16 ms of each start
 
     installed = [e for d in metadata.distributions(path=list(path)) for e in d.entry_points]
-    every = dict.fromkeys(e for e in [*installed, *_of_source_tree(group)] if e.group == group)
-    return tuple(sorted(every, key=lambda one: one.value.startswith(OWN)))
+    entries = dict.fromkeys(e for e in [*installed, *_of_source_tree(group)] if e.group == group)
+    return tuple(sorted(entries, key=lambda one: one.value.startswith(OWN)))
 
 
 def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
@@ -151,22 +151,22 @@ def _of_source_tree(group: str) -> list[metadata.EntryPoint]:
         return []
     from importlib import metadata
 
-    given = project.get("entry-points", {}) if project.get("name") == "antiosc" else {}
-    return [metadata.EntryPoint(name, to, group) for name, to in given.get(group, {}).items()]
+    groups = project.get("entry-points", {}) if project.get("name") == "antiosc" else {}
+    return [metadata.EntryPoint(name, to, group) for name, to in groups.get(group, {}).items()]
 
 
 def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
     """The object of an entry point; MissingDependencyError unless it is of this kind."""
     try:
-        found = entry.load()
+        reader = entry.load()
     except AntioscError:
         raise
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
     else:
-        if isinstance(found, kind):
-            return found
-        said = f"it is a {type(found).__name__}, not a {kind.__name__}"
+        if isinstance(reader, kind):
+            return reader
+        said = f"it is a {type(reader).__name__}, not a {kind.__name__}"
     raise MissingDependencyError(
         f"{entry.value}, which a package registers as {entry.name!r} of {entry.group}, cannot be "
         f"used ({said}): repair or uninstall the package."

@@ -202,8 +202,8 @@ class ModelInfo(ReprMixin):
     @cached_property
     def known_surfaces(self) -> dict[str, Surface]:
         """The surfaces of sites with known material and curvature."""
-        given = (self.surfaces or {}).items()
-        return {name: Surface.of(one) for name, one in given if NOT_KNOWN not in one}
+        surfaces = (self.surfaces or {}).items()
+        return {name: Surface.of(one) for name, one in surfaces if NOT_KNOWN not in one}
 
     def unknown_surface(self, site: str) -> str:
         """Why the surface of a site is unknown; "" if it is known, or was not asked for."""

@@ -89,9 +89,9 @@ def with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
     """
     if not slide.any():
         return Z
-    own = slide[:, slide.any(axis=0)]
-    pushed = Z @ own
-    small = x * np.eye(own.shape[1]) - own.T @ pushed
+    moving = slide[:, slide.any(axis=0)]
+    pushed = Z @ moving
+    small = x * np.eye(moving.shape[1]) - moving.T @ pushed
     return np.asarray(Z + pushed @ np.linalg.solve(small, np.swapaxes(pushed, -1, -2)))
 
 
@@ -106,8 +106,8 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     for i in np.split(real, range(AT_ONCE, len(real), AT_ONCE)):
         x = poles[i] * (1 + 1j * DAMPING) ** 2
         Z = stiffness_at_sites(x, k0, m0, P[real], poles[real])
-        own = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
-        share[i] = np.abs(x**2 / (poles[i] - x) * own)
+        shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
+        share[i] = np.abs(x**2 / (poles[i] - x) * shares)
     return share
 
 
@@ -116,11 +116,11 @@ def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
 
     inf for a rigid mass, whose Z has no such frequency.
     """
-    found = [float(x) for x in poles[:1]]
+    lowest = [float(x) for x in poles[:1]]
     scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
-    found += [float(x) for x in values[values > UNSTRAINED * values.max(initial=0.0)][:1]]
-    return float(np.sqrt(min(found, default=np.inf)))
+    lowest += [float(x) for x in values[values > UNSTRAINED * values.max(initial=0.0)][:1]]
+    return float(np.sqrt(min(lowest, default=np.inf)))
 
 
 def spectral_norms(matrices: Numbers) -> Array:

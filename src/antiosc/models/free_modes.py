@@ -170,11 +170,13 @@ def site_models(
         sites = np.flatnonzero(group)
         for first in range(0, len(sites), SITES_AT_ONCE):
             at = sites[first : first + SITES_AT_ONCE]
-            found: tuple[Array, ...] = parameters(omega, part[at], r[at], s[at], few, shift, method)
+            arrays: tuple[Array, ...] = parameters(
+                omega, part[at], r[at], s[at], few, shift, method
+            )
             if few < count:
-                found = _with_rigid_modes(found, along[at])
-            result.k0[at], result.m0[at], result.m_st[at] = found[:3]
-            result.omega[at, : found[3].shape[1]], result.m[at, : found[4].shape[1]] = found[3:]
+                arrays = _with_rigid_modes(arrays, along[at])
+            result.k0[at], result.m0[at], result.m_st[at] = arrays[:3]
+            result.omega[at, : arrays[3].shape[1]], result.m[at, : arrays[4].shape[1]] = arrays[3:]
     return result
 
 
@@ -182,12 +184,12 @@ def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ..
     """Join the elastic parameters of sites with a rigid-body mode that moves them slightly."""
     k0, m0, _, omega, m = found
     wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
-    left = np.zeros_like(m0)
+    masses_left = np.zeros_like(m0)
     for i, a in enumerate(along):
         real = m[i] > 0
-        left[i], own, w, _, _ = with_rigid_mode(k0[i], m0[i], m[i, real], omega[i, real], a)
+        masses_left[i], own, w, _, _ = with_rigid_mode(k0[i], m0[i], m[i, real], omega[i, real], a)
         wide[0][i, : len(w)], wide[1][i, : len(w)] = w, own
-    return np.zeros_like(k0), left, 1 / along**2, *wide
+    return np.zeros_like(k0), masses_left, 1 / along**2, *wide
 
 
 def residual(
@@ -266,14 +268,14 @@ def bodies(
     omega: Array, b: Array, compliance: Array, inertia: Array, shift: float
 ) -> Iterator[ModalBody]:
     """The body of each site: its free modes, and one that represents the truncated ones."""
-    found = residual(omega, b, compliance, inertia, shift)
-    for own, r, s in zip(b, *found, strict=True):
+    residuals = residual(omega, b, compliance, inertia, shift)
+    for columns, r, s in zip(b, *residuals, strict=True):
         if not s:
-            yield ModalBody(omega, own, r)
+            yield ModalBody(omega, columns, r)
             continue
         above = r / s
         one = np.sqrt(above - shift), np.sqrt(r * above)
-        yield ModalBody(np.append(omega, one[0]), np.append(own, one[1]))
+        yield ModalBody(np.append(omega, one[0]), np.append(columns, one[1]))
 
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.

@@ -182,18 +182,18 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     }
     if several:
         header["sites"] = list(model.sites)
-        header["columns"] = {name: list(own) for name, own in model.columns.items()}
+        header["columns"] = {name: list(columns) for name, columns in model.columns.items()}
     write(path, header, arrays)
 
 
 def _info(header: Named) -> ModelInfo:
     """The data of a file's model; its band is in rad/s unless the header says Hz."""
-    given = header.get("info", {})
-    band = given.get("band") if isinstance(given, Mapping) else None
+    facts = header.get("info", {})
+    band = facts.get("band") if isinstance(facts, Mapping) else None
     if isinstance(band, Mapping) and header.get("band_unit") != _HERTZ:
         ends = {name: band[name] / (2 * pi) for name in ("bottom", "top") if name in band}
-        given = {**given, "band": {**band, **ends}}
-    return ModelInfo.of(given)
+        facts = {**facts, "band": {**band, **ends}}
+    return ModelInfo.of(facts)
 
 
 def arguments(path: str | os.PathLike[str]) -> Named:
@@ -309,14 +309,14 @@ class ReducedMatrices(FieldsRepr):
         target = checks.path("path", path)
         ending = target.suffix.lower()
         matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
-        every = {one: form for form in matrix_formats() for one in form.endings}
-        if (form := every.get(ending)) and form.write:
+        formats = {one: form for form in matrix_formats() for one in form.endings}
+        if (form := formats.get(ending)) and form.write:
             with files.atomic_file(target, "the matrices") as part:
                 form.write(part, matrices, self.labels)
             return [target] if form.labelled else [target, self._map(target)]
         if ending != ".mtx":
             raise InputError(
-                f"matrices are written to {', '.join(['.mtx', *every])}; got {target.name!r}."
+                f"matrices are written to {', '.join(['.mtx', *formats])}; got {target.name!r}."
             )
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):

@@ -119,21 +119,25 @@ class Parameters(Body):
         """Names of the displacements u of several sites, (p,); () for one."""
         if self.dependence is None:
             return ()
-        found = [""] * self.dependence.shape[1]
+        labels = [""] * self.dependence.shape[1]
         for name, columns in self.columns.items():
             for which, column in enumerate(columns):
-                own = np.flatnonzero(self.dependence[column])
-                if own.size == 1 and self.dependence[column, own[0]] == 1 and not found[own[0]]:
-                    found[own[0]] = name if which == 0 else f"{name} across {which}"
-        return tuple(found)
+                sites = np.flatnonzero(self.dependence[column])
+                if (
+                    sites.size == 1
+                    and self.dependence[column, sites[0]] == 1
+                    and not labels[sites[0]]
+                ):
+                    labels[sites[0]] = name if which == 0 else f"{name} across {which}"
+        return tuple(labels)
 
 
 def checked_at_one_site(model: Parameters) -> Stored:
     """Check the parameters of one site and sort them by frequency; else InputError."""
     for name in OF_SEVERAL:
-        given = getattr(model, name)
-        empty = name == "columns" and isinstance(given, dict) and not given
-        if not (given is None or empty):
+        value = getattr(model, name)
+        empty = name == "columns" and isinstance(value, dict) and not value
+        if not (value is None or empty):
             raise InputError(
                 f"{name} belongs to a model of several sites: give its P and the names of its "
                 "sites too."
@@ -157,7 +161,7 @@ def checked_at_one_site(model: Parameters) -> Stored:
             "stiffness; give it one."
         )
     columns = np.concatenate(([0], 1 + order))
-    found: Stored = {
+    checked: Stored = {
         "m0": m0,
         "k0": k0,
         "m": checks.read_only(m[order]),
@@ -165,17 +169,17 @@ def checked_at_one_site(model: Parameters) -> Stored:
         "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
     }
     if model.radius is not None:
-        found["radius"] = checks.positive("radius", model.radius, "m")
+        checked["radius"] = checks.positive("radius", model.radius, "m")
     if model.strain_error is not None:
         own = checked_energies("strain_error", model.strain_error, columns.size)
-        found["strain_error"] = checks.read_only(own[np.ix_(columns, columns)])
+        checked["strain_error"] = checks.read_only(own[np.ix_(columns, columns)])
     if model.strain_misfit is not None:
         if model.strain_error is None:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
         work = checked_energies("strain_misfit", model.strain_misfit, columns.size, False)
-        found["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
+        checked["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
     return (
-        found | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
+        checked | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
     )
 
 
@@ -278,15 +282,15 @@ def _direction_parameters(
     model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
 ) -> Stored:
     """Directions (*columns, 3) and sorted weights (rows, *axes) of the shapes."""
-    found: Stored = {}
+    stored: Stored = {}
     if model.direction is not None:
         directions = checks.array("direction", model.direction, (*columns, 3))
         unit = unit_vectors if columns else unit_vector
-        found["direction"] = checks.read_only(unit("direction", directions))
+        stored["direction"] = checks.read_only(unit("direction", directions))
     if model.participation is not None:
         weight = checks.array("participation", model.participation, (rows.size, *axes))
-        found["participation"] = checks.read_only(weight[rows])
-    return found
+        stored["participation"] = checks.read_only(weight[rows])
+    return stored
 
 
 def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
@@ -315,11 +319,11 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
     The momenta of the hidden motions follow those of the shapes; `slides` is the number of hidden
     motions where the momenta do not tell it.
     """
-    found: Stored = {}
+    stored: Stored = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
         shapes = checks.array("shapes", model.shapes, (None, rows.size))
-        found["shapes"] = shapes if in_order else shapes[:, rows]
+        stored["shapes"] = shapes if in_order else shapes[:, rows]
     if model.inertia is not None:
         momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
         if len(momentum) < rows.size:
@@ -328,15 +332,15 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
                 f"{rows.size} shapes, and one for each hidden motion; got {len(momentum)}."
             )
         all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
-        found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
+        stored["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
     if model.hidden is not None:
         if model.inertia is not None:
             slides = len(model.inertia.momentum) - rows.size
         if slides is None:
             raise InputError("hidden motions need the inertia, which holds their momentum.")
         nodes = None if model.shapes is None else len(model.shapes)
-        found["hidden"] = checks.array("hidden", model.hidden, (nodes, slides))
-    return found
+        stored["hidden"] = checks.array("hidden", model.hidden, (nodes, slides))
+    return stored
 
 
 def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:

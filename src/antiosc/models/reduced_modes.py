@@ -63,16 +63,16 @@ def _coupled_modes(model: Parameters) -> ModalBody:
     """The free modes of a model with coupled damping; none of them are merged."""
     k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
     rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
-    found = damped_modes(model, k0, m0, root[None], rigid)
+    damped = damped_modes(model, k0, m0, root[None], rigid)
     transform = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
     transform[1:, 0], transform[1:, 1:] = 1.0, np.diag(1 / root)
     size, hidden = len(transform), model.hidden_count
-    own = np.zeros((size + hidden, hidden + found.omega.size))
-    own[:size, hidden:], own[size:, :hidden] = found.shape, np.eye(hidden)
-    omega = np.concatenate((np.zeros(hidden), found.omega))
-    shape, residual = transform @ found.shape, transform @ found.residual[:, 0]
-    body = _in_free_modes(model, found.omega, shape, residual)
-    decay, damping = damping_of(model, omega, own)
+    shapes = np.zeros((size + hidden, hidden + damped.omega.size))
+    shapes[:size, hidden:], shapes[size:, :hidden] = damped.shape, np.eye(hidden)
+    omega = np.concatenate((np.zeros(hidden), damped.omega))
+    shape, residual = transform @ damped.shape, transform @ damped.residual[:, 0]
+    body = _in_free_modes(model, damped.omega, shape, residual)
+    decay, damping = damping_of(model, omega, shapes)
     return replace(body, decay=decay, damping=damping)
 
 
@@ -133,12 +133,12 @@ def site_modes(model: Parameters) -> SiteModes:
     assert model.slide is not None
     assert model.P is not None
     p, hidden = model.slide.shape
-    found = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
-    omega = np.concatenate((np.zeros(hidden), found.omega))
-    shape = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
-    seen = shape[:p] + np.hstack([model.slide, np.zeros((p, found.omega.size))])
+    damped = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
+    omega = np.concatenate((np.zeros(hidden), damped.omega))
+    shape = np.roll(block_diag(damped.shape, np.eye(hidden)), hidden, axis=1)
+    seen = shape[:p] + np.hstack([model.slide, np.zeros((p, damped.omega.size))])
     b = seen.T @ model.dependence.T
-    residual = np.vstack((found.residual, np.zeros((hidden, p)))) @ model.dependence.T
+    residual = np.vstack((damped.residual, np.zeros((hidden, p)))) @ model.dependence.T
     r = model.dependence @ residual[:p]
     inertia = weight = None
     if model.inertia is not None:

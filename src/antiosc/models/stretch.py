@@ -155,8 +155,10 @@ def checked_count(stretch: object) -> Count | Literal[False]:
 
 def stretch_of(body: object) -> Stretch | None:
     """The second-order forces of a body or of that inside an `Impactor`; None if it has none."""
-    found = getattr(body, "stretch", None) or getattr(getattr(body, "body", None), "stretch", None)
-    return found if isinstance(found, Stretch) else None
+    stretch = getattr(body, "stretch", None) or getattr(
+        getattr(body, "body", None), "stretch", None
+    )
+    return stretch if isinstance(stretch, Stretch) else None
 
 
 def refuse_stretch(bodies: Mapping[str, object]) -> None:

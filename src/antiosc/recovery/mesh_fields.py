@@ -86,12 +86,12 @@ def tensors_of_part(
         cells = chosen[first : first + step]
         at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
         try:
-            found = evaluate(at)
+            tensors = evaluate(at)
         except InputError as caught:  # on this rank perhaps alone
             error = caught
             break
         where = slot_of[first : first + step].ravel()
-        six = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
+        six = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
         one, column = np.ones(len(where)), np.arange(len(where))
         at_slots = csr_matrix((one, (where, column)), (len(slots), len(where)))
         total += (at_slots @ six).reshape(total.shape)
@@ -115,18 +115,18 @@ def jumps(
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, "stress", Place())
-    own = compat.cell_map(mesh.dolfinx).size_local
+    cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
     material = part.part_of_cells()
-    nodes, X = compat.geometry_nodes(mesh.dolfinx)[:own], mesh.geometry.reference_nodes
-    six = np.zeros((own, len(X), 6))
+    nodes, X = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank], mesh.geometry.reference_nodes
+    six = np.zeros((cells_of_rank, len(X), 6))
     step = max(1, AT_ONCE // len(X))
-    for first in range(0, own, step):
-        cells = np.arange(first, min(own, first + step))
+    for first in range(0, cells_of_rank, step):
+        cells = np.arange(first, min(cells_of_rank, first + step))
         at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
         columns = with_branches(evaluate(at), shares, material[at.cells])
-        found = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
-        six[cells] = np.stack([found[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
-    keys = nodes * len(part.parts) + material[:own, None]
+        jumps = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
+        six[cells] = np.stack([jumps[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
+    keys = nodes * len(part.parts) + material[:cells_of_rank, None]
     slots, slot_of = np.unique(keys, return_inverse=True)
     slot_of = slot_of.reshape(keys.shape)
     total, count = np.zeros((len(slots), 6, 1)), np.zeros(len(slots))
@@ -153,8 +153,8 @@ def _join_ranks(
         return
     number = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)
     names = number[slots // parts] * parts + slots % parts
-    every = np.concatenate(comm.allgather(names))
-    common, times = np.unique(every, return_counts=True)
+    names_of_all = np.concatenate(comm.allgather(names))
+    common, times = np.unique(names_of_all, return_counts=True)
     mine = np.flatnonzero(np.isin(names, common[times > 1]))
     pieces = comm.allgather((names[mine], total[mine], count[mine]))
     slot_of = {name: i for i, name in zip(mine, names[mine], strict=True)}
@@ -180,9 +180,9 @@ def at_point(
 
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
     """Displacements (gdim, columns) at the point of all parts that is nearest to x (3,)."""
-    number, found = _nearest(parts, x[None], reach)
-    member, own = parts[number]
-    values = _at_point(member, found[0], own)
+    number, closest = _nearest(parts, x[None], reach)
+    member, shapes_of_part = parts[number]
+    values = _at_point(member, closest[0], shapes_of_part)
     components = [name for name in "xyz" if name in member.part.form.components]
     return values[: len(components)]
 
@@ -218,19 +218,19 @@ def recovered(
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
     """The beams of stiffener `name` on the sheets of some parts, with shapes on their rows."""
-    found = [
+    beams = [
         (replace(member, part=alone(lines, group)), lines.rows_of(own))
         for member, own in parts
         for group, lines in member.part.stiffeners.items()
         if group == name
     ]
-    if not found:
+    if not beams:
         groups = [group for member, _ in parts for group in member.part.stiffeners]
         raise InputError(
             f"no stiffener, a Beam on edges of a sheet, has the name {shown(name)}; "
             f"{name_list(name, groups, 'its stiffeners')}."
         )
-    return found
+    return beams
 
 
 def _recovered(
@@ -242,15 +242,15 @@ def _recovered(
     shares: Sequence[Array | None],
 ) -> Array:
     """As `recovered`, on the nearest of some parts; `shares`: of each part in the branches."""
-    number, found = _nearest(candidates, points, reach)
-    member, own = candidates[number]
+    number, closest = _nearest(candidates, points, reach)
+    member, shapes_of_part = candidates[number]
     mesh, material = member.part.mesh, member.part.part_of_cells()
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
-    with_ghosts = compat.with_ghosts(member.part.form.space, own)
-    mine = found.rank == mesh.comm.rank
+    with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
+    mine = closest.rank == mesh.comm.rank
     here, error = None, None
     try:
-        at = PointsInCells(member.part, with_ghosts, found.cell[mine], found.X[mine])
+        at = PointsInCells(member.part, with_ghosts, closest.cell[mine], closest.X[mine])
         here = with_branches(evaluate(at), shares[number], material[at.cells])
     except InputError as caught:
         error = caught
@@ -268,12 +268,12 @@ def _nearest(
     """(number of the part nearest to each of the points (P, 3), nearest points of this part)."""
     nearest = [closest_many(m.part.mesh, m.at.own(points)) for m, _ in candidates]
     number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
-    member, found = candidates[number][0], nearest[number]
-    far, mesh = int(np.argmax(found.distance)), member.part.mesh
-    there = member.at.placed(found.x[far][None])[0]
-    element = partial(size_at, mesh, found[far])
+    member, closest = candidates[number][0], nearest[number]
+    far, mesh = int(np.argmax(closest.distance)), member.part.mesh
+    there = member.at.placed(closest.x[far][None])[0]
+    element = partial(size_at, mesh, closest[far])
     reach.check(points[far], there, mesh.extent(), element)
-    return number, found
+    return number, closest
 
 
 def _turned(R: Array, values: Array, quantity: str) -> Array:
@@ -290,31 +290,36 @@ def at_nodes(
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
     """(points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns)) on rank 0."""
     parts = with_parts(structure).fields(shapes, part)
-    points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
+    points, cells, values = _side_by_side(
+        [_gathered(member, shapes_of_part) for member, shapes_of_part in parts]
+    )
     kinds = [kind_of_cells(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
-    return points, list(zip(kinds, cells, strict=True)), found
+    return points, list(zip(kinds, cells, strict=True)), values
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
     """(part, static displacements (rows, 1)) under the prestress, with second-order strains."""
     preload = structure.matrices.preload
     assert preload is not None
-    found = []
-    for member, own in with_parts(structure).fields(preload.q[:, None], part):
+    displaced = []
+    for member, displacement in with_parts(structure).fields(preload.q[:, None], part):
         names = named_from(f"{member.name}:", preload.initial) if member.name else preload.initial
         strain = initial_strain(
             member.part, {k: e for k, e in names.items() if k not in member.part.stiffeners}
         )
         strained = replace(member.part, initial=np.array(strain.x.array))
-        found.append((replace(member, part=strained), own))
-    return found
+        displaced.append((replace(member, part=strained), displacement))
+    return displaced
 
 
 def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
     """The parts with second-order strains and initial strains."""
     return [
-        (replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))), own)
-        for m, own in parts
+        (
+            replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))),
+            shapes_of_part,
+        )
+        for m, shapes_of_part in parts
     ]
 
 
@@ -342,12 +347,12 @@ def tensors_at_nodes(
         parts = _whole(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
     node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
-    for member, own in parts:
+    for member, shapes_of_part in parts:
         found: list[tuple[IntArray, IntArray, Array]] = []
         shares = None if shapes is None else shares_of(structure, quantity, member)
         for place, numbers in _requests(member.part, places, ply):
             there = place.within(member.at.rotation)
-            asked = own, quantity, there, numbers, shares
+            asked = shapes_of_part, quantity, there, numbers, shares
             nodes, kind, columns = tensors_of_part(member.part, *asked)
             found.append((nodes, kind + len(origins), columns))
             origins += [
@@ -383,17 +388,17 @@ def _requests(
     part: MeshedStructure, places: list[Place], ply: Place | None
 ) -> list[tuple[Place, list[int]]]:
     """Places at which tensors are evaluated, each with the material numbers there."""
-    every = list(range(len(part.parts)))
+    numbers = list(range(len(part.parts)))
     if ply is not None:
         stacks = [len(layers_of(material)) for material, _ in part.parts]
-        own = [n for n in every if stacks[n] > (ply.layer or 0)]
-        return [(ply, own)] if own else []
+        with_layer = [n for n in numbers if stacks[n] > (ply.layer or 0)]
+        return [(ply, with_layer)] if with_layer else []
     if part.kind.name == "beam" and places[0].fibre is None:
         on_edge = on_outlines([beam.section for beam, _ in part.parts], places[0])
         if not on_edge:
             raise InputError(f"{NO_OUTLINE}.")
-        return [(place, every) for place in on_edge]
-    return [(place, every) for place in (places if part.kind.sheet else places[:1])]
+        return [(place, numbers) for place in on_edge]
+    return [(place, numbers) for place in (places if part.kind.sheet else places[:1])]
 
 
 def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
@@ -403,13 +408,15 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
     ]
     if not parts:
         raise InputError("a mesh of lines has no surface: write_series writes its motion.")
-    points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
+    points, cells, values = _side_by_side(
+        [_gathered(member, shapes_of_part) for member, shapes_of_part in parts]
+    )
     faces = [outer_corners(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
     if len({f.shape[1] for f in faces}) > 1:  # of several parts: quadrilaterals as triangles
         faces = [
             np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
         ]
-    return points, np.vstack(faces), found
+    return points, np.vstack(faces), values
 
 
 def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
@@ -461,8 +468,8 @@ def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
     R = member.at.rotation
     if (np.eye(3) != R).any():
         shapes = np.einsum("cd,ndk->nck", R, shapes)
-    own = compat.cell_map(mesh.dolfinx).size_local
-    cells = compat.geometry_nodes(mesh.dolfinx)[:own]
+    cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
+    cells = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
     points = member.at.placed(mesh.dolfinx.geometry.x)
     pieces = mesh.comm.gather((points, cells, shapes), root=0)
     if pieces is None:
@@ -509,16 +516,16 @@ def interior_angle(part: MeshedStructure, x: Array) -> float:
     cells = mesh.geometry.nodes[:owned, : len(mesh.geometry.corners)]
     distance = np.linalg.norm(cells - x, axis=-1)
     nearest = np.unravel_index(distance.argmin(), distance.shape) if owned else None
-    own = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
-    vertex = min(chain(*mesh.comm.allgather(own)), key=lambda pair: pair[0])[1]
+    nearest_cell = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
+    vertex = min(chain(*mesh.comm.allgather(nearest_cell)), key=lambda pair: pair[0])[1]
     tolerance = SAME * mesh.extent()
     found: list[tuple[Array, float]] = []
     for cell, at in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
         found += _angles(mesh.cell, cells[cell], int(at))
-    every: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(found)))
-    keys = np.round(np.array([end for end, _ in every]) / tolerance)
+    angles_of_all: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(found)))
+    keys = np.round(np.array([end for end, _ in angles_of_all]) / tolerance)
     _, edge = np.unique(keys, axis=0, return_inverse=True)
-    angles = np.bincount(edge.ravel(), [angle for _, angle in every])
+    angles = np.bincount(edge.ravel(), [angle for _, angle in angles_of_all])
     return float(np.degrees(angles[angles < 2 * np.pi - WITHIN].max(initial=0.0)))
 
 
@@ -530,11 +537,11 @@ def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
     along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
     if len(ends) == 2:
         return [(x[corner], _between(*along))]
-    found = []
+    angles = []
     for k, end in enumerate(ends):
         across = [a - (a @ along[k]) * along[k] for i, a in enumerate(along) if i != k]
-        found.append((end, _between(*across)))
-    return found
+        angles.append((end, _between(*across)))
+    return angles
 
 
 def _between(a: Array, b: Array) -> float:
@@ -552,14 +559,14 @@ def stress_jumps(
         return None
     parts = with_parts(structure).fields(shapes, part)
     found, start = [], 0
-    for member, own in parts:
+    for member, shapes_of_part in parts:
         comm = member.part.mesh.comm
         sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
         first = start + sum(sizes[: comm.rank])
         here = np.zeros(sizes[comm.rank])
         if member.part.kind.name == "solid":
             shares = shares_of(structure, "stress", member)
-            here = jumps(member.part, own, factors[first : first + len(here)], shares)
+            here = jumps(member.part, shapes_of_part, factors[first : first + len(here)], shares)
         found += comm.gather(here, root=0) or []
         start += sum(sizes)
     return np.concatenate(found) if found else np.zeros(0)
@@ -577,12 +584,14 @@ def corner_at(
     """(interior angle [degree] of the solid at its node x (3,), whether this node is supported)."""
     parts = with_parts(structure).fields(shapes, part)
     best = (np.inf, 0.0, False)
-    for member, own in parts:
+    for member, shapes_of_part in parts:
         if member.part.kind.name != "solid":
             continue
         mesh, point = member.part.mesh, member.at.own(x[None])[0]
         distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
-        moves = np.abs(displacements_of_rank(member.part, own)[distance.argmin()]).max(initial=0)
+        moves = np.abs(displacements_of_rank(member.part, shapes_of_part)[distance.argmin()]).max(
+            initial=0
+        )
         nearest = min(mesh.comm.allgather((float(distance.min()), bool(moves == 0))))
         if nearest[0] < best[0]:
             best = (nearest[0], interior_angle(member.part, point), nearest[1])

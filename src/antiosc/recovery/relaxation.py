@@ -35,10 +35,10 @@ def branches_of_materials(structure: Structure, count: int) -> list[int]:
     InputError for a model that does not have the branches of the structure.
     """
     terms = _branches(structure)
-    found = [number for number, term in enumerate(terms) if term.owner is not None]
-    if found and len(terms) != count:
+    branches = [number for number, term in enumerate(terms) if term.owner is not None]
+    if branches and len(terms) != count:
         raise InputError(other_damping("the stress"))
-    return found
+    return branches
 
 
 def other_damping(what: str) -> str:
@@ -59,8 +59,8 @@ def shares_of(structure: Structure, quantity: str, member: Member) -> Array | No
         return None
     return np.array(
         [
-            [1.0, *(term.factor * (term.owner == (member.name, own)) for term in terms)]
-            for own in member.part.owners
+            [1.0, *(term.factor * (term.owner == (member.name, owner)) for term in terms)]
+            for owner in member.part.owners
         ]
     )
 
@@ -69,8 +69,8 @@ def with_branches(columns: Array, shares: Array | None, material: IntArray) -> A
     """Columns (P, …, B) at points of these materials (P,), followed by those of the branches."""
     if shares is None:
         return columns
-    own = shares[material].reshape(len(columns), *[1] * (columns.ndim - 2), -1, 1)
-    return np.asarray((columns[..., None, :] * own).reshape(*columns.shape[:-1], -1))
+    share = shares[material].reshape(len(columns), *[1] * (columns.ndim - 2), -1, 1)
+    return np.asarray((columns[..., None, :] * share).reshape(*columns.shape[:-1], -1))
 
 
 def _branches(structure: Structure) -> Sequence[Dissipation]:

@@ -66,12 +66,12 @@ class Frames:
 
     def content(self, fields: Mapping[str, Array]) -> bytes:
         """Content of a `.vtu` file with fields, numbers (n,) or vectors (n, 3), at the points."""
-        own = "".join(
+        lines = "".join(
             _element(escape(name, {'"': "&quot;"}), np.asarray(field, dtype=float), level=0)
             for name, field in fields.items()
         )
         end = "</PointData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
-        return b"".join([self._before, own.encode(), end.encode()])
+        return b"".join([self._before, lines.encode(), end.encode()])
 
 
 def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
@@ -192,10 +192,12 @@ def _listed(target: Path) -> list[str]:
         text = target.read_text(encoding="utf-8") if target.is_file() else ""
     except UnicodeDecodeError:
         return []
-    own = re.compile(f"({re.escape(files.PART)}[^/]+/)?{re.escape(target.stem)}_\\d{{4,}}\\.vtu")
+    pattern = re.compile(
+        f"({re.escape(files.PART)}[^/]+/)?{re.escape(target.stem)}_\\d{{4,}}\\.vtu"
+    )
     quoted = re.findall(r"""file=(?:"([^"]*)"|'([^']*)')""", text)
     names = (unescape(a or b, {"&quot;": '"', "&apos;": "'"}) for a, b in quoted)
-    return [name for name in names if own.fullmatch(name)]
+    return [name for name in names if pattern.fullmatch(name)]
 
 
 #: What a folder of ADIOS2 holds.

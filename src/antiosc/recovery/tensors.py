@@ -60,14 +60,14 @@ class PointsInCells:
         """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
         components = self.part.form.components
         count = self._shapes.shape[1]
-        found = []
+        dofs = []
         for name in names:
             if name in components:
                 numbers = compat.cell_dofs(self._space, components[name], self.cells)
-                found.append(self._shapes[numbers])
+                dofs.append(self._shapes[numbers])
             else:
-                found.append(np.zeros((len(self.cells), self.functions, count)))
-        return np.stack(found, axis=2)
+                dofs.append(np.zeros((len(self.cells), self.functions, count)))
+        return np.stack(dofs, axis=2)
 
     @property
     def functions(self) -> int:
@@ -97,10 +97,10 @@ class PointsInCells:
 def lagrange_1d(nodes: Array, x: Array) -> Array:
     """Values (points, nodes) of Lagrange's polynomials through `nodes` (n,) at x (points,)."""
     table = np.ones((len(x), len(nodes)))
-    for i, own in enumerate(nodes):
+    for i, node in enumerate(nodes):
         for j, other in enumerate(nodes):
             if i != j:
-                table[:, i] *= (x - other) / (own - other)
+                table[:, i] *= (x - other) / (node - other)
     return table
 
 
@@ -118,8 +118,8 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
     number = at.part.part_of_cells()[at.cells]
     for k, (material, _) in enumerate(at.part.parts):
         if getattr(material, "plane", None) == "stress":  # it contracts freely across the plane
-            own = result[number == k]
-            across = -material.nu / (1 - material.nu) * (own[:, 0, 0] + own[:, 1, 1])
+            of_part = result[number == k]
+            across = -material.nu / (1 - material.nu) * (of_part[:, 0, 0] + of_part[:, 1, 1])
             result[number == k, 2, 2] = across
     return _turned(at, result, place)
 
@@ -131,8 +131,8 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     number = at.part.part_of_cells()[at.cells]
     result = np.zeros_like(engineering)
     for k, (material, _) in enumerate(at.part.parts):
-        own = number == k
-        result[own] = np.einsum("ij,pjk->pik", material.voigt, engineering[own])
+        of_part = number == k
+        result[of_part] = np.einsum("ij,pjk->pik", material.voigt, engineering[of_part])
     return _turned(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
 
 
@@ -169,8 +169,8 @@ def _turned(at: PointsInCells, tensors: Array, place: Place) -> Array:
     for k, (material, _) in enumerate(at.part.parts):
         if not isinstance(material, Solid):
             R = np.asarray(material.axes)
-            own = number == k
-            result[own] = np.einsum("ia,pabk,jb->pijk", R, tensors[own], R, optimize=True)
+            of_part = number == k
+            result[of_part] = np.einsum("ia,pabk,jb->pijk", R, tensors[of_part], R, optimize=True)
     return result
 
 
@@ -232,10 +232,10 @@ def section_strains(at: PointsInCells) -> tuple[Array, BeamFrame]:
     """(ε, γy, γz, twist, κy, κz) (P, 6, columns) of the centroid, and the axes."""
     frame = _frame(at)
     nodes = gauss_points(at.part.form.space.element.basix_element.degree)
-    found = 0.0
+    mean = 0.0
     for x, weight in zip(nodes, lagrange_1d(nodes, at.X[:, 0]).T, strict=True):
-        found = found + weight[:, None, None] * _strains(at.moved(np.array([x])), frame)
-    return np.asarray(found), frame
+        mean = mean + weight[:, None, None] * _strains(at.moved(np.array([x])), frame)
+    return np.asarray(mean), frame
 
 
 def beam_section_forces(at: PointsInCells, place: Place) -> Array:
@@ -317,9 +317,9 @@ def _frame(at: PointsInCells) -> BeamFrame:
     number = at.part.part_of_cells()[at.cells]
     height = np.zeros_like(t)
     for k, (beam, _) in enumerate(at.part.parts):
-        own = number == k
-        if own.any():
-            height[own] = heights(beam, t[own], middle[own])
+        of_part = number == k
+        if of_part.any():
+            height[of_part] = heights(beam, t[of_part], middle[of_part])
     y = height - np.einsum("pc,pc->p", height, t)[:, None] * t
     y /= np.linalg.norm(y, axis=1)[:, None]
     return BeamFrame(t, y, np.cross(t, y))
@@ -357,8 +357,8 @@ class SheetAxes:
     def __init__(self, part: MeshedStructure) -> None:
         axis, side = axes_and_sides(part.mesh, part.parts)
         self.axis, self.side = axis.x.array.reshape(-1, 3), side.x.array
-        given = np.array([material.axis is not None for material, _ in part.parts])
-        self.given = given[part.part_of_cells()]
+        oriented = np.array([material.axis is not None for material, _ in part.parts])
+        self.given = oriented[part.part_of_cells()]
 
     def frame(self, at: PointsInCells) -> SheetFrame:
         """The axes at points."""
@@ -373,12 +373,12 @@ class SheetAxes:
 
 def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
     """Strains of the middle surface at points, interpolated as in the element's energy."""
-    own = _raw(at, axes)
+    strains = _raw(at, axes)
     if at.part.mesh.cell == "triangle":
-        return own
+        return strains
     g = gauss_points(2)
     table = [lagrange_1d(g, at.X[:, axis]) for axis in (0, 1)]
-    shear, membrane = np.zeros_like(own.shear), np.zeros_like(own.membrane)
+    shear, membrane = np.zeros_like(strains.shear), np.zeros_like(strains.membrane)
     for i in (0, 1):
         for j in (0, 1):
             weight = (table[0][:, i] * table[1][:, j])[:, None, None]
@@ -386,7 +386,7 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
             shear += weight * there.shear
             membrane += weight * there.membrane
     curved = at.part.mesh.order > 1
-    return Strains(membrane if curved else own.membrane, own.bending, shear)
+    return Strains(membrane if curved else strains.membrane, strains.bending, shear)
 
 
 def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Array:
@@ -395,11 +395,11 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
     result = np.zeros((len(at.cells), 8, strains.membrane.shape[2]))
     number = at.part.part_of_cells()[at.cells]
     for k, (sheet, _) in enumerate(at.part.parts):
-        own, s = number == k, sheet.section
-        stretch, bend = strains.membrane[own], strains.bending[own]
-        result[own, :3] = _times(s.A, stretch) + _times(s.B, bend)
-        result[own, 3:6] = _times(s.B, stretch) + _times(s.D, bend)
-        result[own, 6:] = _times(s.S, strains.shear[own])
+        of_part, s = number == k, sheet.section
+        stretch, bend = strains.membrane[of_part], strains.bending[of_part]
+        result[of_part, :3] = _times(s.A, stretch) + _times(s.B, bend)
+        result[of_part, 3:6] = _times(s.B, stretch) + _times(s.D, bend)
+        result[of_part, 6:] = _times(s.S, strains.shear[of_part])
     return result
 
 
@@ -425,32 +425,32 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
     angle = np.zeros(len(at.cells))
     for k, (sheet, _) in enumerate(at.part.parts):
         for up in (1.0, -1.0):
-            own = (number == k) & (_toward(place, frame) == up)
-            if not own.any():
+            of_part = (number == k) & (_toward(place, frame) == up)
+            if not of_part.any():
                 continue
             which, z = _height(sheet, place, up)
             layer = _layers(sheet)[which]
-            angle[own] = np.deg2rad(layer.angle)
-            plane = strains.membrane[own] + (z + sheet.offset) * strains.bending[own]
+            angle[of_part] = np.deg2rad(layer.angle)
+            plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
             # stresses of the shear forces in equilibrium, and the strains that they cause
             f = shear_stresses(_layers(sheet), which, z)
-            across = _times(f @ sheet.section.S, strains.shear[own])
+            across = _times(f @ sheet.section.S, strains.shear[of_part])
             if of_stress:
                 plane = _times(layer.plane_stress(), plane)
                 half = 1.0
-                result[own, 2, 2] = 0.0
+                result[of_part, 2, 2] = 0.0
             else:
                 thin = _times(layer.contraction(), plane)
                 across = _times(np.linalg.inv(layer.transverse_shear()), across)
                 half = 0.5
-                result[own, 2, 2] = thin[:, 0]
-            result[own, 0, 0], result[own, 1, 1] = plane[:, 0], plane[:, 1]
+                result[of_part, 2, 2] = thin[:, 0]
+            result[of_part, 0, 0], result[of_part, 1, 1] = plane[:, 0], plane[:, 1]
             for (i, j), value in (
                 ((0, 1), plane[:, 2]),
                 ((0, 2), across[:, 0]),
                 ((1, 2), across[:, 1]),
             ):
-                result[own, i, j] = result[own, j, i] = half * value
+                result[of_part, i, j] = result[of_part, j, i] = half * value
     if not place.local:
         return in_frame(result, frame)
     c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)

@@ -156,10 +156,10 @@ def _free_modes(
     """The lowest elastic modes: `count`, or as many as exceed the band, `least` to `most`."""
     wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
-    found = ModeSolver(structure).lowest(wanted, reach, most)
-    kept = int(min(max(wanted, int(np.sum(found.omega < reach)) + 1), most))
-    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
-    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
+    modes = ModeSolver(structure).lowest(wanted, reach, most)
+    kept = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
+    log.info("%d free modes up to %.4g rad/s", len(modes.omega[:kept]), modes.omega[:kept][-1])
+    return Modes(modes.omega[:kept], modes.phi[:, :kept], modes.complete)
 
 
 #: Sites whose static deflections are solved for together.
@@ -200,7 +200,7 @@ def largest_stresses(
     with doing("stresses of the free modes", structure.comm.rank):
         modes = _recovered(structure, seen.phi, places)
     slow = seen.b / (seen.omega**2 + structure.shift)
-    found: list[tuple[float, Array, float]] = []
+    largest: list[tuple[float, Array, float]] = []
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
         for first in range(0, len(forces), AT_ONCE):
             own = slice(first, first + AT_ONCE)
@@ -210,9 +210,9 @@ def largest_stresses(
             def work(own: slice = own, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
                 return _of_sites(modes, rest, seen, forces, own, duration)
 
-            found += on_root(structure.comm, work)
-            ready(len(found))
-    values, points, exposure = (np.array(each) for each in zip(*found, strict=True))
+            largest += on_root(structure.comm, work)
+            ready(len(largest))
+    values, points, exposure = (np.array(each) for each in zip(*largest, strict=True))
     return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
 
 
@@ -225,11 +225,11 @@ def sides(structure: Structure) -> list[Place]:
 
 def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
     """Stresses of shapes (rows of this rank, columns) on rank 0."""
-    found: NodeTensors
-    points, _, found = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
-    yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
+    tensors: NodeTensors
+    points, _, tensors = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
+    yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
     return _Sought(
-        found.columns.astype(np.float32), points[found.nodes], np.array(yields)[found.origin]
+        tensors.columns.astype(np.float32), points[tensors.nodes], np.array(yields)[tensors.origin]
     )
 
 
@@ -249,7 +249,7 @@ def _of_sites(
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
     columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
     sought = [np.ones(len(modes.strength)), 1 / modes.strength]
-    found = []
+    results = []
     for i in range(len(some)):
         columns[:, :, -1] = rest.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
@@ -263,18 +263,18 @@ def _of_sites(
         known = bool(np.isfinite(shares).any())
         worst = int(np.nanargmax(shares) if known else largest.argmax())
         share = float(shares[worst]) if known else np.nan
-        found.append((float(largest.max()), modes.points[worst], share))
-    return found
+        results.append((float(largest.max()), modes.points[worst], share))
+    return results
 
 
 def _largest(columns: Array, x: Array) -> Array:
     """Largest von Mises stress (S,) of tensors (S, 6, B) with factors (n, B)."""
-    found = np.zeros(len(columns))
+    largest = np.zeros(len(columns))
     for first in range(0, len(columns), BLOCK):
         block = columns[first : first + BLOCK]
         stress = (block.reshape(-1, block.shape[2]) @ x.T).reshape(len(block), 6, len(x))
-        found[first : first + BLOCK] = equivalent(np.moveaxis(stress, 1, -1)).max(axis=1)
-    return found
+        largest[first : first + BLOCK] = equivalent(np.moveaxis(stress, 1, -1)).max(axis=1)
+    return largest
 
 
 #: The band where neither it nor a blow is given, over the last free mode.
@@ -361,8 +361,8 @@ def impact_map(
         radius = positive("radius", radius, "m")
     if band is not None:
         band = checks.band(band)
-    given = contact is not None and not is_auto(contact)
-    if (impactor is None) != (duration is None) or (impactor is None and given):
+    with_law = contact is not None and not is_auto(contact)
+    if (impactor is None) != (duration is None) or (impactor is None and with_law):
         raise InputError(
             "impacts need both impactor and duration; an extraction needs none of them."
         )
@@ -437,14 +437,14 @@ def impact_map(
     if impactor is None or law is None or duration is None:
         return result
     laws = None
-    if not given:
+    if not with_law:
         laws, sharp = _laws(structure, result, impactor, law)
         result = replace(result, doubtful=result.doubtful | sharp)
     seen_if = seen if stress else None
     struck = _struck(structure, seen_if, result, impactor, law, laws, duration)
     if stretch is not False:
         struck = _stretched(structure, seen, struck, stretch)
-    if not given:
+    if not with_law:
         struck = replace(struck, law_error=_law_error(structure, struck))
     thickness = structure.plausibility.get("thickness")
     on_root(structure.comm, partial(_tell_deflection, struck, thickness, stretch))
@@ -467,14 +467,14 @@ def _laws(
     lengths = striker is None or 0.0 in striker.curvatures
     with counting("laws of the sites", len(found), structure.comm.rank) as ready:
         for i, (point, direction, radius) in enumerate(sites):
-            own = _surface(structure, point, direction, radius, lengths)
-            body = PlaneOf(structure, own)
+            of_site = _surface(structure, point, direction, radius, lengths)
+            body = PlaneOf(structure, of_site)
             try:
                 laws.append(law_of(AUTO, body, impactor))
             except InputError:  # a hollow of the impactor's size
                 laws.append(plane)
                 sharp[i] = True
-            sharp[i] |= own is not None and own.kind in SHARP
+            sharp[i] |= of_site is not None and of_site.kind in SHARP
             ready(i + 1)
     return laws, sharp
 
@@ -495,9 +495,9 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
     assert struck.contact_time is not None
     i = hardest(struck)
     radius = np.nan if struck.radius is None else float(struck.radius[i])
-    own = _surface(structure, struck.points[i], struck.directions[i], radius, True)
+    of_site = _surface(structure, struck.points[i], struck.directions[i], radius, True)
     try:
-        choice = chosen(PlaneOf(structure, own), struck.impactor)
+        choice = chosen(PlaneOf(structure, of_site), struck.impactor)
     except InputError:
         return None
     peak, contact_time = float(struck.peak_force[i]), float(struck.contact_time[i])
@@ -555,8 +555,8 @@ def _refined(
     loads = sites.loads[:, worst].toarray()
     statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
     counts = [elastic_count(static, n) for static in statics]
-    found = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
-    for i, static, count, (modes, remainder) in zip(worst, statics, counts, found, strict=True):
+    refined = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
+    for i, static, count, (modes, remainder) in zip(worst, statics, counts, refined, strict=True):
         known = lumped(structure, static, modes)
         elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
         kept = at_one_site(static, elastic, n)
@@ -579,10 +579,10 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
             "them along the direction of impact, or there is no surface under their patch.",
             AccuracyWarning,
         )
-    left = int(np.sum(result.error > accuracy))
-    if left:
+    inaccurate = int(np.sum(result.error > accuracy))
+    if inaccurate:
         warn(
-            f"Z may be off by more than {percent(accuracy)} at {left} of {len(result)} sites up to "
+            f"Z may be off by more than {percent(accuracy)} at {inaccurate} of {len(result)} sites up to "
             f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): raise n or"
             " modes, lower the band, or extract those sites (see .error).",
             AccuracyWarning,
@@ -633,8 +633,8 @@ def _struck(
     try:
         if len(mine):
             models = [result.model(i) for i in mine]
-            own = contact if laws is None else [laws[i] for i in mine]
-            batch = simulate_many(models, impactor, own, duration)
+            laws_here = contact if laws is None else [laws[i] for i in mine]
+            batch = simulate_many(models, impactor, laws_here, duration)
             part = batch, peak_deflections(models, batch.force, duration)
     except Exception as caught:
         error = caught
@@ -652,14 +652,14 @@ def _struck(
     peaks = gathered("peak_force")
     struck = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": struck - started}
-    found = {}
+    stresses = {}
     if stressed is not None:
         forces = [force for batch, _ in parts for force in batch.force]
-        found = largest_stresses(structure, stressed, forces, duration)._asdict()
+        stresses = largest_stresses(structure, stressed, forces, duration)._asdict()
         seconds["stresses"] = time.perf_counter() - struck
     return replace(
         result,
-        **found,
+        **stresses,
         info=MapInfo(**{**result.info, "seconds": seconds}),
         impactor=impactor,
         contact=contact,
@@ -683,8 +683,8 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     if flat and part.thickness and count == "auto":
         least = SLIGHT_DEFLECTION * part.thickness
     assert struck.peak_deflection is not None
-    own = np.flatnonzero(struck.peak_deflection > least)
-    if not own.size:
+    deep = np.flatnonzero(struck.peak_deflection > least)
+    if not deep.size:
         return struck
     if not seen.omega.all():
         raise InputError("stretch= of a map takes a part that is held: give supports.")
@@ -692,24 +692,24 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     def forces_of(b: Array) -> Stretch:
         return stretch_of_map(structure, seen.omega, seen.phi, b, count)
 
-    shared = forces_of(seen.b[own]) if flat else None
-    found = {name: getattr(struck, name).copy() for name in STRETCHED}
-    of_sites = seen.omega, seen.b[own], seen.compliance[own], seen.inertia[own]
+    shared = forces_of(seen.b[deep]) if flat else None
+    arrays = {name: getattr(struck, name).copy() for name in STRETCHED}
+    of_sites = seen.omega, seen.b[deep], seen.compliance[deep], seen.inertia[deep]
     stretched = np.zeros(len(struck), dtype=bool)
-    bodies, told = free_modes.bodies(*of_sites, structure.shift), list[str]()
-    with counting("second-order impacts", len(own)) as ready, warnings_to(told.append):
-        for done, (i, body) in enumerate(zip(own, bodies, strict=True)):
+    bodies, notes = free_modes.bodies(*of_sites, structure.shift), list[str]()
+    with counting("second-order impacts", len(deep)) as ready, warnings_to(notes.append):
+        for done, (i, body) in enumerate(zip(deep, bodies, strict=True)):
             forces = forces_of(seen.b[i : i + 1]) if shared is None else shared
             hit = _hit(struck, i, body, forces)
             stretched[i] = bool(hit.assembly.stretched)
             for name, value in zip(STRETCHED, _numbers(hit), strict=True):
-                found[name][i] = value
+                arrays[name][i] = value
             ready(done + 1)
-    if told:
-        warn(f"{len(told)} of {len(struck)} sites: {told[0]}", AccuracyWarning)
+    if notes:
+        warn(f"{len(notes)} of {len(struck)} sites: {notes[0]}", AccuracyWarning)
     seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - started}
     return replace(
-        struck, **found, stretched=stretched, info=MapInfo(**{**struck.info, "seconds": seconds})
+        struck, **arrays, stretched=stretched, info=MapInfo(**{**struck.info, "seconds": seconds})
     )
 
 
@@ -731,11 +731,11 @@ def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History
     free = len(forces.modes)
     moved = candidates(body.omega[:free], body.b[:free, None], MOST)
     turn = np.linalg.qr(forces.modes.T @ moved)[0]
-    own = replace(forces.turned(turn), count=forces.count)
-    above = np.zeros((body.omega.size - free, own.size))
-    own = replace(own, modes=np.vstack([own.modes, above]))
+    turned = replace(forces.turned(turn), count=forces.count)
+    above = np.zeros((body.omega.size - free, turned.size))
+    turned = replace(turned, modes=np.vstack([turned.modes, above]))
     radius = None if struck.radius is None else float(struck.radius[i])
-    model = ModalModel(body, float(struck.local_compliance[i]), radius, own)
+    model = ModalModel(body, float(struck.local_compliance[i]), radius, turned)
     law = struck.contact if struck.laws is None else struck.laws[i]
     assert law is not None
     blow = Impact(model, struck.impactor, law, struck.duration)

@@ -127,8 +127,8 @@ class ImpactMap(Completed):
         gram = edges @ edges.transpose(0, 2, 1)
         corners_of = self.elements.shape[1]
         size = np.sqrt(np.linalg.det(gram)) / (corners_of - 1)  # of a simplex, /(d!), d = 1 or 2
-        own = np.repeat(size / corners_of, corners_of)
-        return np.asarray(np.bincount(self.elements.ravel(), own, len(self)), dtype=float)
+        shares = np.repeat(size / corners_of, corners_of)
+        return np.asarray(np.bincount(self.elements.ravel(), shares, len(self)), dtype=float)
 
     def quantities(self) -> dict[str, Array]:
         """Every scalar of the map by name, as written to files: (P,) each."""

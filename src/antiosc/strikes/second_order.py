@@ -24,14 +24,14 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
 
     Warnings are those of the run that is returned.
     """
-    with _held() as told:
+    with _held() as warnings:
         linear = run(model)
     if model.stretch is None and may_stretch(linear):
         with _held() as other:
-            found = _stretched(structure, model, run)
-        if found is not None and found.assembly.stretched:
-            linear, told = found, other
-    for sentence in told:
+            stretched = _stretched(structure, model, run)
+        if stretched is not None and stretched.assembly.stretched:
+            linear, warnings = stretched, other
+    for sentence in warnings:
         warn(sentence, AccuracyWarning)
     return linear
 
@@ -57,11 +57,11 @@ def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H |
 @contextmanager
 def _held() -> Iterator[list[str]]:
     """Context that delays warnings; after an error they are given, since they may explain it."""
-    told: list[str] = []
+    warnings: list[str] = []
     try:
-        with warnings_to(told.append):
-            yield told
+        with warnings_to(warnings.append):
+            yield warnings
     except AntioscError:
-        for sentence in told:
+        for sentence in warnings:
             warn(sentence, AccuracyWarning)
         raise

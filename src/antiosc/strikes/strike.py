@@ -326,10 +326,10 @@ def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> 
         model = extract(structure, site, n=n, error="estimate")
         hit = second_order.simulated(structure, model, partial(run, error=accuracy))
         budget = hit.error_budget
-        left = max(bar.truncation for bar in budget.values())
-        if left <= _truncation_goal(budget, tol) or n >= most or model.n < n:
+        truncation = max(bar.truncation for bar in budget.values())
+        if truncation <= _truncation_goal(budget, tol) or n >= most or model.n < n:
             break
-        n = int(np.clip(_enough(model, run, left, tol), n + n // 2, min(3 * n, most)))
+        n = int(np.clip(_enough(model, run, truncation, tol), n + n // 2, min(3 * n, most)))
     return corrected(structure, hit, run, accuracy, n, started)
 
 
@@ -394,9 +394,11 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     the model then also shows where this mesh should be finer.
     """
     share = TRUNCATION_SHARE * tol
-    left = 1 - 1 / budget.safety
-    meets = all(left * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values())
-    return share if meets else max(share, left * max(bar.mesh for bar in budget.values()))
+    remaining = 1 - 1 / budget.safety
+    meets = all(
+        remaining * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()
+    )
+    return share if meets else max(share, remaining * max(bar.mesh for bar in budget.values()))
 
 
 def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
@@ -522,8 +524,8 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     for name, bar in budget.items():
         truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
         whole = AIM * (tol - bar.time - bar.patch) - truncation
-        left = whole - AIM * bar.stretch
-        room[name] = whole if bar.stretch and left < LEAST_ROOM * tol else left
+        remaining = whole - AIM * bar.stretch
+        room[name] = whole if bar.stretch and remaining < LEAST_ROOM * tol else remaining
     return room
 
 

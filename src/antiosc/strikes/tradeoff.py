@@ -125,20 +125,20 @@ class Tradeoff(Result):
             raise InputError("best takes one of tol and seconds.")
         if tol is not None:
             tol = checks.tolerance(tol)
-            found = [one for one in self.table if one.bar <= tol]
-            if not found:
+            members = [one for one in self.table if one.bar <= tol]
+            if not members:
                 least = min(one.bar for one in self.table)
                 raise InputError(
                     f"no member has a bar of at most {100 * tol:.3g} %, the least is "
                     f"{100 * least:.3g} %: give tradeoff a smaller tol."
                 )
-            return min(found, key=lambda one: one.seconds)
+            return min(members, key=lambda one: one.seconds)
         limit = checks.positive("seconds", seconds, "s")
-        found = [one for one in self.table if one.seconds <= limit]
-        if not found:
+        members = [one for one in self.table if one.seconds <= limit]
+        if not members:
             least = min(one.seconds for one in self.table)
             raise InputError(f"no member takes at most {limit:.3g} s, the fastest {least:.3g} s.")
-        return min(found, key=lambda one: one.bar)
+        return min(members, key=lambda one: one.bar)
 
     @property
     def front(self) -> tuple[Member, ...]:
@@ -187,8 +187,8 @@ class Tradeoff(Result):
             x = [getattr(one, name) for one in self.table]
             ax.loglog(x, [100 * one.bar for one in self.table], "o", mfc="none", label="bar")
             apart = [one for one in self.table if one.difference]
-            own = [getattr(one, name) for one in apart]
-            ax.loglog(own, [100 * one.difference for one in apart], ".", label="to the finest")
+            values = [getattr(one, name) for one in apart]
+            ax.loglog(values, [100 * one.difference for one in apart], ".", label="to the finest")
             ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
             if self.status == 0:
                 best = self.best(tol=self.tol)

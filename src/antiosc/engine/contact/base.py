@@ -287,8 +287,8 @@ class Compiled(Checked, ContactLaw):
         # a subclass of the caller may have more fields
         law = next(each for each in type(self).__mro__ if "kind" in vars(each))
         names = [one.name for one in fields(law) if one.name != "compliance"]
-        own = self._parameters or [getattr(self, name) for name in names]
-        return [*own, self.compliance]
+        values = self._parameters or [getattr(self, name) for name in names]
+        return [*values, self.compliance]
 
     @cached_property
     def valid_force(self) -> float:

@@ -99,16 +99,16 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
     if wanted <= 1e-12:
         return _integrals(1.0)
     y = (SLENDER[0] + SLENDER[1] * wanted) * wanted
-    found = 1.0, 1.0, 1.0
+    integrals = 1.0, 1.0, 1.0
     for _ in range(50):
-        found = m1, D, K = _integrals(exp(y))
+        integrals = m1, D, K = _integrals(exp(y))
         rises = (K - D) / m1  # twice dK/dm, m = 1 - m1; 2 m dD/dm = rises - D
         slope = 1.5 - K * (rises - D) / (1 - m1) / (2 * D * rises)
         step = (log(rises / D) - wanted) / slope
         if abs(step) <= SETTLED:
             break
         y += step
-    return found
+    return integrals
 
 
 def _integrals(m1: float) -> tuple[float, float, float]:
@@ -198,9 +198,9 @@ def contact_stress(
     InputError
         An impactor without a radius and constants; a hollow that fits the impactor.
     """
-    own = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
+    tip = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
     own_E, own_nu = getattr(impactor, "E", None), getattr(impactor, "nu", None)
-    if isinstance(impactor, type) or own is None or own_E is None or own_nu is None:
+    if isinstance(impactor, type) or tip is None or own_E is None or own_nu is None:
         raise InputError(
             "contact_stress needs a Sphere, or RigidMass(mass, tip_radius=…, E=…, nu=…); got "
             f"{checks.shown(impactor)}."
@@ -208,7 +208,7 @@ def contact_stress(
     force = checks.positive("force", force, "N")
     modulus = effective_modulus(own_E, own_nu, E, nu)
     nu = checks.poisson(nu)
-    curvature = 1 / checks.positive("the radius of the impactor", own, "m")
+    curvature = 1 / checks.positive("the radius of the impactor", tip, "m")
     if not checks.is_infinite(radius):
         radius = checks.number("radius", radius, "m")
         if radius == 0:
@@ -216,7 +216,7 @@ def contact_stress(
         curvature += 1 / radius
     if curvature <= 0:
         raise InputError(
-            f"the hollow of radius {radius:g} m does not let the impactor of radius {own:g} m "
+            f"the hollow of radius {radius:g} m does not let the impactor of radius {tip:g} m "
             "touch at a point."
         )
     a = (0.75 * force / (curvature * modulus)) ** (1 / 3)

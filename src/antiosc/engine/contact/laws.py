@@ -625,8 +625,8 @@ class Tabulated(Hysteretic):
         return law
 
     def _changed_fields(self) -> list[tuple[str, str]]:
-        told = [("points", str(self._points)), ("up to", self._reach)]
-        return told if self.elastic else [*told, ("unloading", "given")]
+        facts = [("points", str(self._points)), ("up to", self._reach)]
+        return facts if self.elastic else [*facts, ("unloading", "given")]
 
     def __repr__(self) -> str:
         return f"Tabulated({', '.join(' '.join(fact) for fact in self._changed_fields())})"

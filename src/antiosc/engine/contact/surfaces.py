@@ -95,9 +95,11 @@ class Surface:
 
     def as_dict(self) -> dict[str, Any]:
         """The surface as JSON values."""
-        matter, own = asdict(self.matter), asdict(self)
-        own["matter"] = {key: value for key, value in matter.items() if value is not None}
-        return {key: value for key, value in own.items() if value is not None}
+        matter, fields_of_surface = asdict(self.matter), asdict(self)
+        fields_of_surface["matter"] = {
+            key: value for key, value in matter.items() if value is not None
+        }
+        return {key: value for key, value in fields_of_surface.items() if value is not None}
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Surface:
@@ -131,25 +133,25 @@ def matter_of(
     if material is None:
         if E is None:
             return None
-        found = Matter(E, 0.3 if nu is None else nu)
+        matter = Matter(E, 0.3 if nu is None else nu)
     elif isinstance(material, Matter):
-        found = material
+        matter = material
     elif isinstance(material, str):
-        found = _named(material)
+        matter = _named(material)
     else:
-        found = _of_object(material)
-    given = {"E": E, "nu": nu}
+        matter = _of_object(material)
+    constants = {"E": E, "nu": nu}
     changed: dict[str, Any] = {
         key: value
-        for key, value in given.items()
-        if value is not None and value != getattr(found, key)
+        for key, value in constants.items()
+        if value is not None and value != getattr(matter, key)
     }
     if yield_strength is not None:
         strength = checks.positive("yield_strength", yield_strength, "Pa")
-        if strength != found.yield_strength:
+        if strength != matter.yield_strength:
             changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
-            changed["rate"] = found.rate and found.rate[:2]
-    return replace(found, **changed) if changed else found
+            changed["rate"] = matter.rate and matter.rate[:2]
+    return replace(matter, **changed) if changed else matter
 
 
 def density_of(material: object) -> float:
