@@ -420,7 +420,9 @@ def _nodes_of(mesh: Mesh, group: str | None) -> IntArray:
 def _plane(
     x: Array, low: Array, high: Array, size: float
 ) -> tuple[BoolArray, list[list[float]] | None]:
-    """Nodes on a side of the box, the lowest that has enough of them; none: the part is free."""
+    """Mask of the nodes on one side of the box, and a plane through it; none, None for a free
+    part.
+    """
     sides = [(2, low), (0, low), (1, low), (0, high), (1, high)]
     for axis, corner in sides:
         on = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
@@ -636,7 +638,7 @@ def _band(radius: float) -> float:
 
 
 def _picture(path: Path, about: str, draw_it: Callable[[Path], object]) -> list[str]:
-    """A sentence on a picture, drawn where there is none."""
+    """The sentence that names a picture, which is drawn unless it exists."""
     if path.exists():
         return []
     try:

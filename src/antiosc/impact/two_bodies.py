@@ -289,11 +289,11 @@ def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[n
 
 
 class ImpactRows:
-    """Impacts of one group: the two bodies of the first, and what the march takes.
+    """Impacts of one group, which differ in their rigid impactors alone, as rows for the C library.
 
     Attributes
     ----------
-    pair : the bodies of the first impact; those of the others differ in a rigid impactor alone.
+    pair : the bodies of the first impact.
     laws : without the half-space compliance of the patches.
     given : (S,) `aom_impact`.
     """

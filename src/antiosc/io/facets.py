@@ -398,7 +398,7 @@ def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntAr
 def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
     """The surfaces of each body: the outer surface, then its cavities.
 
-    `alone`: one of them is wanted, and others may pierce it.
+    `alone`: only one body is to be filled, so that bodies may intersect.
     """
     count = int(skin.piece.max()) + 1
     if count > MOST_BODIES:

@@ -116,7 +116,7 @@ class Evaluation:
         self._made: dict[Call, object] = {}
 
     def know(self, call: Call, made: object) -> None:
-        """Take an object as that of a call."""
+        """Store the object that a call has made."""
         self._made[call] = made
 
     def __call__(self, value: Any) -> Any:

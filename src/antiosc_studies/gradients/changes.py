@@ -410,9 +410,9 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
 
 
 def bar(values: Sequence[Any]) -> Any:
-    """The error bar of a derivative from the run and `compared_runs`, name by name.
+    """Error bar of a derivative, from the run and from `compared_runs`, name by name.
 
-    None where it is not known, as of m and omega, of which another model has others.
+    None where it is not known: m and omega of models of other sizes are not compared.
     """
     if isinstance(values[0], dict):
         return {n: bar([(each or {}).get(n) for each in values]) for n in values[0]}
@@ -450,9 +450,9 @@ def by_coupled(
 ) -> Values:
     """Derivatives by the parameters of a model of one site with constant damping matrix.
 
-    `damping`: by a factor of the whole damping. None: by m0 = 0 and k0 = 0, the ends of a range,
-    and where two poles nearly fall together.
-    `change` of the goal from one model to another; `closing` as in `by_body`.
+    That by `damping` is by a factor of the whole damping. None by m0 = 0 and k0 = 0, which cannot
+    decrease, and where two poles are nearly equal. `change`: that of the goal from one model to
+    another; `closing` as in `by_body`.
     """
     model = found.bodies[name].body
     if not isinstance(model, AntiOscillators) or model.sites or found.driven:

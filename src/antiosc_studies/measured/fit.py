@@ -165,7 +165,7 @@ def refined(
 ) -> tuple[Modes, Array, float]:
     """The most probable body near `modes`, its normal matrix, and chi^2 over degrees of freedom.
 
-    `shift`: added to all residuals, which are those of another measurement then.
+    `shift` is added to all residuals: that of a measurement with other noise.
     """
     damping, residual = 1e-6, residuals(data, weight, modes) + shift
     top = float(data.w[-1])

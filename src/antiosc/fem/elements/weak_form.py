@@ -352,13 +352,16 @@ def _checked_rate(name: str, value: object) -> tuple[float, ...]:
 class Isotropic(Checked):
     """The constants of an isotropic material, as `Family` requires them.
 
-    `yield_strength` (Pa), optional: with it `peak_field` tells the margin of safety, and the law of
-    a contact follows from it. `yield_range` (Pa, Pa) is what it may be in truth, `rate` (1/s, 1) D
-    and q of Cowper and Symonds, by which it grows with the strain rate; with a third number (Pa) it
-    is that strength that grows so. `brittle`: it cracks or crushes before it yields. `loss` is its
-    loss factor, for damping ratios by modal strain energy; `prony` its stiffness that relaxes,
-    pairs (share of E, time in s): E(t) = E (1 + Σ share exp(-t/time)). `name` and `source`
-    of a material by name.
+    Attributes
+    ----------
+    yield_strength : Pa; `peak_field` needs it for margins of safety, and contacts for their law.
+    yield_range : (Pa, Pa) between which batches of the material lie.
+    rate : (D in 1/s, q) of Cowper and Symonds: the strength grows with the strain rate; a third
+        number (Pa) is the strength to which they apply, if not `yield_strength`.
+    brittle : whether it cracks or crushes before it yields.
+    loss : loss factor, for damping ratios by modal strain energy.
+    prony : pairs (share of E, time in s) of its relaxation, E(t) = E (1 + Σ share exp(-t/time)).
+    name, source : of a material by name.
     """
 
     E: float = field(metadata=checked_by(positive, "Pa"))

@@ -185,7 +185,8 @@ def _connected(count: int, a: IntArray, b: IntArray) -> IntArray:
 
 
 def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray]:
-    """(coordinate axis (cells,) farthest from all normals of a piece, cells without such an axis).
+    """(the coordinate axis (cells,) at the largest angle to all normals of a piece, mask of cells
+    whose piece has none).
 
     Where each axis comes near to a normal of the piece, cells get the one farthest from their own.
     `along` (cells, 3): cosines between the axes and the normals of a cell.
@@ -371,7 +372,7 @@ ALONG = 1e-6
 
 
 class _Side(NamedTuple):
-    """Points of edges as parts of one of their cells."""
+    """The points of edges, each as points of one of the two cells beside its edge."""
 
     #: normals of the sheet (P, 3), and of the edges (P, 3)
     n: Array

@@ -112,7 +112,7 @@ class SiteShapes:
 
     @property
     def slide(self) -> Array:
-        """(p, h) displacements of the sites in `nodal`, which move them weakly."""
+        """Displacements (p, h) of the sites in the modes of `nodal`."""
         return np.asarray(np.linalg.solve(self.W.T, self.weak.T))
 
     @property
