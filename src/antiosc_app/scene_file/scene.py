@@ -332,7 +332,7 @@ def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> 
     def run(structure: Structure, model: AntiOscillators, **given: Any) -> History:
         with finite_element_packages():
             from antiosc.extension import simulated
-        return simulated(structure, model, functools.partial(_struck_by, make, arguments))
+        return simulated(structure, model, functools.partial(_struck_by, make, given))
 
     arguments = {"structure": found.structure, "model": found.model, **impact.arguments}
     return replace(impact, make=run, arguments=arguments)
