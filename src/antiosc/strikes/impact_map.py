@@ -579,10 +579,10 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
             "them along the direction of impact, or there is no surface under their patch.",
             AccuracyWarning,
         )
-    inaccurate = int(np.sum(result.error > accuracy))
-    if inaccurate:
+    poor = int(np.sum(result.error > accuracy))
+    if poor:
         warn(
-            f"Z may be off by more than {percent(accuracy)} at {inaccurate} of {len(result)} sites up to "
+            f"Z may be off by more than {percent(accuracy)} at {poor} of {len(result)} sites up to "
             f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): raise n or"
             " modes, lower the band, or extract those sites (see .error).",
             AccuracyWarning,
