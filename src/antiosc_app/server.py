@@ -16,6 +16,7 @@ import secrets
 import signal
 import socket
 import threading
+import traceback
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -188,6 +189,10 @@ class _Request(BaseHTTPRequestHandler):
             answer = {"answer": call(values)}
         except AntioscError as error:
             answer = {"error": str(error)}
+        except Exception as error:  # or the page would wait for a server that is well
+            traceback.print_exc()
+            name = type(error).__name__
+            answer = {"error": f"antiosc failed ({name}: {error}): undo it; the terminal has more."}
         return "application/json", embedded(answer).encode()
 
     def _values(self) -> dict[str, Any]:

@@ -19,6 +19,8 @@ OK, NO = b"200", b"403"
 def answered(values):
     if "wrong" in values:
         raise InputError("wrong must not be given.")
+    if "broken" in values:
+        raise ZeroDivisionError("by 0")
     return {"got": values}
 
 
@@ -77,6 +79,13 @@ def test_the_page_and_its_calls_are_answered(served):
         assert header in page
     refused = sent(served, request(served, body=b'{"wrong": 1}'))
     assert json.loads(refused.split(b"\r\n\r\n")[1]) == {"error": "wrong must not be given."}
+
+
+def test_a_defect_is_told_on_the_page_and_on_the_terminal(served, capsys):
+    reply = sent(served, request(served, body=b'{"broken": 1}'))
+    assert status(reply) == OK
+    assert "(ZeroDivisionError: by 0)" in json.loads(reply.split(b"\r\n\r\n")[1])["error"]
+    assert "Traceback" in capsys.readouterr().err
 
 
 HOSTILE = {
