@@ -558,8 +558,9 @@ typedef struct aom_supernodes {
     const float *values;  /* of each supernode, column by column */
 } aom_supernodes;
 
-/* x = (LLᵀ)⁻¹x in the order of L; `own` holds as many numbers as a supernode has rows. */
-AOM_API void aom_supernodes_solve(const aom_supernodes *L, float *x, float *own);
+/* x = L⁻¹x and x = L⁻ᵀx in the order of L; `own` holds as many numbers as a supernode has rows. */
+AOM_API void aom_supernodes_forward(const aom_supernodes *L, float *x, float *own);
+AOM_API void aom_supernodes_backward(const aom_supernodes *L, float *x, float *own);
 
 #define AOM_LANES 8       /* cells that are taken at a time */
 #define AOM_TETRA_DATA 12 /* numbers of a cell below */

@@ -25,8 +25,8 @@ INLINE float product(int64_t n, const float *c, const float *own) {
     return total;
 }
 
-/* x = L⁻¹x */
-INLINE void forward(const aom_supernodes *L, float *x, float *own) {
+FOR_PROCESSORS
+void aom_supernodes_forward(const aom_supernodes *L, float *x, float *own) {
     for (int64_t s = 0; s < L->n_supernodes; s++) {
         const int64_t *rows = L->rows + L->row[s];
         int64_t height = L->row[s + 1] - L->row[s], width = L->start[s + 1] - L->start[s];
@@ -45,8 +45,8 @@ INLINE void forward(const aom_supernodes *L, float *x, float *own) {
     }
 }
 
-/* x = L⁻ᵀx */
-INLINE void backward(const aom_supernodes *L, float *x, float *own) {
+FOR_PROCESSORS
+void aom_supernodes_backward(const aom_supernodes *L, float *x, float *own) {
     for (int64_t s = L->n_supernodes - 1; s >= 0; s--) {
         const int64_t *rows = L->rows + L->row[s];
         int64_t height = L->row[s + 1] - L->row[s], width = L->start[s + 1] - L->start[s];
@@ -61,10 +61,4 @@ INLINE void backward(const aom_supernodes *L, float *x, float *own) {
         for (int64_t i = 0; i < width; i++)
             x[rows[i]] = own[i];
     }
-}
-
-FOR_PROCESSORS
-void aom_supernodes_solve(const aom_supernodes *L, float *x, float *own) {
-    forward(L, x, own);
-    backward(L, x, own);
 }

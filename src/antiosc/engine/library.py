@@ -295,13 +295,15 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
     "aom_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "aom_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
-    "aom_supernodes_solve": (None, c_void_p, c_void_p, c_void_p),
+    "aom_supernodes_forward": (None, c_void_p, c_void_p, c_void_p),
+    "aom_supernodes_backward": (None, c_void_p, c_void_p, c_void_p),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
 _LONG = (
     "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
-    "aom_tetra_product_double", "aom_tetra_product_float", "aom_supernodes_solve",
+    "aom_tetra_product_double", "aom_tetra_product_float",
+    "aom_supernodes_forward", "aom_supernodes_backward",
 )  # fmt: skip
 
 

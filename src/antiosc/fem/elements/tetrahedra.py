@@ -55,6 +55,7 @@ class Tetrahedra:
         self._mesh, self._form, self._parts, self._conditions = mesh, form, parts, conditions
         self._space = form.space
         self.comm = mesh.comm
+        self._exchange = compat.Exchange(form.space)
         self._ghosts = form.space.dofmap.index_map.num_ghosts
         count = compat.cell_map(mesh.dolfinx).size_local
         cells = np.arange(count)
@@ -96,13 +97,13 @@ class Tetrahedra:
         return result[:, 0] if x.ndim == 1 else result
 
     def _of_vector(self, x: Array, stiffness: float, mass: float) -> Array:
-        u = np.array(compat.with_ghosts(self._space, x)[:, 0], dtype=x.dtype)
+        u = np.array(self._exchange.with_ghosts(x)[:, 0], dtype=x.dtype)
         u[self._fixed] = 0.0
         out = np.zeros_like(u)
         places = library.address(u), library.address(out)
         cells, product = self._in_double if x.dtype == np.float64 else self._in_single
         product(byref(cells), stiffness, mass, *places)
-        result = compat.ghosts_added(self._space, out[:, None])[:, 0]
+        result = self._exchange.ghosts_added(out[:, None])[:, 0]
         for factor, matrix in zip((stiffness, mass), self.added, strict=True):
             if factor and self.carries:
                 result = result + factor * multiply(matrix, x[:, 0])
@@ -139,7 +140,7 @@ class Tetrahedra:
                 own[:, a, a] += spread
                 for b in range(3):
                     found[:, a, b] += np.bincount(nodes[:, node], own[:, a, b], len(found))
-        result = np.array(compat.ghosts_added(self._space, found.reshape(-1, 3)))
+        result = np.array(self._exchange.ghosts_added(found.reshape(-1, 3)))
         for factor, matrix in zip((k, m), self.added, strict=True):
             _add_blocks(result, factor, matrix)
         own = result.reshape(-1, 3, 3)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
@@ -41,6 +41,8 @@ VERSIONS = (3, 4, 5)
 COMMON = 1 << 16
 #: CHOLMOD's numbers: 64-bit integers, real numbers, the upper triangle, A x = b, supernodal only.
 LONG, REAL, UPPER, SUPERNODAL = 2, 1, 1, 2
+#: Orderings: a given one, and nested dissection by METIS.
+GIVEN, METIS = 1, 3
 #: `Common.status` where there was no memory, and what its other codes below zero mean.
 NO_MEMORY = -2
 FAILURES = {
@@ -336,7 +338,7 @@ class Analysis:
         common.supernodal, common.quick_return_if_not_posdef = SUPERNODAL, 1
         common.print_level = 0
         if permutation is None and (block >= NODE_ROWS or last):
-            inner = self._of_nodes(A[last:, last:] if last else A, block)
+            inner = self._of_nodes(A[last:, last:] if last else A, block, dissected=last > 0)
             permutation = np.concatenate([last + inner, np.arange(last)])
         self.matrix, self._kept = _sparse(A)
         self.memory.factor = self._analysed(self.matrix, permutation)
@@ -354,20 +356,26 @@ class Analysis:
         squares = (width - 1) * width * (2 * width - 1) / 6
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
-    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
+    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int, dissected: bool) -> IntArray:
         """An ordering of A's rows from an ordering of its nodes, whose graph is block² times
         smaller.
+
+        `dissected`: by METIS. Where other rows come last, AMD makes less fill without them and
+        1.7 times as much with them.
         """
         matrix, _kept = _sparse(A[::block, ::block])
-        nodes = self._analysed(matrix, None)
+        nodes = self._analysed(matrix, None, dissected)
         order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
         self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
         return np.asarray(block * order[:, None] + np.arange(block)).ravel()
 
-    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> ctypes._Pointer[Factor]:
-        """Symbolic factor for a permutation, or the best of AMD and METIS."""
+    def _analysed(
+        self, matrix: Sparse, permutation: IntArray | None, dissected: bool = False
+    ) -> ctypes._Pointer[Factor]:
+        """Symbolic factor for a permutation, by METIS, or by the best of AMD and METIS."""
         lib, common = self.memory.lib, self.memory.common
-        common.nmethods = int(permutation is not None)
+        common.nmethods = int(permutation is not None or dissected)
+        common.method[0].ordering = METIS if dissected else GIVEN
         given = None
         if permutation is not None:
             given = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
@@ -493,7 +501,7 @@ class SinglePrecision:
 
     def __init__(self, factor: Cholesky) -> None:
         L = factor.supernodes
-        self._order = factor.permutation.copy()
+        self.permutation = factor.permutation.copy()
         self._lists = [np.array(one, np.int64) for one in (L.start, L.row, L.rows, L.value)]
         self._values = L.values.astype(np.float32)
         places = [*(library.address(one) for one in self._lists), library.address(self._values)]
@@ -502,12 +510,22 @@ class SinglePrecision:
 
     def solve(self, b: Array) -> Array:
         """A⁻¹b of a vector (n,)."""
-        x = b[self._order].astype(np.float32)
-        places = library.address(x), library.address(self._own)
-        library.library.aom_supernodes_solve(ctypes.byref(self._supernodes), *places)
         result = np.empty(len(b))
-        result[self._order] = x
+        result[self.permutation] = self.backward(self.forward(b[self.permutation]))
         return result
+
+    def forward(self, b: Array) -> Array:
+        """L⁻¹b of a vector (n,) or (n, 1), rows in the order of L."""
+        return self._solved(library.library.aom_supernodes_forward, b)
+
+    def backward(self, y: Array) -> Array:
+        """L⁻ᵀy of a vector (n,) or (n, 1), rows in the order of L."""
+        return self._solved(library.library.aom_supernodes_backward, y)
+
+    def _solved(self, half: Callable[..., None], b: Array) -> Array:
+        x = b.astype(np.float32)
+        half(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
+        return x
 
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[NDArray[np.generic], ...]]:

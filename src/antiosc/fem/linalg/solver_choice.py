@@ -36,6 +36,7 @@ two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness fro
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from functools import cache
 
@@ -167,7 +168,7 @@ class Substructures(Factorization):
     """
 
     def __init__(self, A: PETSc.Mat, interface: IntArray) -> None:
-        self._interface = interface
+        self._interface, self._real = interface, np.float64
         super().__init__(A)
 
     def _set_up(self) -> None:
@@ -240,7 +241,7 @@ class Substructures(Factorization):
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows of this rank, k)."""
-        load = np.zeros((len(self._interface), R.shape[1]))
+        load = np.zeros((len(self._interface), R.shape[1]), self._real)
         load[self._at] = R[self._mine]
         if len(self._inner):
             B = np.zeros((len(self._to), R.shape[1]), order="F")
@@ -248,13 +249,23 @@ class Substructures(Factorization):
             Y = self._factor.forward(B)
             load[self._met] += self._L @ Y[self._positions]
         self.comm.Allreduce(MPI.IN_PLACE, load)
-        U = scipy.linalg.cho_solve(self._S, load) if self._S else load
+        U = scipy.linalg.cho_solve(self._S, load, check_finite=False) if self._S else load
         X = np.empty(R.shape, order="F")
         X[self._mine] = U[self._at]
         if len(self._inner):
             Y[self._positions] = self._L.T @ U[self._met]
             X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
         return X
+
+    def in_single_precision(self) -> Callable[[Array], Array]:
+        """Solves of vectors with the factors of the ranks in single precision."""
+        result = copy(self)
+        result._real = np.float32
+        if len(self._inner):
+            result._factor, result._L = SinglePrecision(self._factor), self._L.astype(np.float32)
+        if self._S is not None:
+            result._S = self._S[0].astype(np.float32), self._S[1]
+        return result.solve
 
 
 def _square(L: Array) -> Array:
@@ -354,6 +365,10 @@ class OnOneRank(Factorization):
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         return self.cholesky.solve(R)
+
+    def in_single_precision(self) -> Callable[[Array], Array]:
+        """Solves of vectors with a factor in single precision."""
+        return SinglePrecision(self.cholesky).solve
 
 
 def analysed(A: PETSc.Mat) -> Analysis:
@@ -517,14 +532,15 @@ def preconditioner(A: PETSc.Mat) -> Callable[[Array], Array]:
     enough.
     """
     factor = factorize(A)
-    if not isinstance(factor, OnOneRank):
+    if not isinstance(factor, (OnOneRank, Substructures)):
         return factor.solve
-    single = SinglePrecision(factor.cholesky)
-    b = np.random.default_rng(0).standard_normal(A.getSize()[0])
+    single = factor.in_single_precision()
+    b = np.random.default_rng(factor.comm.rank).standard_normal(A.getLocalSize()[0])
     exact = factor.solve(b)
-    error = single.solve(b) - exact
-    near = error @ multiply(A, error) <= PRECONDITIONER_ERROR**2 * (b @ exact)
-    return single.solve if near else factor.solve
+    error = single(b) - exact
+    lost = factor.comm.allreduce(error @ multiply(A, error))
+    near = lost <= PRECONDITIONER_ERROR**2 * factor.comm.allreduce(b @ exact)
+    return single if near else factor.solve
 
 
 def _slow(A: PETSc.Mat, entries: float, levels: Levels) -> bool:

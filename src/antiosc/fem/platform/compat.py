@@ -630,18 +630,43 @@ def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) ->
     return np.asarray(dofmap.index_map_bs * nodes + component, dtype=np.int32)
 
 
+class Exchange:
+    """Values of a space between the rank that owns a dof and the others where it is a ghost."""
+
+    def __init__(self, space: fem.FunctionSpace) -> None:
+        self._rows = local_size(space)
+        alone = communicator(space.mesh).size == 1
+        self._vector = None if alone else fem.Function(space).x  # 1 ms each to make
+        self._add = (dolfinx.la.InsertMode if DOLFINX >= (0, 7) else dolfinx.la.ScatterMode).add
+
+    def with_ghosts(self, block: Array) -> Array:
+        """Columns given on the dofs that this rank owns, continued to its ghosts."""
+        if self._vector is None:
+            return block
+        values = self._vector.array
+        result = np.empty((len(values), block.shape[1]), order="F")
+        for k in range(block.shape[1]):
+            values[: self._rows] = block[:, k]
+            self._vector.scatter_forward()
+            result[:, k] = values
+        return result
+
+    def ghosts_added(self, block: Array) -> Array:
+        """Columns of contributions (dofs of this rank, ghosts included), summed at their owners."""
+        if self._vector is None:
+            return block
+        values = self._vector.array
+        result = np.empty((self._rows, block.shape[1]), order="F")
+        for k in range(block.shape[1]):
+            values[:] = block[:, k]
+            self._vector.scatter_reverse(self._add)
+            result[:, k] = values[: self._rows]
+        return result
+
+
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns given on the dofs that this rank owns, continued to its ghosts."""
-    rows = len(block)
-    if communicator(space.mesh).size == 1:
-        return block
-    function = fem.Function(space)
-    result = np.zeros((len(function.x.array), block.shape[1]))
-    for k in range(block.shape[1]):
-        function.x.array[:rows] = block[:, k]
-        function.x.scatter_forward()
-        result[:, k] = function.x.array
-    return result
+    return Exchange(space).with_ghosts(block)
 
 
 def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
@@ -654,17 +679,7 @@ def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
 
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns of contributions (dofs of this rank, ghosts included), summed up at their owners."""
-    rows = local_size(space)
-    if communicator(space.mesh).size == 1:
-        return block
-    function = fem.Function(space)
-    mode = (dolfinx.la.InsertMode if DOLFINX >= (0, 7) else dolfinx.la.ScatterMode).add
-    result = np.zeros((rows, block.shape[1]))
-    for k in range(block.shape[1]):
-        function.x.array[:] = block[:, k]
-        function.x.scatter_reverse(mode)
-        result[:, k] = function.x.array[:rows]
-    return result
+    return Exchange(space).ghosts_added(block)
 
 
 # --- Files ----------------------------------------------------------------------------------

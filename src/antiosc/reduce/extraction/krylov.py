@@ -231,14 +231,14 @@ class Lanczos:
         rows, self._locked = static.nodal.shape
         self._most = structure.dofs - static.load.shape[1] - self._locked
         self.steps, self.H, self.applied = 0, np.zeros((0, 0)), -1
-        # V, and F = A V. In front stand the rigid-body modes that do not move the sites, which no
-        # step may pick up again.
+        # V. In front stand the rigid-body modes that do not move the sites, which no step may pick
+        # up again, and A times these.
         self._V = np.empty((rows, self._locked + room), order="F")
-        self._F = np.empty_like(self._V)
+        self._forces = np.empty((rows, self._locked))
         if self._locked:
             scale = np.sqrt(self._shift)  # RᵀAR = s
             self._V[:, : self._locked] = static.nodal / scale
-            self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
+            self._forces = scale * multiply(self._M, static.nodal)
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
         #: lengths of what was dropped of TΦ and of TV, and of what the solver left out
         self._dropped = np.zeros(2)
@@ -262,28 +262,24 @@ class Lanczos:
         length is an upper bound; it is 0 if the space has no more dimensions.
         """
         k = self._locked + self.steps
-        V, F = self._V[:, :k], self._F[:, :k]
+        V = self._V[:, :k]
         w = self._constrained(w)
         before = max(float(dot(self._comm, w, load)), size)
-        w = self._constrained(w - V @ dot(self._comm, F, w))
-        # f = A w is computed anew: with an update f and w would diverge by a constant factor in
-        # each step.
+        # VᵀAw = Vᵀ load but for the solver's error: V does not feel the forces that hold the sites
+        w = self._constrained(w - V @ dot(self._comm, V, load))
         f = multiply(self._A, w)
         h = dot(self._comm, V, f)  # twice is enough (Kahan)
         # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
-        h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
-        w, f = self._constrained(w - V @ h), f - F @ h
+        h[: self._locked] = dot(self._comm, self._forces, w)
+        w = self._constrained(w - V @ h)
         left = float(dot(self._comm, w, f))
         if self.steps == self._most:  # rounding may produce directions outside the space
             return 0.0
         if not left > EXHAUSTED**2 * before:
             return EXHAUSTED * float(np.sqrt(max(before, 0.0)))
         if k == self._V.shape[1]:
-            self._V, self._F = (
-                np.concatenate([x.T, np.empty((BASIS_STEP, len(x)))]).T for x in (self._V, self._F)
-            )
-        length = float(np.sqrt(left))
-        self._V[:, k], self._F[:, k] = w / length, f / length
+            self._V = np.concatenate([self._V.T, np.empty((BASIS_STEP, len(w)))]).T
+        self._V[:, k] = w / np.sqrt(left)
         self.steps += 1
         return 0.0
 
@@ -330,7 +326,7 @@ class Lanczos:
 
     def release(self) -> None:
         """Release the memory of the basis."""
-        self._V = self._F = np.zeros((0, 0))
+        self._V = self._forces = np.zeros((0, 0))
 
     @property
     def exhausted(self) -> bool:
