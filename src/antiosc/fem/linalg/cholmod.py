@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -523,7 +523,7 @@ class SinglePrecision:
         return self._solved(library.library.aom_supernodes_backward, y)
 
     def _solved(self, half: Callable[..., None], b: Array) -> Array:
-        x = b.astype(np.float32)
+        x: NDArray[Any] = b.astype(np.float32)
         half(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
         return x
 

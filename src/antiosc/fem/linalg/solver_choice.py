@@ -39,6 +39,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -168,7 +169,9 @@ class Substructures(Factorization):
     """
 
     def __init__(self, A: PETSc.Mat, interface: IntArray) -> None:
-        self._interface, self._real = interface, np.float64
+        self._interface = interface
+        self._real: type[np.floating[Any]] = np.float64
+        self._halves: Cholesky | SinglePrecision
         super().__init__(A)
 
     def _set_up(self) -> None:
@@ -206,7 +209,7 @@ class Substructures(Factorization):
             if len(self._inner):
                 corner.resize((count, n))
                 local = scipy.sparse.vstack([corner, rows], format="csr")
-                self._factor = Cholesky(local, A.getBlockSize(), last=count)
+                self._halves = self._factor = Cholesky(local, A.getBlockSize(), last=count)
                 del local, rows, own
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
                 order, self._L = self._factor.corner(count)
@@ -246,7 +249,7 @@ class Substructures(Factorization):
         if len(self._inner):
             B = np.zeros((len(self._to), R.shape[1]), order="F")
             B[self._to[-len(self._inner) :]] = R[self._inner]
-            Y = self._factor.forward(B)
+            Y = self._halves.forward(B)
             load[self._met] += self._L @ Y[self._positions]
         self.comm.Allreduce(MPI.IN_PLACE, load)
         U = scipy.linalg.cho_solve(self._S, load, check_finite=False) if self._S else load
@@ -254,7 +257,7 @@ class Substructures(Factorization):
         X[self._mine] = U[self._at]
         if len(self._inner):
             Y[self._positions] = self._L.T @ U[self._met]
-            X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
+            X[self._inner] = self._halves.backward(Y)[self._to[-len(self._inner) :]]
         return X
 
     def in_single_precision(self) -> Callable[[Array], Array]:
@@ -262,7 +265,8 @@ class Substructures(Factorization):
         result = copy(self)
         result._real = np.float32
         if len(self._inner):
-            result._factor, result._L = SinglePrecision(self._factor), self._L.astype(np.float32)
+            result._halves, result._L = SinglePrecision(self._factor), self._L.astype(np.float32)
+            del result._factor  # its memory
         if self._S is not None:
             result._S = self._S[0].astype(np.float32), self._S[1]
         return result.solve
