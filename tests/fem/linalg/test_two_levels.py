@@ -207,7 +207,11 @@ for most in (150_000, 0):
         part = ao.Structure(mesh, ao.Solid(**parts.STEEL), held, solver="iterative")
         model = ao.extract(part, site, n=8)
         Z = model.dynamic_stiffness(np.array([0.1, 0.7, 1.3]) * model.omega[1])
-        found.append(["two levels" in model.info.solver, *np.real(Z)])
+        solver = part.factorize()
+        coarse = solver._cycle.getPythonContext()._coarse
+        steps = solver._ksp.getIterationNumber() if most else 0
+        single = not most or getattr(coarse.__self__, "_real", None) is np.float32
+        found.append(["two levels" in model.info.solver, single, steps, *np.real(Z)])
 print(json.dumps(found))
 """
 
@@ -215,5 +219,7 @@ print(json.dumps(found))
 @pytest.mark.mpi
 def test_over_ranks():
     one, two = (json.loads(run_ranks(n, START + OVER_RANKS, alone=True)[0]) for n in (1, 2))
-    assert all(line[0] for line in two)
-    np.testing.assert_allclose(two, one, rtol=1e-6)
+    assert all(uses and single for uses, single, *_ in two)
+    for a, b in zip(two, one, strict=True):
+        assert abs(a[2] - b[2]) <= 2  # iterations: single precision is enough over ranks too
+    np.testing.assert_allclose([x[3:] for x in two], [x[3:] for x in one], rtol=1e-6)
