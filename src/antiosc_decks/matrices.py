@@ -222,7 +222,7 @@ def _format(source: Source, text: bytes) -> tuple[int, int]:
 def _fields(
     source: Source, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
 ) -> Array:
-    """`wanted` numbers from line `first`; `form`: of a line the numbers, of these the width."""
+    """The `wanted` numbers from line `first` on; `form`: (numbers in a line, width of a number)."""
     per_line, width = form
     used, there = -(-wanted // per_line), len(lines) - first
     message = f"the file ends within a matrix, after {there} of {used} lines."

@@ -190,8 +190,8 @@ def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str
 def lines(places: Iterable[Place]) -> str:
     """Lines and their file as text, shortened where they are many."""
     some = list(places)
-    shown, left = some[:MOST_LINES], len(some) - MOST_LINES
-    more = f" and {left} more" if left > 0 else ""
+    shown, hidden = some[:MOST_LINES], len(some) - MOST_LINES
+    more = f" and {hidden} more" if hidden > 0 else ""
     if len({place.file for place in some}) > 1:
         return ", ".join(map(str, shown)) + more
     numbers = ", ".join(str(place.line) for place in shown)

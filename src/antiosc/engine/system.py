@@ -123,7 +123,9 @@ class System:
         return (self.pressed > 0) | [one is not None and one.closed for one in self.kept]
 
     def begun(self) -> list[State]:
-        """The states of the p laws at the start; before a first touch as of one at rest."""
+        """States of the p laws at the start; a law that was never touched starts from a touch at
+        rest.
+        """
         kept = self.kept or [None] * len(self.laws)
         return [
             law.touch(0.0) if one is None else one.state

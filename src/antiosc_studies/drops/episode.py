@@ -602,8 +602,8 @@ def episode(
         touched = np.append(which, missed)
     history, path, end, touching = ended.history, ended.path, ended.end, ended.touching
     state, below = handed_over(body, start, history, path, which)
-    rest = layer_energy(body, state, setting) if touching else 0.0
-    return Episode(start, state, history, body, which, below if touching else {}, rest)
+    in_layer = layer_energy(body, state, setting) if touching else 0.0
+    return Episode(start, state, history, body, which, below if touching else {}, in_layer)
 
 
 class Followed(NamedTuple):

@@ -161,8 +161,8 @@ def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> floa
     """
     W = body.rigid_modes(state.R)[0]
     moved = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
-    across, size, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
-    directions = across[:, : size.size][:, size > STILL * size[0]]
+    across, singular_values, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
+    directions = across[:, : singular_values.size][:, singular_values > STILL * singular_values[0]]
     taken = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
     return float(taken @ taken / 2)
 

@@ -319,7 +319,9 @@ class Added:
         return forces
 
     def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
-        """(M r in q (n, j), rᵀ M r (j, j)) of the masses for motions r of u (n, j)."""
+        """For motions r of u (n, j): M r on the coordinates q (n, j), and rᵀ M r (j, j), of the
+        masses.
+        """
         loads, energies = np.zeros(motions.shape), np.zeros((motions.shape[1],) * 2)
         for one, G in self._elastic:
             moved = one.G @ motions

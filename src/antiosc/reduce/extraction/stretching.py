@@ -94,7 +94,9 @@ def stretch_of_map(
 
 
 def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
-    """The forces in the motions phi (rows, m), combinations `modes` of the free modes."""
+    """Second-order forces in motions phi (rows, m), which are combinations `modes` of the free
+    modes.
+    """
     with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
         found = tensors(structure, _points(structure), phi)
     quadratic, cubic, shapes = found
