@@ -163,6 +163,27 @@ def test_what_its_solves_leave_out_is_in_the_bound(monkeypatch):
     assert np.all(error <= bound)
 
 
+BALL = ao.Sphere(radius=0.02, E=210e9, nu=0.3, rho=7800.0, velocity=1.0)
+BLOW = (BALL, ao.Hertz(1e10))
+STUDIES = {
+    "map": lambda part: ao.impact_map(part, "+z", *BLOW, 2e-4, n=6, radius=0.03).peak_force,
+    "error of the mesh": lambda part: [
+        ao.simulate(ao.extract(part, TIP, n=6, error="estimate"), *BLOW, 2e-4).peak_force
+    ],
+    "stretch": lambda part: [
+        ao.simulate(ao.extract(part, TIP, n=6, stretch=1), *BLOW, 2e-4).peak_force
+    ],
+    "superposition": lambda part: ao.superposition(part, TIP, 6).omega,
+}
+
+
+@pytest.mark.parametrize("study", STUDIES.values(), ids=STUDIES)
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
+def test_studies_take_the_iterative_solver(study):
+    exact, found = (np.asarray(study(made(one))) for one in ("direct", "iterative"))
+    np.testing.assert_allclose(found, exact, rtol=1e-4)
+
+
 SCRIPT = """
 import sys
 sys.path.insert(0, {support!r})
