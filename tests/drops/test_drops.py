@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -15,7 +14,6 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
-from antiosc.engine.contact.peak_error import GROWS
 from antiosc_studies.drops.body import FreeBody, free_body
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of
@@ -42,15 +40,8 @@ def test_the_error_of_a_fall_by_its_law_has_the_range_of_the_strength() -> None:
     stronger = ao.drop(HARD, 0.5, floor=ao.Floor(strongest), until=1)
     change = stronger.peak_force / fall.peak_force - 1
     assert 0.03 < change < 0.1
-    off = []
-    for factor in (1 - GROWS * own, 1 + GROWS * own):
-        scaled = replace(
-            law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength
-        )
-        off.append(ao.drop(HARD, 0.5, floor=ao.Floor(law=scaled), until=1).peak_force)
-    by_law = max(abs(np.array(off) / fall.peak_force - 1))
-    assert fall.law_error == pytest.approx(by_law + change, rel=0.02)
-    assert 0.5 * own < stronger.law_error < own  # its strength is exact
+    assert fall.law_error == pytest.approx(own + change, rel=0.02)
+    assert 0.7 * own < stronger.law_error < own  # its strength is exact
     assert f"off by {fall.law_error:.0%}" in fall.contact_verdict
     assert ao.drop(HARD, 2e-6, floor=ao.Floor(alloy), until=1).law_error == 0
     unknown = ao.drop(BALL, 0.5, floor=ao.Floor(alloy), until=1)

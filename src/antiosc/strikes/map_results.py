@@ -205,8 +205,8 @@ class ImpactMap(Completed):
             )
         if self.law_error:
             rows.append(
-                f"the largest peak force may be off by {self.law_error:.0%} by the law of its "
-                "contact, the range of the yield strength and large strains among it"
+                f"the largest peak force may be off by {self.law_error:.0%} by its contact "
+                "law, with the range of the yield strength and large strains"
             )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
             i = hardest(self, of=self.peak_stress)

@@ -35,13 +35,11 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
         return elastic
     depth = _depth(law, "force", peak)
     work, rate = law.loading_work(depth), mean_strain_rate(law, depth, contact_time)
-
-    def change(others: list[ElasticPlastic]) -> float:
-        peaks = [_force(other, _depth(other, "work", work)) for other in others]
-        return max((abs(one / peak - 1) for one in peaks), default=0.0)
-
-    by_error = laws_of_error(law, depth, choice.error) if peak > law.yield_force else []
-    return elastic + change(by_error) + change(other_strengths(law, soft, peak, rate))
+    others = other_strengths(law, soft, peak, rate)
+    peaks = [_force(other, _depth(other, "work", work)) for other in others]
+    by_strength = max((abs(one / peak - 1) for one in peaks), default=0.0)
+    by_error = law.error_at(depth)[0] + choice.error if peak > law.yield_force else 0.0
+    return elastic + by_error + by_strength
 
 
 def other_strengths(
