@@ -183,7 +183,7 @@ def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
     assert found == [flat.tolist(), hollow.tolist()]
 
 
-def sheet(path: Path, *, shear: str = "3.+5", plane: bool = False) -> Path:
+def sheet(path: Path, *, held: str = "1,4,13,16", plane: bool = False) -> Path:
     """Plates of 0.3 m and 3 x 3 cells, held at their corners: of four layers in inches (Nastran),
     or of steel in plane stress (Abaqus, mm)."""
     rows, cells = [], []
@@ -201,8 +201,8 @@ def sheet(path: Path, *, shear: str = "3.+5", plane: bool = False) -> Path:
         lines += ["*BOUNDARY", "1, 1, 2", "4, 1, 2"]
     else:
         layers = [f"+,1,.1,{angle}.,,1,.1,{angle + 90}.,,+" for angle in (0, 90)]
-        lines = ["BEGIN BULK", f"MAT8,1,2.+7,1.5+6,.3,7.+5,{shear},{shear},1.5-4", *rows, *cells]
-        lines += ["PCOMP,1,,,,,,,,+", *layers, "SPC1,1,123456,1,4,13,16", "ENDDATA"]
+        lines = ["BEGIN BULK", "MAT8,1,2.+7,1.5+6,.3,7.+5,3.+5,3.+5,1.5-4", *rows, *cells]
+        lines += ["PCOMP,1,,,,,,,,+", *layers, f"SPC1,1,123456,{held}", "ENDDATA"]
     path.write_text("\n".join(lines) + "\n")
     return path
 
@@ -214,7 +214,7 @@ def test_the_layers_of_a_laminate_tell_the_unit_of_its_deck(tmp_path):
 
 
 def test_what_cannot_be_struck_ends_before_its_scene_is_written(tmp_path, capsys):
-    sheet(tmp_path / "a.bdf", shear="1.+15")
+    sheet(tmp_path / "a.bdf", held="1,THRU,16")
     assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.bdf") == 1
     assert "wrote" not in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["a.bdf"]

@@ -158,8 +158,8 @@ def _check(tokens: list[Token], k: int, name: str) -> str | None:
             return after.text[1:-1]
         if word in INCLUDING and _is_beside(after, MESHES):
             raise MeshError(
-                f"{name} merges the mesh {after.text[1:-1]} (line {token.line}), which a geometry "
-                "may not: read that file in its place."
+                f"{name} merges the mesh {after.text[1:-1]} (line {token.line}), which is refused "
+                "in a geometry: read that file in its place."
             )
         raise _refusal(name, token, f"{word} {after.text[:60]}")
     if word in FILE_FIELDS and before.text == "=":
