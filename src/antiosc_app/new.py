@@ -539,7 +539,8 @@ def _on_lines(
 
 
 def _on_rim(x: Array, faces: IntArray, held: BoolArray) -> Iterator[tuple[Array, Array, float]]:
-    """Middles of the outer edges of a plane part, from the highest; directions into it."""
+    """Outer edges of a plane part, farthest from its supports first: middle, inward direction,
+    radius."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), faces.shape[1])
     edge, count = np.unique(np.sort(ends), axis=0, return_inverse=True, return_counts=True)[1:]

@@ -1,4 +1,4 @@
-"""The files of a run, and the report: one page in HTML, complete in itself, which strikes anew.
+"""The files of a run, and the report: one self-contained HTML page that can repeat the impact.
 
 Files: tables for a spreadsheet, numbers for a program, pictures, fields.
 """

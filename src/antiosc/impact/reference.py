@@ -232,7 +232,7 @@ class LeapfrogScene(SceneStep):
 class Quotient:
     """Mean force over a step h that takes the unloaded indentation from `before` to `after`.
 
-    The unloaded indentation includes that of the residual compliance r in series.
+    The unloaded indentation is delta + r F, with r the residual compliance in series.
     """
 
     def __init__(self, law: ContactLaw, r: float, state: State, before: float, h: float) -> None:

@@ -41,8 +41,8 @@ class Band(TypedDict, total=False):
 class Patch(TypedDict, total=False):
     """Data of a site's patch for the error budget.
 
-    faces : size of the faces under it [m]; radius : that of a second patch [m]; compliance : change
-    of the part's compliance with it, beyond that of the half-space [m/N].
+    faces : size of the faces under it [m]; radius : of a second patch [m]; compliance : its
+    change of the part's compliance beyond the half-space's [m/N].
     """
 
     faces: float

@@ -377,7 +377,7 @@ class Section:
 
     @property
     def makes(self) -> tuple[str, ...]:
-        """The callables of which `kind` chooses one."""
+        """Names of the callables among which the key `kind` chooses."""
         return tuple(self.names.split())
 
 

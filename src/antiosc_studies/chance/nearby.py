@@ -290,9 +290,9 @@ def _model(row: Array, rigid: int, shift: float, n: int) -> AntiOscillators:
 
 
 def _misfit(model: AntiOscillators, known: AntiOscillators) -> float:
-    """Largest relative difference of Z(is), s up to the last converged frequency.
+    """Largest relative difference of Z(ω = i s), s up to the last converged frequency.
 
-    At growing motions Z has no poles, and each anti-oscillator the weight of its mass. Those that
+    Such growing motions meet no poles of Z and weight each anti-oscillator by its mass. Those that
     have not converged represent all higher ones, and are not the same in two reductions.
     """
     if not known.n:

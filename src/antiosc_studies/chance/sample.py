@@ -152,9 +152,9 @@ class Sample(Result):
     def sensitivity(self, quantity: str | None = None) -> Sensitivity:
         """Sobol's first-order index of each input: its share of the variance of the quantity.
 
-        Of the first quantity without a name. Estimated from these runs by the means of bins of the
-        input, of values of a sequence one each. What the indices lack of 1 is due to several inputs
-        together. InputError for fewer than 50 runs or a constant quantity.
+        Of the first quantity without a name. Estimated from the means in bins of the
+        input (one bin for each value of a sequence). What their sum lacks of 1 is due to several
+        inputs together. InputError for fewer than 50 runs or a constant quantity.
         """
         quantity = next(iter(self.values)) if quantity is None else quantity
         found = self._of(quantity)

@@ -367,7 +367,7 @@ class Sampled:
 
 
 def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
-    """A goal function of the samples at fixed times, by finite differences of each sample."""
+    """Fill `to` for a goal function of samples, by finite differences of each."""
     s, run, J = found.system, found.run, found.system.omega.size
     n = found.edges.size - 1
     step = np.minimum(np.arange(2 * n + 1) // 2, n - 1)

@@ -92,7 +92,7 @@ class Modes:
         return np.asarray(H)
 
     def jacobian(self, w: Array, pairs: Pairs) -> ComplexArray:
-        """Derivatives (W, M, n) of H by `values`."""
+        """Derivatives (W, M, n) of H by the fitted `values`."""
         D = factors(w, self.omega, self.zeta, self.hysteretic)
         m, n = np.array(pairs).T
         at, p = w[:, None], self.b.shape[1]

@@ -365,7 +365,7 @@ class Constraints:
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """The result of an elimination."""
+    """Motions u = T q that meet all constraints."""
 
     T: Sparse  # (n, n), u = T q; the columns of dependent dofs are empty
     dependent: BoolArray  # (n,) which dofs are not in q, those that are fixed included
@@ -375,7 +375,7 @@ class Eliminated:
     particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
-        """q for motions u (n, k) that satisfy the constraints."""
+        """Independent coordinates q of admissible motions u (n, k)."""
         q = np.array(u if self.basis is None else self.basis.T @ u)
         q[self.dependent] = 0.0
         return q

@@ -150,7 +150,7 @@ class Layout:
     def at_points(
         self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Displacements (or rotations: `names` = ROTATIONS) at X (P, tdim) in cells (P,)."""
+        """Rows of displacements (`names` = ROTATIONS: rotations) at reference points X of cells."""
         space, entries = member.part.form.space, []
         for axis, name in enumerate(names):
             path = member.part.form.components.get(name)

@@ -179,7 +179,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
 
 
 def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArray) -> IntArray:
-    """Parent of each supernode in the elimination tree: of its first row below; -1: root."""
+    """Parent of each supernode, which holds its first row below; -1: the root of the tree."""
     below = np.diff(row) > columns
     parent = np.full(len(columns), -1)
     parent[below] = supernode[rows[(row[:-1] + columns)[below]]]

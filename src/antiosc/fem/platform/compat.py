@@ -299,7 +299,7 @@ def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.
 
 
 def _space_of(mesh: dolfinx.mesh.Mesh, element: object) -> fem.FunctionSpace:
-    """The space of an element of UFL, which up to 0.8 is compiled."""
+    """Function space of a UFL element; dolfinx before 0.8 compiles it."""
     with compiler():
         return (fem.FunctionSpace if DOLFINX < (0, 8) else fem.functionspace)(mesh, element)
 

@@ -352,9 +352,7 @@ NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
 
 
 def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
-    """The matrices of `structure` with their mesh; InputError with the sentence `otherwise`
-    without.
-    """
+    """The matrices of `structure` with their mesh; without one InputError says `otherwise`."""
     if structure.matrices.assembled:
         raise InputError("this takes a structure of one mesh; an assembly has one for each part.")
     if not structure.matrices.meshed:

@@ -165,7 +165,7 @@ def wave_roots(
 
 
 def even_odd(mu: Array, x: Array | float, half: float) -> tuple[Array, Array]:
-    """cosh(λx) and sinh(λx)/λ with λ² = μ, both over cosh(λ·half) where they would grow."""
+    """cosh(λx) and sinh(λx)/λ with λ² = μ, both divided by cosh(λ·half) where μ > 0."""
     mu, x = np.broadcast_arrays(np.asarray(mu, dtype=float), np.asarray(x, dtype=float))
     lam = np.sqrt(np.abs(mu))
     wave = mu <= 0

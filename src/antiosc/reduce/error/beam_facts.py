@@ -1,4 +1,4 @@
-"""What the share "model" of an error budget must know of a struck beam.
+"""Facts of a struck beam for the share "model" of an error budget.
 
 It is known for straight bars of full rectangular section with a site away from their ends
 (`antiosc.impact.error_budget`), since only these were measured against solids.

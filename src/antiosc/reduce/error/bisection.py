@@ -206,7 +206,7 @@ def _sizes(pieces: Pieces) -> Array:
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:
-    """Pairs (n, 2) of old points between which each new point lies; equal for an old point."""
+    """Pairs (n, 2) of old points between which each new point lies; an old point twice."""
     one, other = np.triu_indices(pieces.cells.shape[1], 1)
     edges = np.stack([pieces.cells[:, one].ravel(), pieces.cells[:, other].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)

@@ -56,7 +56,7 @@ class MeshErrors(ABC):
 
 
 class StrainErrors(MeshErrors):
-    """Estimators by recovery of strains, which tell the error of any shape."""
+    """Estimators by recovered strains, for the error of any displacement shape."""
 
     @abstractmethod
     def gram(self, shapes: Array) -> Array:

@@ -54,7 +54,7 @@ class Quadrature:
     weights : (cells, points), volumes included.
     """
 
-    def __init__(self, mesh: Mesh, numbers_per_cell: int, degree: int) -> None:
+    def __init__(self, mesh: Mesh, numbers_per_point: int, degree: int) -> None:
         self.mesh = mesh
         self.X, weights = compat.quadrature(mesh.cell, degree)
         slopes = mesh.geometry.slopes(self.X)
@@ -64,7 +64,7 @@ class Quadrature:
             slopes = slopes[:1]
         self.inverse, volume = inverted(np.swapaxes(nodes, 1, 2)[:, None] @ slopes)
         self.weights = np.abs(volume) * weights
-        self._width = max(1, BLOCK_NUMBERS // (numbers_per_cell * len(self.X)))
+        self._width = max(1, BLOCK_NUMBERS // (numbers_per_point * len(self.X)))
 
     def slices(self, cells: IntArray) -> Iterator[slice]:
         """Slices of `cells` that are processed in one block."""
