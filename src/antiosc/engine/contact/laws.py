@@ -279,7 +279,7 @@ class Flores(_Damped):
 
 
 class Gonthier(_Damped):
-    """Damping factor d with which free bodies part with e exactly: (1 + d)/(1 - e d) = exp(d (1 + e)).
+    """Damping d with which free bodies part with e exactly: (1 + d)/(1 - e d) = exp(d (1 + e)).
 
     Y. Gonthier et al., Multibody Syst. Dyn. 11 (2004) 209-233; their d = (1 - e^2)/e is the
     closed-form approximation of this root.
