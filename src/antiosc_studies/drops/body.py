@@ -85,12 +85,12 @@ def _rigid(
     """A body without modes, of points with a radius [m]; no matter: rigid."""
     count, none = len(points), np.zeros(0)
     material = (np.nan, np.nan) if matter is None else (matter.E, matter.nu)
-    strength = np.nan if matter is None else matter.yield_strength or np.nan
+    strength = None if matter is None else matter.yield_strength
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
     alike = np.full(count, ball), np.full((count, 2), radius), np.full((count, 2), material)
     modes = none, none, np.zeros((count, 0, 3))
     body = FreeBody(mass, tensor, points, centre, *alike, *modes, extent or 2 * radius)
-    body.strengths = np.full(count, strength)
+    body.strengths = np.full(count, strength) if strength else None
     body.matters = () if matter is None else (matter,)
     return body
 
@@ -126,6 +126,7 @@ def _elastic(
         notes += [f"the modes have a damping ratio of {RATIO:g} (damping)"]
     centre, arm = whole.centre, whole.point - whole.centre
     tensor = whole.matrix[3:, 3:] - whole.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    strengths = skin.strengths[hull_points]
     body = FreeBody(
         mass=whole.mass,
         centre=centre,
@@ -134,7 +135,7 @@ def _elastic(
         balls=balls,
         radii=np.array([skin.radii(i, rounded) for i in hull_points]),
         materials=skin.materials[hull_points],
-        strengths=skin.strengths[hull_points],
+        strengths=strengths if np.isfinite(strengths).any() else None,
         matters=tuple(_matters(structure)),
         omega=omega,
         decay=(Damping(ratio=RATIO) if given is None else given).decay(omega),
