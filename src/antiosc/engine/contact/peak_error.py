@@ -16,11 +16,6 @@ TABOR = 0.2
 #: 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by the grid
 #: (benchmarks/elastoplastic/finite_strain.py elastic).
 STRAINED, LEAST_STRAIN, LARGEST_STRAIN = 0.38, 0.01, 0.1
-#: Errors of the law grow with the depth: the largest then changes the peak by more than the same
-#: error at all depths, 1.29 times as much at most (benchmarks/elastoplastic/pairs.py).
-GROWS = 1.4
-#: Largest error of a force that is repeated.
-MOST = 0.9
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
@@ -51,16 +46,6 @@ def other_strengths(
     """
     found = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
     return [one for one in found if one != law and peak > min(law.yield_force, one.yield_force)]
-
-
-def laws_of_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[ElasticPlastic]:
-    """The law with E and Y scaled so that its forces change by its measured error at a depth [m]
-    and by that of an ellipse."""
-    share = min(GROWS * law.error_at(depth)[0] + elliptic, MOST)
-    return [
-        replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
-        for factor in (1 - share, 1 + share)
-    ]
 
 
 def elastic_strain(choice: Choice, peak: float, depth: float) -> float:
