@@ -243,20 +243,18 @@ from antiosc.reduce.extraction.eigenmodes import (
     ModeSolver as ModeSolver,
 )
 from antiosc.reduce.extraction.extract import (
-    DEFAULT_COUNT as DEFAULT_COUNT,
     UNNAMED as UNNAMED,
     ErrorOption as ErrorOption,
     surfaces as surfaces,
+)
+from antiosc.reduce.extraction.oscillators import (
+    DEFAULT_COUNT as DEFAULT_COUNT,
 )
 from antiosc.reduce.site import (
     Functional as Functional,
     functional as functional,
     functionals as functionals,
     point_of as point_of,
-)
-from antiosc.reduce.site.curvature import (
-    curvature_at as curvature_at,
-    material_at as material_at,
 )
 from antiosc.reduce.site.map_sites import (
     surface as surface,
@@ -266,6 +264,8 @@ from antiosc.reduce.site.sites import (
 )
 from antiosc.reduce.site.surface import (
     PlaneOf as PlaneOf,
+    curvature_at as curvature_at,
+    material_at as material_at,
     surface_at as surface_at,
 )
 

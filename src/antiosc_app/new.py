@@ -342,7 +342,7 @@ def _flat(
         elif mesh.tdim > 1:
             curvature(mesh, outer, point, direction, lengths=False)
     except InputError:
-        of_deck = None if structure is None else material_at(structure, point, direction.tolist())
+        of_deck = None if structure is None else material_at(structure, point, direction)
         E, nu = (getattr(of_deck, name, None) for name in ("E", "nu"))
         if isinstance(E, float) and isinstance(nu, float):
             return E, nu

@@ -22,7 +22,7 @@ from antiosc.fem.elements import Layer, shear_stresses
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.elements.shell import GivenSheet, Laminate, Sheet
 from antiosc.fem.elements.solid import Solid
-from antiosc.fem.elements.weak_form import Material, axes_and_sides
+from antiosc.fem.elements.weak_form import Material
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.recovery.place import Place
@@ -355,8 +355,7 @@ class SheetAxes:
     """
 
     def __init__(self, part: MeshedStructure) -> None:
-        axis, side = axes_and_sides(part.mesh, part.parts)
-        self.axis, self.side = axis.x.array.reshape(-1, 3), side.x.array
+        self.axis, self.side = part.axes_and_sides
         oriented = np.array([material.axis is not None for material, _ in part.parts])
         self.given = oriented[part.part_of_cells()]
 

@@ -14,7 +14,7 @@ from antiosc.engine.contact.curvature import CORNER, CURVED, EDGE, LINE, PLANE, 
 from antiosc.engine.contact.line import line_indentation, line_law
 from antiosc.fem.mesh.curvature import curvature
 from antiosc.fem.mesh.surface import Faces
-from antiosc.reduce.site.curvature import curvature_at
+from antiosc.reduce.site.surface import curvature_at
 from mpi import START, run_ranks
 from parts import STEEL
 from sheets import sheet
@@ -195,7 +195,7 @@ def test_a_flat_place_beside_a_fillet_is_flat(tmp_path: Path) -> None:
 RANKS = (
     START
     + """
-from antiosc.reduce.site.curvature import curvature_at
+from antiosc.reduce.site.surface import curvature_at
 
 mesh = ao.read_mesh(sys.argv[1], size=0.006)
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL))

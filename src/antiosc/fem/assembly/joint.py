@@ -166,16 +166,11 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
 
     `partly`: the caller takes ends that do not have all displacements, as sites of superelements.
     """
-    part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
-    if part in layout.condensed:
-        return _of_condensed(layout, layout.condensed[part], end, partly)
+    known = motion_without_mesh(layout, end, partly)
+    if known is not None:
+        return known
     if not isinstance(end, str):
         return _of_point(layout, *end)
-    if end in layout.points:
-        dofs = layout.of_point(end)
-        return Motion(
-            layout.units(dofs[:3]), layout.units(dofs[3:]), layout.rotations, layout.points[end]
-        )
     if ":" not in end:
         points = name_list(end, layout.points, "the reference points")
         hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
@@ -187,6 +182,17 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
     if len(nodes) == 1:
         return _of_nodes(layout, member, nodes)
     return mean(layout, member, member.points_of(group))
+
+
+def motion_without_mesh(layout: Layout, end: End, partly: bool) -> Motion | None:
+    """The motion of a reference point, a site or node of a superelement; None for other ends."""
+    part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
+    if part in layout.condensed:
+        return _of_condensed(layout, layout.condensed[part], end, partly)
+    if not isinstance(end, str) or end not in layout.points:
+        return None
+    own = layout.units(layout.of_point(end))
+    return Motion(own[:3], own[3:], layout.rotations, layout.points[end])
 
 
 def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:

@@ -27,6 +27,7 @@ from antiosc.fem.elements.weak_form import (
     Material,
     Parts,
     WeakForm,
+    axes_and_sides,
     measure,
     restricted,
 )
@@ -316,6 +317,12 @@ class MeshedStructure(StructureMatrices):
         for number, (_, cells) in enumerate(self.parts):
             part[cells] = number
         return part
+
+    @cached_property
+    def axes_and_sides(self) -> tuple[Array, Array]:
+        """0° (cells, 3) and ±1 on the normals (cells,) of a sheet, of this rank; collective."""
+        axis, side = axes_and_sides(self.mesh, self.parts)
+        return axis.x.array.reshape(-1, 3), side.x.array
 
     @property
     def lossy(self) -> bool:

@@ -38,9 +38,7 @@ def estimator(structure: Structure) -> StrainErrors:
             "error='estimate' compares the strains of neighbouring cells, and the mesh has one: "
             "give a smaller size."
         )
-    if matrices.kind.sheet:
-        return ShellErrors(matrices)
-    return SolidErrors(matrices)
+    return ShellErrors(matrices) if matrices.kind.sheet else SolidErrors(matrices)
 
 
 class ModelErrors:

@@ -108,10 +108,11 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     # layers have a side of their own, which turns with the surface, or the piece ends there
     layered = np.array([material.section.has_sides for material, _ in part.parts])[own]
     number = 2 * number + (layered & (side != axes.side))
-    axes.side[:] = np.where(layered, axes.side, side)
+    axes.side = np.where(layered, axes.side, side)
     best, cut = _axis_of_pieces(number, np.abs(normals).reshape(count, EDGES, 3).max(axis=1))
     free = ~axes.given
-    axes.axis[free], axes.given[:] = np.eye(3)[best[free]], True
+    axes.axis = np.where(free[:, None], np.eye(3)[best], axes.axis)
+    axes.given[:] = True
     return SmoothPieces(3 * number + np.where(free & cut, best, 0), axes, _largest(angle[smooth]))
 
 

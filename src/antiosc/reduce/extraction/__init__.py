@@ -77,6 +77,7 @@ class SiteShapes:
     uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
+    solver : of A, the one factor of the structure.
     """
 
     kept: IntArray
@@ -95,6 +96,7 @@ class SiteShapes:
     y: Array
     bAb: Array
     share: float
+    solver: Solver
 
     @cached_property
     def _pin(self) -> Array:
@@ -129,14 +131,15 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
 
 def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteShapes]:
     """As `site_shapes` for several models, by one block of right-hand sides."""
-    solved = structure.factorize().solve_checked(np.hstack(loads))
+    solver = structure.factorize()
+    solved = solver.solve_checked(np.hstack(loads))
     parts = np.split(solved, np.cumsum([B.shape[1] for B in loads])[:-1], axis=1)
-    return [_shapes(structure, B, Y) for B, Y in zip(loads, parts, strict=True)]
+    return [_shapes(structure, solver, B, Y) for B, Y in zip(loads, parts, strict=True)]
 
 
-def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
-    comm, factor = structure.comm, structure.factorize()
-    kept, dependence, W, Y, V, sigma = _basis(structure, B, Y)
+def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
+    comm = structure.comm
+    kept, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
     given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
@@ -153,7 +156,7 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
     if q < len(kept):
         y0 = y[:, q:]
         if R.shape[1]:
-            y0 = np.column_stack([beside_rigid(structure, factor, b) for b in B[:, q:].T])
+            y0 = np.column_stack([beside_rigid(structure, solver, b) for b in B[:, q:].T])
             strain[q:] = moved_by_strain(structure, R, y0)
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
@@ -179,14 +182,15 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
         y=y,
         bAb=dot(comm, load, y),
         share=float(sigma.max(initial=0.0) ** 2),
+        solver=solver,
     )
 
 
 def _basis(
-    structure: Structure, B: Array, Y: Array
+    structure: Structure, solver: Solver, B: Array, Y: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
     """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of `SiteShapes`, Y = A⁻¹B."""
-    comm, factor, R = structure.comm, structure.factorize(), structure.rigid_modes
+    comm, R = structure.comm, structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
     C = dot(comm, B, Y)
     kept, dependence = independent((C + C.T) / 2)
@@ -194,7 +198,7 @@ def _basis(
     W = np.eye(len(kept))
     for again in (False, True):
         if again and len(kept) > 1:  # differences of nearly equal loads are solved for anew
-            Y = factor.solve_block(B @ W)
+            Y = solver.solve_block(B @ W)
         C = dot(comm, B @ W, Y)
         L = np.linalg.cholesky((C + C.T) / 2)
         along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T

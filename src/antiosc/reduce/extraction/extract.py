@@ -39,7 +39,6 @@ from antiosc.reduce.extraction import (
     uniform_inertia,
     weights_of,
 )
-from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
     Reached,
@@ -48,15 +47,15 @@ from antiosc.reduce.extraction.krylov import (
     with_damping,
 )
 from antiosc.reduce.extraction.oscillators import (
+    DEFAULT_COUNT,
     ConstraintModes,
     OneSite,
-    Remainder,
     Selection,
     at_one_site,
+    by_modes,
     checked_modes,
     elastic_count,
     error_bound,
-    left_out,
     lumped,
     oscillators,
 )
@@ -68,12 +67,8 @@ if TYPE_CHECKING:
     from antiosc.reduce.error.model_errors import ModelErrors
 
 
-#: Default number of anti-oscillators, and the largest number with a band.
-DEFAULT_COUNT, MOST_FOR_BAND = 20, 400
-
-#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
-#: fewer.
-SEARCHED = 10
+#: Largest number of anti-oscillators with a band.
+MOST_FOR_BAND = 400
 #: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
 #: more finely and includes the dropped modes.
 STEP_AIM = 0.6
@@ -131,7 +126,9 @@ def models_of(
             terms,
         )
     else:
-        found = [_by_modes(structure, s, n, options) for s, n in zip(statics, counts, strict=True)]
+        limits = options.tol, options.band, options.accuracy
+        pairs = zip(statics, counts, strict=True)
+        found = [by_modes(structure, static, n, *limits) for static, n in pairs]
     models: list[AntiOscillators] = []
     for each, static, n in zip(groups, statics, counts, strict=True):
         modes, remainder = found.pop(0)
@@ -145,6 +142,8 @@ def models_of(
             omega = kept.omega if one is None else one.omega
             bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
             band = _band(lowest, options.band, bound)
+        firsts = {name: columns[0] for name, columns in each.items()}
+        cells = {name: first.cell for name, first in firsts.items() if first.cell is not None}
         info = replace(
             _info(structure, known, kept, options),
             band=band,
@@ -153,6 +152,8 @@ def models_of(
                 "site": spent,
                 "modes": (time.perf_counter() - started) / (len(models) + 1),
             },
+            cells=cells or None,
+            surfaces=surfaces(structure, firsts),
         )
         elastic, complete = len(kept.omega), modes.complete
         del known, modes  # as large as the shapes
@@ -171,27 +172,6 @@ def models_of(
     return models
 
 
-def _by_modes(
-    structure: Structure, static: SiteShapes, n: int, options: ExtractOptions
-) -> tuple[Modes, Remainder | None]:
-    """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
-    solver = ModeSolver(structure, static)
-    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    asked = n + 2 if n and options.band is None else min(n, DEFAULT_COUNT)
-    while True:
-        modes = solver.lowest(asked)
-        known = lumped(structure, static, modes)
-        kept = oscillators(known, n, options.tol)
-        remainder = None if options.band is None else left_out(known)
-        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
-        if not enough and remainder is not None and options.band is not None:
-            error, _ = error_bound(structure, known, remainder, kept, options.band)
-            enough = error <= options.accuracy
-        if enough:
-            return modes, remainder
-        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
-
-
 def _info(
     structure: Structure, known: ConstraintModes, kept: Selection, options: ExtractOptions
 ) -> ModelInfo:
@@ -207,7 +187,7 @@ def _info(
         rigid_modes=int(structure.rigid_modes.shape[1]),
         rigid_share=known.static.share,
         checks=measured,
-        solver=structure.factorize().told,
+        solver=known.static.solver.told,
         **structure.matrices.plausibility,
     )
 
@@ -223,9 +203,6 @@ def _at_one_site(
     )
     if target.point is not None and target.direction is not None:
         info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
-    if target.cell is not None:
-        info = replace(info, cells={"": target.cell})
-    info = replace(info, surfaces=surfaces(structure, {UNNAMED: target}))
     weight = uniform_inertia(structure, target)
     shapes = np.column_stack([one.residual + one.psi.sum(axis=1), one.psi])
     participation: Array | None = None
@@ -262,9 +239,9 @@ def surfaces(
 
     found: dict[str, dict[str, object]] = {}
     for name, one in sites.items():
-        place = one.point, one.direction, one.radius
+        place = one.point, one.direction, one.radius, lengths, one.part
         try:
-            found[name] = surface_at(structure, *place, lengths).as_dict()
+            found[name] = surface_at(structure, *place).as_dict()
         except InputError as error:
             found[name] = {NOT_KNOWN: str(error)}
     return found
@@ -287,12 +264,8 @@ def _at_named_sites(
         places = {name: own[0].point for name, own in sites.items()}
         points = {name: place.tolist() for name, place in places.items() if place is not None}
         info = replace(info, points=points)
-    cells = {name: own[0].cell for name, own in sites.items() if own[0].cell is not None}
-    info = replace(info, cells=cells or None)
-    firsts_by_name = {name: own[0] for name, own in sites.items()}
-    info = replace(info, surfaces=surfaces(structure, firsts_by_name))
-    shapes = np.hstack([static.phi @ static.W.T, kept.phi])
     unit = static.phi @ static.W.T
+    shapes = np.hstack([unit, kept.phi])
     info = with_second_order(structure, info, list(sites), unit, _turned(static.W, static.k0))
     return AntiOscillators(
         m0=_turned(static.W, kept.m0),
@@ -515,7 +488,11 @@ def extract(
     given = as_damping(damping)
     if given is not None:
         refuse_dampers(structure, "damping=")
-    errors = None if error is None else _model_errors(structure, len(names))
+    errors: ModelErrors | None = None
+    if error is not None:
+        with finite_element_packages():
+            from antiosc.reduce.error.model_errors import ModelErrors  # needs dolfinx
+        errors = ModelErrors(structure, len(names))
     started = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
@@ -539,14 +516,6 @@ def extract(
     if given is not None:
         models = [replace(model, damping=given) for model in models]
     return models if isinstance(site, list | tuple) else models[0]
-
-
-def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
-    """The estimator of mesh errors, loaded only for meshes: its modules need dolfinx."""
-    with finite_element_packages():
-        from antiosc.reduce.error.model_errors import ModelErrors
-
-    return ModelErrors(structure, named_sites)
 
 
 def _models_at_once(structure: Structure, options: ExtractOptions) -> int:

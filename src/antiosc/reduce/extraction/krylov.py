@@ -226,7 +226,7 @@ class Lanczos:
     ) -> None:
         self._structure, self._static, self._terms = structure, static, terms
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
-        self._solver = structure.factorize()
+        self._solver = static.solver
         self._A = self._solver.A
         rows, self._locked = static.nodal.shape
         self._most = structure.dofs - static.load.shape[1] - self._locked
@@ -424,7 +424,7 @@ def by_krylov(
             further(f"step {step}, about {max(counts)}; {len(done)} of {len(runs)} models done")
             active = [i for i in range(len(runs)) if i not in done]
             loads = [runs[i].load for i in active]
-            shapes = structure.factorize().solve_block(np.hstack(loads))
+            shapes = statics[0].solver.solve_block(np.hstack(loads))
             ends = np.cumsum([load.shape[1] for load in loads])
             for i, own in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
                 before = runs[i].steps

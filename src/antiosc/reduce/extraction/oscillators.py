@@ -28,7 +28,7 @@ from antiosc.models import driving_point
 from antiosc.models.free_modes import MASSLESS
 from antiosc.models.motion import with_rigid_mode
 from antiosc.reduce.extraction import SiteShapes
-from antiosc.reduce.extraction.eigenmodes import Modes, residuals
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, residuals
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -42,6 +42,12 @@ TOLD_APART = 1e-8
 SAMPLE_STEP, SAMPLE_RISE = driving_point.DAMPING / 4, 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
+
+#: Default number of anti-oscillators.
+DEFAULT_COUNT = 20
+#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
+#: fewer.
+SEARCHED = 10
 
 #: Bound on the spectral norm of Z - Z_N [N/m] at complex x = ω² of shape (W,): (W,).
 Remainder = Callable[[ComplexArray], Array]
@@ -115,7 +121,7 @@ def _forces_left(
 
     The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
     """
-    sizes = structure.factorize().force_sizes
+    sizes = static.solver.force_sizes
     size = sizes(k_phi)
     m_phi *= omega**2
     k_phi -= m_phi
@@ -209,6 +215,31 @@ class OneSite:
     residual: Array
     psi: Array
     hidden: Array
+
+
+def by_modes(
+    structure: Structure,
+    static: SiteShapes,
+    n: int,
+    tol: float,
+    band: float | None,
+    accuracy: float,
+) -> tuple[Modes, Remainder | None]:
+    """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
+    solver = ModeSolver(structure, static)
+    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
+    asked = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
+    while True:
+        modes = solver.lowest(asked)
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, tol)
+        remainder = None if band is None else left_out(known)
+        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
+        if not enough and remainder is not None and band is not None:
+            enough = error_bound(structure, known, remainder, kept, band)[0] <= accuracy
+        if enough:
+            return modes, remainder
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
 def elastic_count(static: SiteShapes, n: int) -> int:

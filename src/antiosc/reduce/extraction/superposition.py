@@ -40,8 +40,7 @@ from antiosc.reduce.extraction import (
     weights_of,
 )
 from antiosc.reduce.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
-from antiosc.reduce.extraction.extract import DEFAULT_COUNT, SEARCHED
-from antiosc.reduce.extraction.oscillators import REPEATED, check_modes
+from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED, check_modes
 from antiosc.reduce.site import Functional, Site, functional
 
 #: Modes that are searched beyond those asked; of a repeated last one twice as many each time.

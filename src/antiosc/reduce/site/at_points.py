@@ -142,7 +142,8 @@ def _placed(structure: MeshedParts, member: Member, found: Functional) -> Functi
         b[member.rows] = found.b
     x, along = member.at.placed(found.point[None])[0], member.at.rotation @ found.direction
     across = tuple(_placed(structure, member, side) for side in found.across)
-    return replace(found, b=b, point=x, direction=along, across=across)
+    name = member.name or None
+    return replace(found, b=b, point=x, direction=along, across=across, part=name)
 
 
 def _without_mesh(

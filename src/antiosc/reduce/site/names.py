@@ -130,17 +130,17 @@ def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
     """
     if not matrices.assembled:
         return None
-    from antiosc.fem.assembly.joint import motion
+    from antiosc.fem.assembly.joint import motion_without_mesh
 
     layout = cast("AssembledMatrices", matrices).layout
-    part, colon, _ = name.partition(":")
-    if not colon and name not in layout.points:
+    found = motion_without_mesh(layout, name, partly=True)
+    if found is None and ":" not in name:
         points = name_list(name, layout.points, "the reference points")
         raise InputError(
             f'a name on an assembly is "part:group"; got {name!r}, which is no reference point '
             f"either; {points}."
         )
-    return None if colon and part not in layout.condensed else motion(layout, name, partly=True)
+    return found
 
 
 def motions_without_mesh(

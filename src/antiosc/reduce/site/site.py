@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from numbers import Real
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,10 +24,6 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.io.dof_map import component_of
-
-if TYPE_CHECKING:
-    pass
-
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE = 1e-9
@@ -162,6 +157,8 @@ class Functional:
     across: tuple[Functional, ...] = ()
     #: the cell and the waves at the site (`ModelInfo.cells`), where there is a mesh
     cell: tuple[float, float, float] | None = None
+    #: the name of the part of an assembly that is struck
+    part: str | None = None
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:

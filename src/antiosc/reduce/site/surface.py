@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import hypot, isclose
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.engine.contact.curvature import LINE, SHARP, Curvature
+from antiosc.engine.contact.curvature import LINE, PLANE, SHARP, Curvature
 from antiosc.engine.contact.surfaces import Matter, Surface, matter_of
-from antiosc.fem.assembly import with_parts
+from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
+from antiosc.fem.mesh.closest import closest
+from antiosc.fem.mesh.curvature import curvature
+from antiosc.fem.structure import in_space
+from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
-from antiosc.reduce.site.curvature import curvature_at, material_at
+from antiosc.reduce.site.at_points import nearest_parts
 
+NO_SURFACE = "matrices have no surface: give the law of the contact."
 #: Radius [m] of an edge or a corner where none is given, at most a quarter of the least dimension.
 CORNER = 1e-3
 #: Indentation from which graphite and epoxy are damaged [m]; Yang and Sun (1982).
@@ -28,10 +39,12 @@ def surface_at(
     direction: Array | None = None,
     radius: float | None = None,
     lengths: bool = True,
+    part: str | None = None,
 ) -> Surface:
     """The surface of a structure at a point (3,), struck along a direction on a patch [m].
 
-    Without `lengths` line contacts have infinite length: a ball does not need it.
+    Without `lengths` line contacts have infinite length: a ball does not need it. `part`: the name
+    of the part of an assembly that is struck, by default the nearest one.
 
     Raises
     ------
@@ -40,15 +53,110 @@ def surface_at(
     """
     if point is None:
         raise InputError("the site is no point of a surface.")
-    way = None if direction is None else direction.tolist()
-    material = material_at(structure, point, way)
-    matter = _matter(material)
-    if matter is None:
-        raise InputError("a plane part has no surface in space.")
-    if isinstance(material, Beam):
-        return _of_bar(material, matter, radius)
-    found = curvature_at(structure, point, way, lengths)
-    return placed(found, matter, corner_radius(structure), radius)
+    matrices = with_parts(structure, NO_SURFACE)
+    corner = corner_radius(structure)
+
+    def work() -> Surface:
+        at = _Struck.of(matrices, point, direction, part)
+        material = at.material
+        matter = _matter(material)
+        if matter is None:
+            raise InputError("a plane part has no surface in space.")
+        if isinstance(material, Beam):
+            return _of_bar(material, matter, radius)
+        return placed(at.curvature(lengths), matter, corner, radius)
+
+    return matrices.decided(work)
+
+
+def curvature_at(
+    structure: Structure,
+    point: ArrayLike,
+    direction: Sequence[float] | None = None,
+    lengths: bool = True,
+) -> Curvature:
+    """Principal curvatures of the outer surface of a structure at its point nearest to `point`.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of meshes of solids or shells; of several the nearest one counts.
+    point : array_like (2,) or (3,)
+        [m]
+    direction : sequence of floats, optional
+        Of the impact. A shell is struck on the face that is opposite to it, half a thickness
+        outside of the middle surface.
+    lengths : bool
+        Whether the lengths of lines are looked for, which takes most of the time.
+
+    Raises
+    ------
+    InputError
+        Matrices without a mesh; beams and plane parts, which have no surface in space.
+    """
+    matrices, way = with_parts(structure, NO_SURFACE), None
+    x = in_space(checks.coordinates("point", point))
+    if direction is not None:
+        way = in_space(checks.coordinates("direction", direction, ""))
+        if not way.any():
+            raise InputError("direction must not be the zero vector.")
+    return matrices.decided(lambda: _Struck.of(matrices, x, way).curvature(lengths))
+
+
+def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
+    """The material of a meshed structure at its point nearest to `point` [m]."""
+    matrices = with_parts(structure, NO_SURFACE)
+    return matrices.decided(lambda: _Struck.of(matrices, point, direction).material)
+
+
+@dataclass(frozen=True)
+class _Struck:
+    """Where a structure is struck: the part, point and direction (3,) in its axes."""
+
+    member: Member
+    point: Array
+    along: Array | None
+
+    @classmethod
+    def of(
+        cls, matrices: MeshedParts, point: Array, direction: Array | None, name: str | None = None
+    ) -> _Struck:
+        at = point[None]
+        if name is None:
+            way = np.zeros(3) if direction is None else direction
+            (member,) = nearest_parts(matrices, at, way)
+        else:
+            (member,) = matrices.members(name)
+        along = None if direction is None else direction @ member.at.rotation
+        return cls(member, member.at.own(at)[0], along)
+
+    @property
+    def material(self) -> Any:
+        """The material at the point of the part nearest to it."""
+        part = self.member.part
+        if len(part.parts) == 1:
+            return part.parts[0][0]
+        nearest, comm = closest(part.mesh, self.point), part.mesh.comm
+        label = int(part.part_of_cells()[nearest.cell]) if comm.rank == nearest.rank else 0
+        return part.parts[comm.bcast(label, root=nearest.rank)][0]
+
+    def curvature(self, lengths: bool) -> Curvature:
+        """Of the outer surface, in the axes of the structure; see `curvature_at`."""
+        part, at = self.member.part, self.member.at
+        if part.kind.sheet and part.mesh.gdim == 2:
+            found = _flat(self.point, self.along)
+        else:
+            found = curvature(part.mesh, part.faces, self.point, self.along, lengths)
+        if part.kind.sheet:
+            found = found.beyond(self.material.section.thickness / 2)
+        return found.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
+
+
+def _flat(point: Array, along: Array | None) -> Curvature:
+    """The face of a sheet in the plane z = 0 on the side of the impactor."""
+    normal = np.array([0.0, 0.0, -1.0 if along is not None and along[2] > 0 else 1.0])
+    on_sheet = point * [1.0, 1.0, 0.0]
+    return Curvature(PLANE, np.zeros(2), 0.0, np.eye(3)[:2], on_sheet, normal)
 
 
 class PlaneOf(Body):
