@@ -163,10 +163,12 @@ def _study(options: Namespace) -> int:
     target = target if options.out is None else options.out
     folder = None if target is None else report.folder(target)
     found = run.results(scene, study.makes)
-    say(results.text(found))
-    written = [] if folder is None else report.write_output(found, folder)
+    # what structures hold is asked on every rank, and written on the first
+    parts = results.presentations(found)
+    say(results.text(found, parts))
+    written = [] if folder is None else report.write_output(found, parts, folder)
     if page is not None:
-        written += report.write_page(found, page)
+        written += report.write_page(found, parts, page)
     for sentence in found.warnings:
         say(f"warning: {sentence}", sys.stderr)
     if written:

@@ -396,7 +396,7 @@ class Opened:
         else:
             found.structure, found.model, found.history = one.structure, one.model, one.hit
             found.impactor, found.stresses = one.hit.impactor, _strengths(one)
-        report.write_page(found, page)
+        report.write_page(found, results.presentations(found), page)
         return {"written": names}
 
 

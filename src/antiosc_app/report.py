@@ -30,6 +30,7 @@ from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
+    Presentation,
     advice_of,
     drawn,
     error_budget,
@@ -82,7 +83,7 @@ def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     return path
 
 
-def write_output(found: Results, target: Path) -> list[Path]:
+def write_output(found: Results, parts: Sequence[Presentation], target: Path) -> list[Path]:
     """Write the files that the scene asks for, on the first rank; returns their paths."""
     asked = found.compiled.output
     wanted = Output() if asked is None else asked.made
@@ -90,8 +91,6 @@ def write_output(found: Results, target: Path) -> list[Path]:
     if wanted.fields and found.history is not None and found.structure is not None:
         path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
         written.append(Path(path))
-    # what structures hold is asked on every rank, and written on the first
-    parts = presentations(found)
     tables = {n: t for one in parts for n, t in one.tables.items()} if wanted.csv else {}
     content: dict[str, object] = {}
     if wanted.json:
@@ -190,20 +189,20 @@ def write_report(
         if found.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
                 found.stresses = by_strengths(found.structure, what)
-    return write_page(found, target)[0]
+    return write_page(found, presentations(found), target)[0]
 
 
-def write_page(found: Results, path: Path) -> list[Path]:
+def write_page(found: Results, parts: Sequence[Presentation], path: Path) -> list[Path]:
     """Write the report on the first rank, complete or absent; its path.
 
     The page is made on every rank: fields and the dimensions of a structure are shared.
     """
-    text = page(found)
+    text = page(found, parts)
     on_first(lambda: files.write_text(path, text, "the report"))
     return [path]
 
 
-def page(found: Results) -> str:
+def page(found: Results, parts: Sequence[Presentation]) -> str:
     """The page as a text."""
     data, headline = _live(found)
     one_view = data is not None and data.get("part") is not None
@@ -218,7 +217,7 @@ def page(found: Results) -> str:
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = _uncommented(path.read_text(encoding="utf-8"))
     script = "" if data is None else live.script()
-    model, *parts = presentations(found)
+    model, *parts = parts
     views = (each for one in (*parts, model) for each in one.pictures)
     pictures = list(drawn(each for each in views if not (one_view and each.same_view)))
     stills = [each for each in pictures if each.heading.startswith(STILLS) and each.data]

@@ -745,8 +745,8 @@ def presentations(found: Results) -> list[Presentation]:
     return [_model(found), *(one(found) for one in present)]
 
 
-def text(found: Results) -> str:
+def text(found: Results, parts: Sequence[Presentation]) -> str:
     """Title, structure, model, and what the simulation, the sweep or the map found."""
     title = str(found.compiled.document.data.get("title", ""))
-    pieces = [title, *(piece for one in presentations(found) for piece in one.text)]
+    pieces = [title, *(piece for one in parts for piece in one.text)]
     return "\n\n".join(piece for piece in pieces if piece)

@@ -111,7 +111,8 @@ def test_files_are_those_that_are_asked_for(tmp_path):
     given = {"history": HIT, "model": MODEL, "probes": probes, "map": TWO, "asked": asked}
     for name, (options, files) in FILES.items():
         (tmp_path / name).mkdir()
-        written = output.write_output(results(tmp_path, options, **given), tmp_path / name)
+        found = results(tmp_path, options, **given)
+        written = output.write_output(found, shown.presentations(found), tmp_path / name)
         assert {path.name for path in written} == files
     rows = (tmp_path / "plain/map.csv").read_text().splitlines()
     assert rows[0] == "surface,x (m),y (m),z (m),k0 (N/m),peak_force (N),nothing"
@@ -134,7 +135,7 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
 
     asked = {"csv": False, "json": False, "plot": "png"}
     found = results(tmp_path, asked, map=Map(**{**vars(TWO), "plot": broken}))
-    assert output.write_output(found, tmp_path) == []
+    assert output.write_output(found, shown.presentations(found), tmp_path) == []
     assert found.warnings == ["map.png is not drawn: no colours."]
     write = shown.Picture("a", "b", lambda path: path.write_bytes(b"png"))
     fails, behind = (shown.Picture("c", "d", broken, same_view=k) for k in (False, True))
