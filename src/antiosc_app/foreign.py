@@ -9,16 +9,14 @@ from __future__ import annotations
 import contextlib
 import importlib
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 import antiosc
-from antiosc.base._types import Array
 from antiosc.base.errors import (
     InputError,
     PiecesError,
@@ -27,6 +25,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc_app.scene_file.outline import GEOMETRIES
+from antiosc_app.units import UNITS, unit_of
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -53,10 +52,6 @@ DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb"}
 MODEL_CARD = re.compile(
     rb"^\s*(\*(material|\w+ ?\w* section)\b|mat(1|2|8|9)\b[*,\s]|(mp|mpdata),)", re.I | re.M
 )
-#: Units of decks that are tried.
-UNITS = ("mm", "m", "in", "mm-kg")
-#: Moduli [Pa], densities [kg/m³] and lengths [m] of parts of machines and buildings.
-MODULI, DENSITIES, LENGTHS = (5e8, 1.3e12), (100.0, 25e3), (1e-3, 100.0)
 
 
 @dataclass(frozen=True)
@@ -237,13 +232,14 @@ def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
         except InputError as error:
             reason = reason or error
             continue
-        best = _likeliest(structure, unit, units, "density" in read)
+        best = unit_of(structure, unit, units, "density" in read)
         if best != unit:
             with contextlib.suppress(InputError):
                 structure, read, pieces = _model(path, best, free)
         members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
         mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-        return ForeignPart(mesh, read, structure, [*_described(pieces), *_of_way(read)], pieces)
+        notes = [*_described(pieces), *_of_way(read), *structure.plausibility.get("doubts", ())]
+        return ForeignPart(mesh, read, structure, notes, pieces)
     assert reason is not None
     raise reason
 
@@ -264,41 +260,3 @@ def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read, Sequence
             if "no density" not in str(error) or "density" in read:
                 raise
             read["density"] = STEEL["rho"]
-
-
-def _likeliest(structure: Structure, unit: str, units: Sequence[str], of_scene: bool) -> str:
-    """The unit in which moduli, densities and size are those of real parts, of equals the first.
-
-    `of_scene`: the densities are in SI units.
-    """
-    from antiosc.extension import with_parts
-    from antiosc.io.neutral import UnitSystem
-
-    now = UnitSystem.of(unit)
-    members = with_parts(structure).members()
-    materials = [m for member in members for m, _ in member.part.parts]
-    plain = [layer for m in materials for layer in getattr(m, "layers", [m])]
-    moduli, rho = _numbers(plain, "E", "E1", "E2"), _numbers(plain, "rho")
-    extent = max(member.part.mesh.extent() for member in members)
-
-    def off(name: str) -> float:
-        then = UnitSystem.of(name)
-        total = _outside(moduli * then.stress / now.stress, MODULI)
-        if not of_scene:
-            total += _outside(rho * then.density / now.density, DENSITIES)
-        return total + _outside(np.array([extent * then.length / now.length]), LENGTHS)
-
-    return min(units, key=lambda name: round(off(name), 3))
-
-
-def _numbers(materials: Iterable[object], *names: str) -> Array:
-    """The constants of these names that materials have."""
-    found = (getattr(one, name, None) for one in materials for name in names)
-    return np.array([value for value in found if isinstance(value, float)])
-
-
-def _outside(values: Any, between: tuple[float, float]) -> float:
-    """Decades by which values lie outside, in the mean."""
-    low, high = (log10(end) for end in between)
-    decades = np.log10(np.maximum(values, 1e-30))
-    return float(np.abs(decades - np.clip(decades, low, high)).mean()) if len(values) else 0.0

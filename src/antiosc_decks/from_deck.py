@@ -174,8 +174,8 @@ def read_model(
         Ansys (`.cdb`).
     unit
         Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "mm-kg" (mm, mN, kg, kPa), "cm"
-        (cm, N), "in" (inch, pound-force, psi), or metres per unit of length (forces in N). Masses
-        and densities follow: force = mass × length / s².
+        (cm, N), "in" (inch, pound-force, psi), "ft" (foot, pound-force, slug), or metres per unit
+        of length (forces in N). Masses and densities follow: force = mass × length / s².
     supports, attached
         More of them than the deck has.
     density

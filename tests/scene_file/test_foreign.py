@@ -15,7 +15,7 @@ pytest.importorskip("jinja2")
 
 import antiosc as ao
 from antiosc.fem.mesh.surface import Faces
-from antiosc_app import new
+from antiosc_app import new, units
 from antiosc_app.new import inspect_part
 from parts import gmsh_session
 from scene_files import antiosc
@@ -27,6 +27,7 @@ UNITS = {
     "m": (1.0, 210e9, 7850.0),
     "mm-kg": (1e-3, 210e6, 7.85e-6),
     "in": (0.0254, 30.46e6, 7.345e-4),
+    "ft": (0.3048, 4.386e9, 15.23),
 }
 SIDES = (0.3, 0.1, 0.05)
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -326,3 +327,18 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     assert found.read["size"] == pytest.approx(0.0508 / 20, rel=0.3)
     with pytest.raises(ao.InputError, match="unit must be"):
         inspect_part(path, unit="ell")
+
+
+@pytest.mark.parametrize(
+    ("materials", "unit"),
+    [
+        (((71e9, 2770.0),), "m"),
+        (((1.44e9, 5.37),), "ft"),  # aluminium, lbf/ft² and slug/ft³
+        (((29e6, 0.29),), "in"),  # steel, whose density is a weight
+        (((1e7, 1.0),), "in"),  # aluminium with a density that is none
+        (((70e6, 52.0),), "m"),  # foam
+        (((210e3, 7.85e-9), (210e8, 1e-12)), "mm"),  # steel, and a body that is nearly rigid
+    ],
+)
+def test_the_unit_is_that_of_the_nearest_known_materials(materials, unit):
+    assert units.likeliest(np.array(materials), 2.0) == unit

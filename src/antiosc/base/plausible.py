@@ -65,9 +65,9 @@ def of_material(one: Material) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
     speed, name = one.bar_speed(), type(one).__name__
     massless = abs(speed / MASSLESS_WAVE - 1) < LENGTH_ROUNDING
-    if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
-        return _of_strength(getattr(one, "yield_strength", None))
     E, rho = getattr(one, "E", None), getattr(one, "rho", None)
+    if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
+        return _of_density(name, rho) or _of_strength(getattr(one, "yield_strength", None))
     sentence = (
         f"the wave speed in a {name} of this part is √(E/ρ) = {speed:.3g} m/s, outside "
         f"{SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: "
@@ -76,6 +76,16 @@ def of_material(one: Material) -> str:
     if speed > LIGHT or (rho is not None and rho > DENSE and speed < SLOWEST_OF_DENSE):
         raise InputError(sentence)
     return sentence
+
+
+def _of_density(name: str, rho: float | None) -> str:
+    """Why a density [kg/m³] is implausible; "" if it is not."""
+    if rho is None or rho <= DENSITIES[1]:
+        return ""
+    return (
+        f"the density of a {name} of this part is {rho:.4g} kg/m³; osmium, the densest solid, has "
+        "22 600: a deck may state weights for masses (Nastran, in inches: PARAM,WTMASS,0.00259)."
+    )
 
 
 def _meant(E: float | None, rho: float | None) -> str:

@@ -349,10 +349,11 @@ def _check_indices(rows: IntArray, most: int, what: str) -> None:
 
 
 #: Name -> (m, N). "mm" is mm, N, t, MPa; "mm-kg" is mm, mN, kg, kPa;
-#: "in" is inch, pound-force, psi, lbf s²/in.
+#: "in" is inch, pound-force, psi, lbf s²/in; "ft" is foot, pound-force, lbf/ft², slug.
 SYSTEMS = {
     **{"m": (1.0, 1.0), "mm": (1e-3, 1.0), "mm-kg": (1e-3, 1e-3), "cm": (1e-2, 1.0)},
     "in": (0.0254, 4.4482216152605),
+    "ft": (0.3048, 4.4482216152605),
 }
 
 

@@ -101,8 +101,8 @@ def read_mesh(
     parts
         Names of parts, instances, solids or groups, in place of `cells`: only they are read.
     unit
-        Of the coordinates in the file: "m", "mm", "cm", "in", or metres per unit. STEP and IGES
-        files state their own; sizes in a `.geo` script are in the script's unit.
+        Of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit. STEP and
+        IGES files state their own; sizes in a `.geo` script are in the script's unit.
     merge
         Nodes of a finished mesh or deck that are no further apart than this, m, become one.
     solid

@@ -1,0 +1,99 @@
+"""The unit of a deck, which no deck states: that of the most likely materials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isclose, log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.materials import names, record
+from antiosc.base.plausible import MASSLESS_WAVE
+from antiosc.extension import GRAVITY, with_parts
+from antiosc.io.neutral import UnitSystem
+
+if TYPE_CHECKING:
+    from antiosc import Structure
+
+#: The units that are tried, the most frequent first.
+UNITS = ("mm", "m", "in", "mm-kg", "ft")
+#: Those in which densities are often stated as weights, lbf/in³ or lbf/ft³.
+OF_POUNDS = ("in", "ft")
+#: Lengths [m] of parts of machines and buildings.
+LENGTHS = (1e-3, 100.0)
+#: Moduli [Pa] and densities [kg/m³] of laminates of carbon and glass fibres, of foams and balsa,
+#: besides those of the table of materials.
+OF_SANDWICHES = (
+    *((135e9, 1550.0), (55e9, 1550.0), (40e9, 1900.0)),
+    *((7e7, 52.0), (1.6e8, 110.0), (3e9, 150.0)),
+)
+#: A decade of a modulus counts as this many of a density; a density that is further off than this
+#: many decades is no real one (of 87 decks by others 5 state 1.0, or 1e-4, as a density).
+DECADES_OF_MODULUS, DUMMY = 5.0, 2.0
+#: Up to this difference, decades, units are equally likely; densities are taken as weights where
+#: that is nearer to real ones by more.
+EQUAL = 0.5
+
+
+def unit_of(structure: Structure, unit: str, units: Sequence[str], density_given: bool) -> str:
+    """The likeliest of some units of a deck that was read in `unit`.
+
+    `density_given`: its densities are not those of the deck.
+    """
+    members = with_parts(structure).members()
+    materials = np.array(
+        [_modulus_and_density(one) for member in members for one, _ in member.part.parts]
+    )
+    if density_given:
+        materials[:, 1] = np.nan
+    extent = max(member.part.mesh.extent() for member in members)
+    read = UnitSystem.of(unit)
+    return likeliest(materials / [read.stress, read.density], extent / read.length, units)
+
+
+def likeliest(materials: Array, extent: float, units: Sequence[str] = UNITS) -> str:
+    """The unit in which materials and size are nearest to real ones, of equally likely the first.
+
+    `materials` : (n, 2) Young's moduli and densities as the deck has them; NaN: not known.
+    """
+    decades = {name: _decades_of_unit(materials, extent, name) for name in units}
+    least = min(decades.values())
+    return next(name for name in units if decades[name] <= least + EQUAL)
+
+
+def _decades_of_unit(materials: Array, extent: float, name: str) -> float:
+    """Decades between materials and size in a unit and the nearest real ones."""
+    unit = UnitSystem.of(name)
+    factors = np.array([unit.stress, unit.density])
+    decades = _decades_off(materials * factors)
+    if name in OF_POUNDS:
+        factors[1] /= GRAVITY / unit.length
+        decades = min(decades, _decades_off(materials * factors) + EQUAL)
+    length = extent * unit.length
+    low, high = LENGTHS
+    return decades + abs(log10(length / min(max(length, low), high)))
+
+
+def _decades_off(materials: Array) -> float:
+    """Decades between materials and the nearest real ones: the median, for some may be rigid.
+
+    `materials` : (n, 2) Young's moduli [Pa] and densities [kg/m³]; NaN: not known.
+    """
+    table = [record(name) for name in names()]
+    real = np.array([*((np.max(one.E), one.rho) for one in table), *OF_SANDWICHES])
+    decades = np.nan_to_num(np.abs(np.log10(materials[:, None] / real)))
+    off = DECADES_OF_MODULUS * decades[:, :, 0] + np.minimum(decades[:, :, 1], DUMMY)
+    return float(np.quantile(off.min(axis=1), 0.5, method="lower"))
+
+
+def _modulus_and_density(material: Any) -> tuple[float, float]:
+    """Young's modulus along the stiffest direction [Pa] and density [kg/m³]; NaN: not known."""
+    rho = getattr(material, "rho", np.nan)
+    if layers := getattr(material, "layers", ()):
+        thickness = [layer.thickness for layer in layers]
+        rho = np.average([layer.rho for layer in layers], weights=thickness)
+    speed = material.bar_speed()
+    massless = isclose(speed, MASSLESS_WAVE, rel_tol=1e-3)
+    return rho * speed**2, np.nan if massless else rho
