@@ -72,7 +72,7 @@ typedef enum aom_status {
     AOM_DONE = 0,          /* the end is reached */
     AOM_FULL,              /* the record is full: empty it and go on */
     AOM_TOO_MANY_CONTACTS, /* more touches than options.max_contacts */
-    AOM_TOO_MANY_STEPS,    /* more attempted steps than options.max_steps */
+    AOM_TOO_MANY_STEPS,    /* more attempted steps than options.max_steps; of aom_gradient: long ones */
     AOM_GREW,              /* the bodies gained energy: unstable, use a smaller rel_tol or step */
     AOM_STUCK,             /* no step is small enough for the contact forces */
     AOM_PAUSED,            /* the time `until` or the number of attempts asked for is reached: go on */

@@ -41,6 +41,7 @@ bool one_force(aom_stepper *st, double h, const influence *local) {
         double j21 = two.by_delta * a2[1] + two.by_rate * b2[1];
         double j22 = 1.0 + two.by_delta * a2[2] + two.by_rate * b2[2];
         double det = j11 * j22 - j12 * j21;
+        st->now.stiffness = two.by_delta;
         if (!(fabs(det) > 1e-300))
             return false;
         double r1 = f1 - one.force, r2 = f2 - two.force;
@@ -55,6 +56,47 @@ bool one_force(aom_stepper *st, double h, const influence *local) {
         f2 -= e2;
         if (!(fabs(f1) + fabs(f2) < 1e300))
             return false;
+    }
+    return false;
+}
+
+/* The two forces of a long step of one contact: at the end force and slope are those of the law, which
+ * damps vibrations that the step does not resolve; what the law gives beyond the force at h/2 into
+ * `lacking`. */
+bool long_force(aom_stepper *st, double h, const influence *local) {
+    const contact_state *contact = st->contacts;
+    const aom_law *law = &st->system.contacts[0].law;
+    const row_state *row = st->rows;
+    const stages *base = st->work.base;
+    const double *a1 = local->depth[0], *a2 = local->depth[1];
+    const double *b1 = local->rate[0], *b2 = local->rate[1];
+    double f0 = row->force, f1 = f0 + 0.5 * h * (row->slope + 0.25 * h * row->bend);
+    double f2 = f0 + h * (row->slope + 0.5 * h * row->bend);
+    for (int tries = 0; tries < 4 * SWEEPS; tries++) {
+        double x = base->depth[1] - a2[0] * f0 - a2[1] * f1 - a2[2] * f2;
+        double y = base->rate[1] - b2[0] * f0 - b2[1] * f1 - b2[2] * f2;
+        tangent end = law_tangent(st, law, contact->branch, x, y, contact->memory);
+        double k = st->now.stiffness = end.by_delta, r1 = f0 - 4.0 * f1 + 3.0 * f2 - h * k * y, r2 = f2 - end.force;
+        double j11 = h * k * b2[1] - 4.0, j12 = 3.0 + h * k * b2[2];
+        double j21 = k * a2[1], j22 = 1.0 + k * a2[2], det = j11 * j22 - j12 * j21;
+        if (!(fabs(det) > 1e-300))
+            return false;
+        double e1 = (r1 * j22 - r2 * j12) / det, e2 = (r2 * j11 - r1 * j21) / det;
+        f1 -= e1;
+        f2 -= e2;
+        if (!(fabs(f1) + fabs(f2) < 1e300))
+            return false;
+        if (larger(fabs(e1), fabs(e2)) > SQUARED * st->now.force_scale)
+            continue;
+        motion at[2] = {{base->depth[0] - a1[0] * f0 - a1[1] * f1 - a1[2] * f2,
+                         base->rate[0] - b1[0] * f0 - b1[1] * f1 - b1[2] * f2},
+                        {base->depth[1] - a2[0] * f0 - a2[1] * f1 - a2[2] * f2,
+                         base->rate[1] - b2[0] * f0 - b2[1] * f1 - b2[2] * f2}};
+        *st->work.force = (nodes){{f0, f1, f2}};
+        *st->work.motion = (stages){{at[0].depth, at[1].depth}, {at[0].rate, at[1].rate}};
+        st->now.lacking = fabs(f1 - law_tangent(st, law, contact->branch, at[0].depth, at[0].rate,
+                                                contact->memory).force);
+        return true;
     }
     return false;
 }

@@ -14,6 +14,8 @@
  * so that all but the last lines holds for q and w under the modal forces g + p'; else p = 0, w = v. */
 #include "internal.h"
 
+#define LACKING 1e-7 /* of the forces: far more than Newton's method leaves */
+
 typedef struct edge { /* derivatives by what is there at an edge between two steps */
     double *q, *v;        /* [J] the state */
     double *force;        /* [m] the forces with which the next step starts */
@@ -46,6 +48,7 @@ typedef struct adjoint {
     int64_t step;
     int index;
     double h, start;
+    bool lacks;      /* it, or one after it, is a long one: its force at h/2 is not the law's */
     bool stopped;    /* it ends at a given time */
     double earlier;  /* derivative by the time of its start, all else given */
     double *f, *c;   /* [3][m] forces at the nodes; value, slope, curvature of the parabolas */
@@ -418,6 +421,8 @@ static void recall(adjoint *a, int64_t k, bool ended) {
             rubbed(a, s, i);
         }
     }
+    double size = fabs(a->f[0]) + fabs(a->f[m]) + fabs(a->f[2 * m]);
+    a->lacks = a->lacks || (m == 1 && fabs(a->tangents[0].force - a->f[m]) > LACKING * size);
 }
 
 /* Derivatives of what follows a step, by what it ends with. */
@@ -987,8 +992,8 @@ int aom_gradient(aom_stepper *st, const aom_record *run, const aom_goal *goal, a
     for (; a.exits > 0 && run->exits[a.exits - 1].step > (double)(last + 1); a.exits--)
         restore(st, run->exits + a.exits - 1);
     for (int64_t k = last; k >= 0; k--)
-        if (!undo_step(&a, k))
-            return AOM_STUCK;
+        if (!undo_step(&a, k) || a.lacks)
+            return a.lacks ? AOM_TOO_MANY_STEPS : AOM_STUCK;
     finish(&a);
     return AOM_DONE;
 }

@@ -111,7 +111,9 @@ typedef struct contact_state {
 /* All that a run changes, but for the arrays beside it. */
 typedef struct course {
     double time, last_step, step, left; /* left: until the loads change */
-    double force_scale, longest, cap;   /* longest step; cap: of the present contact */
+    double force_scale, longest;   /* longest step */
+    double stiffness, lacking; /* of the law at the last end; force that it lacks at h/2 of a long step */
+    double cap, first_cap; /* of the present contact: longest step now and as its begin lets expect */
     double worked, given, highest, surplus;
     double stretch_scale; /* [N] that errors of stretching are weighed by */
     double pushed; /* energy that the contacts gave the bodies, of modes with gamma */
@@ -120,6 +122,7 @@ typedef struct course {
     bool smooth; /* the slopes of the forces at the end of the last step go on */
     bool scaled; /* the scales of the forces are known from the start */
     int64_t steps, retries, touches, refused, idle;
+    int64_t lasting; /* steps since a contact went over to another branch */
 } course;
 
 /* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h;
@@ -270,6 +273,7 @@ static void undo_branch(const aom_law *law, const aom_exit *e, double slowest, l
 /* ---- forces.c */
 static bool eliminate(double *A, double *b, int n);
 static bool one_force(aom_stepper *st, double h, const influence *local);
+static bool long_force(aom_stepper *st, double h, const influence *local);
 static bool all_forces(aom_stepper *st, const influence *local);
 
 static bool clear_of_touches(aom_stepper *st, int slot);

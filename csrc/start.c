@@ -147,7 +147,7 @@ int start_run(aom_stepper *st, const aom_system *system, const aom_options *opti
     course now = {.level = 4};
     double unit = options->step > 0.0 ? options->step : 1.0;
     now.longest = unit * exp2(ceil(log2(options->duration / unit)));
-    now.cap = options->duration / 16.0;
+    now.cap = now.first_cap = options->duration / 16.0;
     if (options->step > 0.0)
         now.cap = smaller(now.cap, options->step);
     now.scaled = highest != NULL || options->force_scale > 0.0;

@@ -93,6 +93,7 @@ static void accept_step(aom_stepper *st, int index, aom_record *out) {
     else if (nothing_touches(st) && st->system.n_stretch == 0) /* flight is exact */
         now->worked = mechanical_energy(J, st->x, st->system.omega) - now->given;
     now->steps++;
+    now->lasting++;
     now->idle = 0;
     now->smooth = true;
     now->time += h;
@@ -130,7 +131,7 @@ static void begin_contact(aom_stepper *st, int c, double rate, bool active) {
     double lasts = 3.0 * expect_contact(st, c, speed) / speed, cap = lasts / 4.0, first = lasts / 64.0;
     if (st->options.step > 0.0)
         first = cap = smaller(st->options.step, cap);
-    now->cap = active ? smaller(now->cap, cap) : cap;
+    now->cap = now->first_cap = active ? smaller(now->cap, cap) : cap;
     int level = active ? now->level : 0;
     while (level_step(st, level) > first && level < LEVELS - 8)
         level++;
@@ -144,6 +145,7 @@ static void enter_branch(aom_stepper *st, aom_record *out, bool active, bool at_
     contact_state *state = st->contacts + c;
     int before = state->branch;
     st->now.smooth = false;
+    st->now.lasting = 0;
     aom_exit left = {(double)st->now.steps, c, st->exit_bound, at_once ? (active ? 0 : 2) : 1, 0.0,
                      {before}, {0.0}};
     memcpy(left.before + 1, state->memory, 3 * sizeof(double));

@@ -6,6 +6,25 @@
 #define KINKED 0.075         /* error of the parabola through t^(3/2), over its second difference */
 #define EXACT 1e-2           /* of what a bound is met to: touches and releases are located so sharply */
 #define RIPPLE 2.0           /* force of unresolved vibrations, over the error of a step's force */
+#define LASTING 200          /* steps between two events */
+#define UNRESOLVED 0.1       /* half of the squared angle by which the bodies vibrate on a contact */
+#define UNSEEN 0.5           /* the same, where steps grow beyond what a contact lets expect */
+#define ADAPT 8              /* steps between two looks at that */
+
+/* Whether one contact has taken far more steps than an ordinary impact does. */
+static bool lasts(const aom_stepper *st) {
+    return st->now.lasting >= LASTING && st->system.n_rows == 1 && !st->rated &&
+           st->options.step == 0.0;
+}
+
+/* Whether a step is too long for the vibrations of the bodies on a single contact. */
+static bool unresolved(const aom_stepper *st, const influence *local) {
+    if (!lasts(st) || !pressing(st->contacts[0].branch))
+        return false;
+    double k = st->now.stiffness, residual = st->system.residual[0];
+    const double *by = local->depth[1];
+    return k * (by[0] + by[1] + by[2] - residual) > UNRESOLVED * (1.0 + k * residual);
+}
 
 /* Forces and motion of a step h, into the workspace; false if they are not found. */
 static bool attempt(aom_stepper *st, int index, double h) {
@@ -19,6 +38,9 @@ static bool attempt(aom_stepper *st, int index, double h) {
     }
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
+    st->now.lacking = 0.0;
+    if (unresolved(st, local))
+        return long_force(st, h, local);
     if (m == 1 && one_force(st, h, local))
         return true;
     for (int i = 0; i < m; i++)
@@ -170,7 +192,7 @@ static double misfit(double earlier, const double f[3], double before, double h,
 
 /* Largest error of the parabolas of the step, over the scales of their contacts. */
 static double worst_misfit(const aom_stepper *st) {
-    double worst = 0.0;
+    double worst = st->now.lacking > 0.0 ? st->now.lacking / scale_of(st, 0) : 0.0;
     for (int i = 0; i < st->system.n_rows; i++)
         worst = larger(worst, misfit(st->rows[i].middle, st->work.force[i].f, st->now.last_step,
                                      st->now.step, st->rows[i].fresh) /
@@ -220,6 +242,19 @@ static double ripple(aom_stepper *st, double h) {
         worst = larger(worst, stiffness * swing / (1.0 + stiffness * soft) / scale_of(st, c));
     }
     return worst;
+}
+
+/* A contact may last far longer than its own masses let expect, as that of a heavy mass that bends a
+ * beam. Its longest step grows while no vibration shows in the force, and shrinks where one does. */
+static void adapt_cap(aom_stepper *st, double h, bool coarser) {
+    course *now = &st->now;
+    if (!lasts(st) || now->flying || now->steps % ADAPT != 0)
+        return;
+    double limit = UNSEEN * st->options.rel_tol;
+    if (coarser && 2.0 * h > now->cap && ripple(st, 2.0 * h) <= limit)
+        now->cap = 2.0 * h;
+    else if (h > now->first_cap && !(ripple(st, h) <= limit))
+        now->cap = larger(0.5 * h, now->first_cap);
 }
 
 /* The level at which the tries begin. */
@@ -285,6 +320,7 @@ int try_step(aom_stepper *st) {
         if (finer == 0) {
             bool coarser = worst < 1.0 / 16.0 && level > 0 && (now->flying || index != SCRATCH);
             now->level = coarser ? level - 1 : level;
+            adapt_cap(st, h, coarser);
             return index;
         }
         now->retries++;

@@ -46,6 +46,11 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
     slopes, grazing, answer = adjoint.gradient(
         s, found.run, found.states(), places, weights, wanted.force, wanted.time
     )
+    if answer == library.TOO_MANY_STEPS:
+        raise NotDifferentiableError(
+            "a contact lasts so long that its steps pass over the vibrations of the bodies, of which"
+            " no derivatives are known: give simulate a step."
+        )
     if answer != library.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"

@@ -22,6 +22,7 @@ from antiosc.impact.histories.energy import GAIN
 COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 #: Contacts and scenes of a batch that a message names.
 _NAMED = 5
+UNDAMPED = " The bodies have no damping, so that their vibrations go on: Damping ends them."
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,14 @@ def check_result(
 ) -> CheckResult:
     """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: of energy."""
     failure = failure or stopped(ended.answer, ended.time, *limits)
+    ringing = "" if assembly.system.damped else UNDAMPED
     if failure:
-        return CheckResult(STOPPED, failure[0].upper() + failure[1:] + ".")
+        said = failure[0].upper() + failure[1:] + "."
+        return CheckResult(STOPPED, said + ringing * (ended.answer == library.TOO_MANY_STEPS))
     cut = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
-        return CheckResult(INEXACT, f"{doubt} {cut}".rstrip())
+        steps = ringing if "max_steps" in doubt else ""
+        return CheckResult(INEXACT, f"{doubt}{steps} {cut}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
     return CheckResult(TOUCHING, cut) if cut else CheckResult(COMPLETED, "Completed.")
