@@ -1,4 +1,4 @@
-"""A heavy mass that bends a light beam: one long contact, whose steps grow where its force is smooth."""
+"""A heavy mass that bends a light beam: steps of the long contact grow where its force is smooth."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_mass_laid_on_the_beam_presses_with_twice_its_weight(name: str, ratio:
 
 
 def test_without_damping_the_beam_goes_on_to_vibrate() -> None:
-    """A mass laid on it: the force is smooth, and its steps grow, with modes that never die away."""
+    """A mass laid on it: the force is smooth though its modes never die away."""
     model = beam(20, 0.0)
     mass = 1e6 * model.m_st
     half = np.pi * np.sqrt(mass / model.k0)

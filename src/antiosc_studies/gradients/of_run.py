@@ -48,8 +48,8 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
     )
     if answer == library.TOO_MANY_STEPS:
         raise NotDifferentiableError(
-            "a contact lasts so long that its steps pass over the vibrations of the bodies, of which"
-            " no derivatives are known: give simulate a step."
+            "a contact lasts so long that its steps pass over the vibrations of the bodies, of"
+            " which no derivatives are known: give simulate a step."
         )
     if answer != library.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
