@@ -1,4 +1,4 @@
-"""A heavy mass that bends a light beam: steps of the long contact grow where its force is smooth."""
+"""A heavy mass that bends a light beam: its steps grow where the force is smooth."""
 
 from __future__ import annotations
 
