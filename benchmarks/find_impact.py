@@ -22,7 +22,7 @@ import numpy as np
 
 import antiosc as ao
 from antiosc.base._types import Array
-from antiosc.strikes.impact_map import ABOVE
+from antiosc.strikes.free_sites import ABOVE
 from antiosc_studies.find import Monitored, found_in, prepared
 from antiosc_studies.find.recording import recording
 

@@ -18,7 +18,8 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
 from antiosc.base.texts import engineering
-from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, GRAVITY, MODES
+from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, MODES
+from antiosc.models.body import GRAVITY
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -253,7 +254,7 @@ def _of_fall(asked: Table) -> list[tuple[str, str]]:
 
 def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("simulate", {})
-    from antiosc.extension import PlaneOf
+    from antiosc.reduce.site.surface import PlaneOf
 
     rows = []
     if "strike" in scene.document.data:

@@ -32,15 +32,9 @@ from antiosc import (
 )
 from antiosc.base import checks, files
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.extension import (
-    AUTO,
-    BAND_OVER_PULSE,
-    AnyLaw,
-    SceneParts,
-    checked_body,
-    is_auto,
-    law_of,
-)
+from antiosc.extension import BAND_OVER_PULSE, SceneParts
+from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
+from antiosc.models.body import checked_body
 from antiosc_app.fmu import identifier, write_c, write_fmu
 from antiosc_app.run_data import CONTACT_TIMES, of_model, of_scene
 

@@ -93,7 +93,7 @@ def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> For
 
 
 def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
-    from antiosc.extension import STATES_UNIT
+    from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
     from antiosc.io.neutral import UnitSystem
     from antiosc.io.reading import outline

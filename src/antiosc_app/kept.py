@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc import AntiOscillators, from_free_modes
 from antiosc.base._types import Array
-from antiosc.extension import ModelInfo
+from antiosc.models.body import ModelInfo
 from antiosc_app.set_up import COUNT
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ class FreeModes:
 
     def _made(self, site: Site) -> AntiOscillators:
         """A model by one solve."""
-        from antiosc.extension import UNNAMED, functional, surfaces
         from antiosc.fem.linalg.algebra import multiply
+        from antiosc.reduce.site import functional, surfaces
 
         assert self._known is not None
         structure, (omega, phi) = self._structure, self._known
@@ -93,7 +93,7 @@ class FreeModes:
         info = ModelInfo(
             point=seen.point.tolist(),
             direction=seen.direction.tolist(),
-            surfaces=surfaces(structure, {UNNAMED: seen}, lengths=False),
+            surfaces=surfaces(structure, {"": seen}, lengths=False),
         )
         return replace(
             found,

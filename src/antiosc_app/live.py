@@ -30,19 +30,11 @@ from antiosc import (
 from antiosc.base._types import Array
 from antiosc.base.texts import capitalised, engineering, percent, point_text
 from antiosc.engine import library
-from antiosc.extension import (
-    QUANTITIES,
-    RIM,
-    Compiled,
-    ErrorBudget,
-    Hysteretic,
-    hardest,
-    info_of,
-    is_compiled,
-    site_points,
-    softest_model,
-    trusted,
-)
+from antiosc.engine.contact.base import Compiled, is_compiled
+from antiosc.engine.contact.dent import RIM
+from antiosc.engine.contact.laws import Hysteretic
+from antiosc.extension import QUANTITIES, ErrorBudget, hardest, softest_model, trusted
+from antiosc.models.body import info_of, site_points
 
 if TYPE_CHECKING:
     from antiosc import PeakField, Structure

@@ -17,12 +17,11 @@ from antiosc import History, ImpactMap, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
+from antiosc.engine.contact.base import is_compiled
 from antiosc.extension import (
     MAP_QUANTITIES,
     NodeTensors,
-    checked_body,
     hardest,
-    is_compiled,
     outer_faces,
     shapes_of,
     sides,
@@ -30,6 +29,7 @@ from antiosc.extension import (
     tensors_at_nodes,
 )
 from antiosc.io.facets import oriented
+from antiosc.models.body import checked_body
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
 #: Most fields of the motion and of the stress, and what they may miss of the largest value.

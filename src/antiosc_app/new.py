@@ -333,7 +333,8 @@ def _flat(
     mesh: Mesh, outer: Faces, structure: Structure | None, site: tuple[Array, Array, float | None]
 ) -> tuple[float, float] | None:
     """Modulus [Pa] and ratio of a flat face where nothing is known of the surface at a site."""
-    from antiosc.extension import curvature, material_at, surface_at
+    from antiosc.extension import curvature
+    from antiosc.reduce.site.surface import material_at, surface_at
 
     point, direction, radius = site
     try:
@@ -376,7 +377,7 @@ def _movable(
 ) -> tuple[Array, Array, float | None]:
     """The first site that supports leave free, else one that they hold in part; with a patch."""
     from antiosc import Site
-    from antiosc.extension import functional
+    from antiosc.reduce.site import functional
 
     partly = None
     for point, usual, radius in chain([first], others):

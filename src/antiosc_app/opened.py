@@ -28,7 +28,8 @@ from antiosc import AntiOscillators, History
 from antiosc.base import checks, progress
 from antiosc.base.errors import AntioscError, InputError, RangeError, warnings_to
 from antiosc.base.texts import capitalised
-from antiosc.extension import AUTO, info_of
+from antiosc.models.auto_contact import AUTO
+from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
 from antiosc_app.kept import MODELS, FreeModes, Kept
 from antiosc_app.live import Data

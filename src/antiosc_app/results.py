@@ -23,18 +23,14 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
 from antiosc.extension import (
     CAUSES,
-    GRAVITY,
     MAP_QUANTITIES,
     QUANTITIES,
     ErrorBudget,
     error_scope,
     hardest,
-    info_of,
-    plot_deformed,
-    plot_map,
-    site_points,
     trusted,
 )
+from antiosc.models.body import GRAVITY, info_of, site_points
 from antiosc.plot.charts import (
     legend_beside,
     new_figure,
@@ -43,6 +39,7 @@ from antiosc.plot.charts import (
     plot_motion,
     save_figure,
 )
+from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import Results, varied

@@ -14,6 +14,7 @@ from antiosc import Impactor, LinearBody, Obstacle, RigidMass, SceneHistory, Sph
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
+from antiosc.engine.contact.base import is_compiled
 from antiosc.engine.march import FINE
 from antiosc.engine.system import BodyModes, Given, System, posed
 from antiosc.extension import (
@@ -24,13 +25,12 @@ from antiosc.extension import (
     inexact_message,
     integrate,
     integrate_exact,
-    is_compiled,
     open_contacts,
     scene_body,
     set_initial_forces,
-    stretch_of,
 )
 from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc.models.stretch import stretch_of
 
 #: Outputs of a contact and of a site: `axm_kind` -> name, unit.
 OF_CONTACT = {

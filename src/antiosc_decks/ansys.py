@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.extension import as_mesh
+from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
 from antiosc.io.neutral import CORNERS, EDGES, FileMesh, UnitSystem
 from antiosc.io.request import FileReader, Request

@@ -18,7 +18,7 @@ import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.extension import kept_apart
+from antiosc.io.conversion import kept_apart
 from antiosc.io.deck import Array, Place
 from antiosc.io.neutral import EDGES, Json, Model, Term
 from antiosc_decks.builder import MOTIONS, Family, ModelBuilder

@@ -27,7 +27,7 @@ from antiosc import (
     Support,
     Truss,
 )
-from antiosc.base._types import IntArray
+from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.checks import (
     flag,
     instance,
@@ -42,7 +42,6 @@ from antiosc.extension import (
     Attachment,
     Family,
     GivenSheet,
-    SolverChoice,
     assemble_checked,
     attachments_of,
     distributed,

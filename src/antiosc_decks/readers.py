@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from antiosc.base.errors import MeshError
-from antiosc.extension import FIRST_BYTES, as_mesh
+from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import listed
 from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
+from antiosc.io.table import FIRST_BYTES
 from antiosc_decks import abaqus_assembly, abaqus_model, ansys, nastran_mesh, nastran_model
 from antiosc_decks.sources import BULK as _BULK, Sources
 

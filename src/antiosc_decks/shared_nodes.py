@@ -21,10 +21,12 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.extension import DISPLACEMENTS, ROTATIONS, Member, projected
+from antiosc.extension import projected
 from antiosc.fem.assembly.joint import HeldDofs, Joint, Rows, Stiffness, following
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import Member
+from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import Term
 
 #: Columns and values of a row of a matrix.

@@ -13,9 +13,12 @@ from antiosc import ContactLaw, Site, Structure
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.engine.contact.choice import choose
 from antiosc.engine.contact.curvature import CURVED, SHARP, Curvature
 from antiosc.engine.contact.surfaces import RIGID, Surface, matter_of
-from antiosc.extension import Body, choose, functional, surface_at
+from antiosc.models.body import Body
+from antiosc.reduce.site import functional
+from antiosc.reduce.site.surface import surface_at
 from antiosc_studies.drops.floor import Floor, law_of
 
 

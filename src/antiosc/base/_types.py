@@ -1,8 +1,8 @@
-"""Types of arrays in signatures; the docstrings state shapes and units."""
+"""Types in signatures; the docstrings state shapes and units."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,3 +20,5 @@ Index = NDArray[np.intp]
 Matrix: TypeAlias = Any
 #: real or complex numbers
 Numbers: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
+#: of a solver: "auto" is direct if the factor fits in memory
+SolverChoice: TypeAlias = Literal["auto", "direct", "iterative"]

@@ -57,6 +57,11 @@ class ReprMixin:
         return _table(self, self._shown_facts())
 
 
+#: Status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
+#: but the bodies still touch at the end.
+COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
+
+
 class Result(ReprMixin):
     """Base of results: text, JSON values, a status and a message.
 

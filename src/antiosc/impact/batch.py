@@ -21,10 +21,9 @@ from antiosc.base import checks, plausible, process
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
-from antiosc.base.texts import Result, range_text
+from antiosc.base.texts import COMPLETED, STOPPED, Result, range_text
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.impact.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.histories import History
 from antiosc.impact.histories.energy import GAIN
@@ -35,8 +34,6 @@ from antiosc.impact.histories.linear_theory import (
     warn_large_rotation,
 )
 from antiosc.impact.histories.run_end import (
-    COMPLETED,
-    STOPPED,
     CheckResult,
     RunEnd,
     check_result,
@@ -47,6 +44,7 @@ from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate
 from antiosc.impact.truncation import truncation_warning
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.models.body import LinearBody, ModelInfo, info_of
 from antiosc.plot.charts import figure_or_path, panels
 

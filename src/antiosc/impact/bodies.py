@@ -27,7 +27,7 @@ from antiosc.engine.contact import Gonthier, Hertz
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
 from antiosc.engine.damping import StackedModes
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.body import GRAVITY, Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
 
@@ -255,8 +255,6 @@ STEEL = {"E": 210e9, "nu": 0.3}
 STEEL_DENSITY = 7850.0  # handbook value
 #: Ice at 0 °C, kg/m³ (handbook value).
 ICE_DENSITY = 917.0
-#: Standard gravity, m/s².
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)

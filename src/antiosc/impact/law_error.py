@@ -21,9 +21,9 @@ from antiosc.engine.contact.peak_error import (
     strain_share,
 )
 from antiosc.engine.contact.surfaces import Surface
-from antiosc.impact.auto_contact import choice_of
 from antiosc.impact.histories import History
 from antiosc.impact.histories.parts import NO_ERROR, differences, with_floor
+from antiosc.models.auto_contact import choice_of
 from antiosc.models.body import Body
 
 #: The law is the caller's.

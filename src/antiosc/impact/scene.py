@@ -32,7 +32,6 @@ from antiosc.engine.march import Converged, converge
 from antiosc.engine.stability import checked_step, stepped
 from antiosc.engine.system import Kept
 from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
-from antiosc.impact.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.error_budget import error_budget, warn_low_band
 from antiosc.impact.histories import History, SceneHistory, told
@@ -52,6 +51,7 @@ from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import Run, choose_n, truncation_warning
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.models.body import LinearBody, info_of
 from antiosc.models.motion import Motion
 

@@ -29,9 +29,9 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.system import side_by_side
-from antiosc.impact.auto_contact import AUTO, LAW, chosen, is_auto
 from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.auto_contact import AUTO, LAW, chosen, is_auto
 from antiosc.models.body import checked_body, info_of, site_points
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion

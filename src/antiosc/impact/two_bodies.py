@@ -23,7 +23,6 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.system import BodyModes, System, posed, side_by_side
 from antiosc.impact.assembly import Assembly, Parts, without_patch
-from antiosc.impact.auto_contact import AUTO, LAW, AnyLaw, law_of
 from antiosc.impact.bodies import (
     Obstacle,
     RigidMass,
@@ -34,6 +33,7 @@ from antiosc.impact.bodies import (
     stacked_first_order,
 )
 from antiosc.impact.scene_parts import two_body_parts
+from antiosc.models.auto_contact import AUTO, LAW, AnyLaw, law_of
 from antiosc.models.body import Body, LinearBody, checked_body, is_thin
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion

@@ -16,7 +16,8 @@ from antiosc.io.matrices import Labels, Source
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
 LARGEST_DOF = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
-COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
+COMPONENTS = (*DISPLACEMENTS, *ROTATIONS)
 #: The same in Ansys's mapping files and in Nastran's tables.
 _OTHER_NAMES = {
     **{name: k + 1 for k, name in enumerate(COMPONENTS)},

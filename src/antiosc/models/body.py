@@ -26,6 +26,8 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import Stretch
 
+#: Standard gravity, m/s².
+GRAVITY = 9.80665
 #: Key of `ModelInfo.surfaces` for why the surface of a site is not known.
 NOT_KNOWN = "not known"
 

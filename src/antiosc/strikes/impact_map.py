@@ -23,9 +23,9 @@ import logging
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal
 
 import numpy as np
 
@@ -34,22 +34,19 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
 from antiosc.base.process import one_thread
-from antiosc.base.progress import counting, doing
-from antiosc.base.stresses import equivalent
+from antiosc.base.progress import counting
 from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import SHARP
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Surface
-from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.second_order import is_flat
-from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.platform import agree, collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.impact.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of
 from antiosc.impact.batch import simulate_many
 from antiosc.impact.bodies import Obstacle
-from antiosc.impact.from_rest import Force, motions, peak_deflections
+from antiosc.impact.from_rest import peak_deflections
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
     SLIGHT_DEFLECTION,
@@ -61,14 +58,12 @@ from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.impact.two_bodies import Impact, impact_band
 from antiosc.models import driving_point, free_modes
+from antiosc.models.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of
 from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.modal import ModalBody
 from antiosc.models.stretch import MOST, Count, Stretch, checked_count
-from antiosc.recovery import source
-from antiosc.recovery.place import NodeTensors, Place, place
 from antiosc.reduce.extraction import shapes_of_models
-from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.reduce.extraction.krylov import by_krylov
 from antiosc.reduce.extraction.oscillators import (
     at_one_site,
@@ -78,203 +73,16 @@ from antiosc.reduce.extraction.oscillators import (
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
-from antiosc.reduce.site.map_sites import MapSites, sites_of
 from antiosc.reduce.site.sites import Sites, doubtful_patches
 from antiosc.reduce.site.surface import PlaneOf, surface_at
+from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
 from antiosc.strikes.map_results import ImpactMap, MapInfo, hardest
+from antiosc.strikes.map_stresses import largest_stresses
 
-#: Free modes where neither `modes` nor a band says how many.
-FREE_MODES = 20
 #: With second-order forces: on a plate of 300 × 200 × 1 mm forces of 31 sites are then within 0.1 %
 #: of those of `extract`, with 20 free modes within 0.7 % (tests/test_maps.py has this plate).
 STRETCH_MODES = 60
-#: Frequency of the last free mode over the band.
-ABOVE = 1.5
-
-#: What names the sites of a map: surfaces, or points (P, 2 or 3).
-Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
-
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class FreeSites:
-    """P sites with J free modes of the structure, rigid-body modes first.
-
-    Attributes
-    ----------
-    found : the sites.
-    omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
-    b : (P, J) displacement of each site in each mode [kg^-1/2].
-    compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
-    seconds : what each step took.
-    """
-
-    found: MapSites
-    omega: Array
-    phi: Array
-    b: Array
-    compliance: Array
-    inertia: Array
-    seconds: dict[str, float]
-
-
-def free_sites(
-    structure: Structure,
-    matrices: MeshedParts,
-    where: Where,
-    direction: Sequence[float] | None,
-    radius: float | None,
-    modes: int | None,
-    band: float | None,
-    most: float = math.inf,
-    least: int = FREE_MODES,
-) -> FreeSites:
-    """The sites of a map with at most `most` free modes; the other arguments as of `impact_map`."""
-    started = time.perf_counter()
-    found = sites_of(matrices, where, direction, radius)
-    structure.factorize()
-    located = time.perf_counter()
-    free = _free_modes(structure, modes, band, most, least)
-    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
-    phi = np.column_stack([structure.rigid_modes, free.phi])
-    b = structure.comm.allreduce(found.sites.loads.T @ phi)
-    solved = time.perf_counter()
-    C, G = deflections(structure, found.sites.loads, omega, b)
-    moved = time.perf_counter()
-    seconds = {
-        "sites": located - started,
-        "free_modes": solved - located,
-        "deflections": moved - solved,
-    }
-    return FreeSites(found, omega, phi, b, C, G, seconds)
-
-
-def _free_modes(
-    structure: Structure, count: int | None, band: float | None, most: float, least: int
-) -> Modes:
-    """The lowest elastic modes: `count`, or as many as exceed the band, `least` to `most`."""
-    wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
-    reach = 0.0 if band is None or count is not None else ABOVE * band
-    modes = ModeSolver(structure).lowest(wanted, reach, most)
-    kept = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
-    log.info("%d free modes up to %.4g rad/s", len(modes.omega[:kept]), modes.omega[:kept][-1])
-    return Modes(modes.omega[:kept], modes.phi[:, :kept], modes.complete)
-
-
-#: Sites whose static deflections are solved for together.
-AT_ONCE = 64
-#: Phase in rad by which the last mode turns from one time to the next; of so many times one is
-#: looked at in all tensors, and all are in the largest of these.
-PHASE, EVERY, CLOSELY = 0.4, 3, 100
-#: Times over the run, at least and at most.
-TIMES = (200, 3000)
-#: Tensors whose stresses at all times fit the cache.
-BLOCK = 512
-
-
-class Stresses(NamedTuple):
-    """The stress fields of an `ImpactMap`."""
-
-    peak_stress: Array
-    exposure: Array | None
-    stress_points: Array
-
-
-class _Sought(NamedTuple):
-    """Stress tensors of the modes (S, 6, J), points (S, 3), yield strengths (S,) or NaN."""
-
-    modes: Array
-    points: Array
-    strength: Array
-
-
-def largest_stresses(
-    structure: Structure, seen: FreeSites, forces: list[Force], duration: float
-) -> Stresses:
-    """The largest stresses in impacts with these forces, on every rank.
-
-    InputError for parts whose stress is not known: beams whose section has no outline.
-    """
-    places = sides(structure)
-    with doing("stresses of the free modes", structure.comm.rank):
-        modes = _recovered(structure, seen.phi, places)
-    slow = seen.b / (seen.omega**2 + structure.shift)
-    largest: list[tuple[float, Array, float]] = []
-    with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
-        for first in range(0, len(forces), AT_ONCE):
-            own = slice(first, first + AT_ONCE)
-            y = structure.factorize().solve_block(seen.found.sites.loads[:, own].toarray())
-            rest = _recovered(structure, y - seen.phi @ slow[own].T, places)
-
-            def work(own: slice = own, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
-                return _of_sites(modes, rest, seen, forces, own, duration)
-
-            largest += on_root(structure.comm, work)
-            ready(len(largest))
-    values, points, exposure = (np.array(each) for each in zip(*largest, strict=True))
-    return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
-
-
-def sides(structure: Structure) -> list[Place]:
-    """Both sides of sheets; for other parts a single position."""
-    members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
-    sheets = any(member.part.kind.sheet for member, _ in members)
-    return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
-
-
-def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
-    """Stresses of shapes (rows of this rank, columns) on rank 0."""
-    tensors: NodeTensors
-    points, _, tensors = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
-    yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
-    return _Sought(
-        tensors.columns.astype(np.float32), points[tensors.nodes], np.array(yields)[tensors.origin]
-    )
-
-
-def _of_sites(
-    modes: _Sought,
-    rest: _Sought,
-    seen: FreeSites,
-    forces: list[Force],
-    own: slice,
-    duration: float,
-) -> list[tuple[float, Array, float]]:
-    """Largest stress, its point, and the exposure, for the impacts at some sites."""
-    steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
-    some, b = forces[own], seen.b[own]
-    omega = np.broadcast_to(seen.omega, b.shape)
-    run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
-    q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
-    columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
-    sought = [np.ones(len(modes.strength)), 1 / modes.strength]
-    results = []
-    for i in range(len(some)):
-        columns[:, :, -1] = rest.modes[:, :, i]
-        x = np.column_stack([q[:, i], F[:, i]])
-        seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
-        largest = _largest(columns, x[seldom])
-        close = np.unique(
-            [k for w in sought for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
-        )
-        largest[close] = _largest(columns[close], x)
-        shares = largest * sought[1]
-        known = bool(np.isfinite(shares).any())
-        worst = int(np.nanargmax(shares) if known else largest.argmax())
-        share = float(shares[worst]) if known else np.nan
-        results.append((float(largest.max()), modes.points[worst], share))
-    return results
-
-
-def _largest(columns: Array, x: Array) -> Array:
-    """Largest von Mises stress (S,) of tensors (S, 6, B) with factors (n, B)."""
-    largest = np.zeros(len(columns))
-    for first in range(0, len(columns), BLOCK):
-        block = columns[first : first + BLOCK]
-        stress = (block.reshape(-1, block.shape[2]) @ x.T).reshape(len(block), 6, len(x))
-        largest[first : first + BLOCK] = equivalent(np.moveaxis(stress, 1, -1)).max(axis=1)
-    return largest
 
 
 #: The band where neither it nor a blow is given, over the last free mode.

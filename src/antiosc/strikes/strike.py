@@ -35,7 +35,6 @@ from antiosc.fem.platform import collective, compat, on_root
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.impact.auto_contact import AUTO, AnyLaw
 from antiosc.impact.bodies import RigidMass, Sphere
 from antiosc.impact.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.impact.histories import History, with_model
@@ -43,6 +42,7 @@ from antiosc.impact.histories.parts import ErrorBudget, differences, with_floor
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.reduce.error import bisection

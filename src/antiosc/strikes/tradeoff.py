@@ -24,9 +24,9 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-from antiosc.impact.auto_contact import AUTO, AnyLaw
 from antiosc.impact.histories import History
 from antiosc.impact.histories.parts import differences
+from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.plot.charts import figure_or_path, new_figure

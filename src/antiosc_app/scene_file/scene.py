@@ -25,7 +25,7 @@ import antiosc
 from antiosc import ContactLaw, History
 from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
-from antiosc.extension import AUTO
+from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
 from antiosc_app.scene_file.document import Document, Place, Table, label
 from antiosc_app.scene_file.schema import (

@@ -26,7 +26,7 @@ import numpy as np
 import antiosc
 from antiosc import ContactLaw, LinearBody
 from antiosc.base import checks
-from antiosc.extension import as_damping
+from antiosc.models.modal import as_damping
 
 # -- kinds of values
 

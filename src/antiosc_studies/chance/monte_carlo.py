@@ -26,6 +26,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.files import atomic_file, check_readable
 from antiosc.base.progress import counting
+from antiosc.base.texts import STOPPED
 from antiosc.extension import check_executor, completed_calls, rows_of
 from antiosc_studies.chance.sample import Sample
 
@@ -36,8 +37,6 @@ TOGETHER, PARTS = 100, 100
 MOST = 10_000_000
 #: What is kept of an impact.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
-#: Status of a scene of a batch that has no numbers.
-STOPPED = 2
 #: Columns of a stored campaign: number of the run, and why it failed.
 NUMBER, ERROR = "run", "error"
 #: Results of a run by name, or the message of its failure.

@@ -23,8 +23,9 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.texts import ReprMixin
-from antiosc.extension import functional, refuse_dampers
+from antiosc.extension import refuse_dampers
 from antiosc.fem.linalg.algebra import dot, multiply, rows
+from antiosc.reduce.site import functional
 from antiosc_studies.chance.monte_carlo import is_name, quantiles
 
 #: Squared length of a direction over that of the shapes, below which it adds nothing to the space.

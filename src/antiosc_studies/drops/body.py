@@ -26,7 +26,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
 from antiosc.engine.contact.surfaces import Matter, matter_of
-from antiosc.extension import as_damping
+from antiosc.models.modal import as_damping
 from antiosc_studies.drops.corners import Corners, columns
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.lines import cylinders
@@ -189,7 +189,7 @@ def _residual(
     which: IntArray,
 ) -> tuple[Array, Array, Array]:
     """Shapes, residual compliances and radii of patches at vertices of the hull `own`."""
-    from antiosc.extension import functionals
+    from antiosc.reduce.site import functionals
 
     chosen = own[which]
     sites = [_site(skin, k, corner) for k in chosen.tolist()]
@@ -215,7 +215,7 @@ def _residual(
 
 def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple[float, float]:
     """Principal radii [m] at a vertex; at smooth places of a solid from the surface around it."""
-    from antiosc.extension import curvature_at
+    from antiosc.reduce.site.surface import curvature_at
 
     if skin.sharp[which] or skin.half[which] or not len(skin.triangles):
         return skin.radii(which, corner)

@@ -17,7 +17,8 @@ from antiosc.base.errors import without_warnings
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Site, Structure
-    from antiosc.extension import Functional, MeshedStructure
+    from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.reduce.site import Functional
 
 #: Edges of the cells at a corner over its radius: the force of a plastic block changes by 1.2 %
 #: from 1 to 0.5, and by 0.3 % from 0.5 to 0.25.
@@ -131,7 +132,7 @@ def _free(part: MeshedStructure, mesh: Mesh) -> Structure:
 
 def _compliance(structure: Structure, sites: list[Site]) -> Array:
     """Elastic compliance (n, 3, 3) of a free part."""
-    from antiosc.extension import functionals
+    from antiosc.reduce.site import functionals
 
     with without_warnings():
         loads = functionals(structure, sites)

@@ -22,7 +22,9 @@ from antiosc.base.plausible import FASTEST_WAVE
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr, Result
-from antiosc.extension import GRAVITY, check_executor, unit_vector
+from antiosc.extension import check_executor
+from antiosc.models.body import GRAVITY
+from antiosc.models.motion import unit_vector
 from antiosc_studies.chance.monte_carlo import made, sample_of
 from antiosc_studies.chance.sample import Quantile, Sample, quantile
 from antiosc_studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
@@ -104,7 +106,8 @@ def _named(body: FreeBody, kind: str, given: object) -> Array:
 
 def _group(body: FreeBody, name: str) -> Array:
     """The mean outward normal of a group of faces."""
-    from antiosc.extension import on_mesh, surface
+    from antiosc.extension import on_mesh
+    from antiosc.reduce.site.map_sites import surface
 
     assert body.structure is not None
     part = on_mesh(body.structure, 'an assembly has no groups of its own: name a face as "-z".')

@@ -19,16 +19,10 @@ from scipy.linalg import block_diag
 from antiosc import Contact, Inertia, ModalState, Obstacle, Scene, SceneHistory, SiteModes
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
+from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine.march import FINE as FINEST, Run, run as march_once
 from antiosc.engine.system import Kept, System
-from antiosc.extension import (
-    COMPLETED,
-    STOPPED,
-    check_range,
-    impulses,
-    integrate_exact,
-    set_initial_forces as begin,
-)
+from antiosc.extension import check_range, impulses, integrate_exact, set_initial_forces as begin
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.states import forces, integrated_states, interpolated, locate
 from antiosc_studies.drops.body import FreeBody

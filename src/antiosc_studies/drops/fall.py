@@ -220,7 +220,8 @@ class Fall(Trajectory, Result):
             return np.zeros(3), rigid
         if body.structure is None or body.basis is None:
             return checks.array("at", at, (3,)) - body.centre, rigid
-        from antiosc.extension import Reach, point_of, source
+        from antiosc.extension import Reach, source
+        from antiosc.reduce.site import point_of
 
         x, part, _ = point_of(body.structure, at, None)
         reach = Reach("the point", np.inf if isinstance(at, str) else None)

@@ -14,9 +14,11 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
+from antiosc.engine.contact.choice import choose
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
-from antiosc.extension import StackedModes, checked_body, choose
+from antiosc.engine.damping import StackedModes
+from antiosc.models.body import checked_body
 
 #: A loss factor is at most this.
 LARGEST_LOSS = 1.0

@@ -26,7 +26,7 @@ from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.curvature import LINE, Curvature
 from antiosc.engine.contact.geometry import effective_modulus
-from antiosc.extension import line_curve
+from antiosc.engine.contact.line import line_curve
 from antiosc_studies.drops.cylinder import STATIONS, Cylinder, rule
 from antiosc_studies.drops.flight import State
 from antiosc_studies.drops.floor import Floor
@@ -155,7 +155,7 @@ def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
 
 def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
     """The straight lines of the surface of a solid; own: numbers of the points in the skin."""
-    from antiosc.extension import curvature_at
+    from antiosc.reduce.site.surface import curvature_at
 
     assert body.structure is not None
     cylinders_found, remaining = [], own[skin.lines[own] & (skin.half[own] == 0)]
@@ -260,7 +260,7 @@ def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
 def _compliance(body: FreeBody, one: Cylinder) -> float:
     """The part's compliance along a line, less that of its modes and of a half-space [m/N]."""
     from antiosc import Site
-    from antiosc.extension import functionals
+    from antiosc.reduce.site import functionals
 
     structure: Any = body.structure
     assert body.basis is not None

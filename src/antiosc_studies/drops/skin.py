@@ -13,7 +13,7 @@ from antiosc.base.errors import InputError
 
 if TYPE_CHECKING:
     from antiosc import Structure
-    from antiosc.extension import MeshedStructure
+    from antiosc.fem.structure.meshed import MeshedStructure
 
 
 #: Cosine of the angle between the facets at a vertex and its mean normal, below which it is sharp.
@@ -142,7 +142,7 @@ def of_points(points: Array) -> Skin:
 
 def of_mesh(part: MeshedStructure) -> Skin:
     """The surface of one mesh."""
-    from antiosc.extension import surface
+    from antiosc.reduce.site.map_sites import surface
 
     ground = surface(part, None)
     x, normals, count = ground.points, ground.normals, ground.elements.shape[1]

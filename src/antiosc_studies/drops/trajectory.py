@@ -14,16 +14,12 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr, engineering
+from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
+from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
 from antiosc.engine.contact.surfaces import Matter
-from antiosc.extension import (
-    GRAVITY,
-    LARGEST_STRAIN,
-    LEAST_STRAIN,
-    Choice,
-    HertzContact,
-    error_of_peak,
-)
+from antiosc.extension import HertzContact
+from antiosc.models.body import GRAVITY
 from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight, State

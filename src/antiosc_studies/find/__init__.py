@@ -24,21 +24,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Result
-from antiosc.extension import (
-    ABOVE,
-    AUTO,
-    AnyLaw,
-    FreeSites,
-    Where,
-    as_damping,
-    free_sites,
-    on_plane,
-    refuse_dampers,
-    residual,
-    with_parts,
-)
+from antiosc.extension import on_plane, refuse_dampers, with_parts
 from antiosc.fem.platform import collective, warn
+from antiosc.models.auto_contact import AUTO, AnyLaw
+from antiosc.models.free_modes import residual
+from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
+from antiosc.strikes.free_sites import ABOVE, FreeSites, Where, free_sites
 from antiosc_studies.find.forward import Struck, Surface, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, of_shapes, recording
 from antiosc_studies.find.search import POOR, Fit, Scan, most_probable, scan

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from antiosc import ContactLaw, ElasticPlastic, History, Linear, ModalBody, RigidMass
 from antiosc.base._types import Array, IntArray
-from antiosc.extension import Impact, ModalModel, Settings, simulate_impact
+from antiosc.extension import Impact, Settings, simulate_impact
+from antiosc.models.body import ModalModel
 from antiosc_studies.find.recording import Recording
 
 #: Sites from which a value is interpolated, of surfaces and of lines.

@@ -19,7 +19,8 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.files import check_readable
 from antiosc.base.texts import FieldsRepr
-from antiosc.extension import Reach, place, point_of, source
+from antiosc.extension import Reach, place, source
+from antiosc.reduce.site import point_of
 from antiosc_studies.measured.tables import (
     MOTIONS,
     TIMES,

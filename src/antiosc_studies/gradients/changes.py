@@ -35,13 +35,13 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import library
 from antiosc.engine.adjoint import Slopes
+from antiosc.engine.damping import from_factors
 from antiosc.extension import (
     SAFETY,
     TRUNCATION_SAFETY,
     Impact,
     SceneParts,
     assemble_pair,
-    from_factors,
     set_initial_forces,
     softest_model,
 )

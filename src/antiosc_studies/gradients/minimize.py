@@ -17,7 +17,8 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import Result
-from antiosc.extension import Impact, assemble_pair, law_of
+from antiosc.extension import Impact, assemble_pair
+from antiosc.models.auto_contact import law_of
 from antiosc_studies.gradients.changes import changed
 from antiosc_studies.gradients.goals import GOALS, Sampled
 from antiosc_studies.gradients.of_run import derived

@@ -28,19 +28,13 @@ from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.process import one_thread
 from antiosc.base.texts import Completed
 from antiosc.engine import adjoint
-from antiosc.extension import (
-    ErrorOption,
-    MeshedStructure,
-    checked_shapes,
-    functional,
-    in_coordinates,
-    located,
-    measure,
-    on_mesh,
-    refuse_prestress,
-)
+from antiosc.engine.damping import in_coordinates
+from antiosc.extension import checked_shapes, measure, on_mesh, refuse_prestress
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import compat
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.reduce.site import functional
+from antiosc.reduce.site.sites import located
 from antiosc_studies.gradients.changes import ByMatrices, ByModes, Values, by_matrices
 from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds
 from antiosc_studies.gradients.of_run import by_modes, derived, model_name, shown_goal
@@ -357,8 +351,10 @@ def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
         if model.info.method == "modes":
             model_of_part = extract(part, site_of(model), model.n, "modes")
         else:
-            estimated: ErrorOption = None if model.strain_error is None else "estimate"
-            model_of_part = extract(part, site_of(model), model.n, error=estimated)
+            known = model.strain_error is not None
+            model_of_part = extract(
+                part, site_of(model), model.n, error="estimate" if known else None
+            )
     # dampers of the part are in the coordinates of its own model
     coupled = isinstance(model_of_part.damping, DampingMatrix)
     return model_of_part if coupled else replace(model_of_part, damping=model.damping)

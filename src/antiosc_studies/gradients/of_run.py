@@ -9,7 +9,7 @@ from antiosc import AntiOscillators, ModalBody
 from antiosc.base import checks
 from antiosc.base.errors import InputError, NotDifferentiableError
 from antiosc.engine import adjoint, library
-from antiosc.extension import is_compiled
+from antiosc.engine.contact.base import is_compiled
 from antiosc_studies.gradients.changes import ByModes, Taken, first_order_weights, through_start
 from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds, next_peak, recorded, seeds
 

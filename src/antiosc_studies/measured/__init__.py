@@ -20,7 +20,7 @@ from antiosc.base.errors import (
     warn,
     without_warnings,
 )
-from antiosc.extension import MeasuredBand, ModelInfo
+from antiosc.models.body import MeasuredBand, ModelInfo
 from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
 from antiosc_studies.measured.frf import FRF, POWER, Modes, Pairs, Tail
 

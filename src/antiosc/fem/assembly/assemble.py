@@ -18,7 +18,7 @@ import scipy.sparse
 import scipy.sparse.csgraph
 from petsc4py import PETSc
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray, SolverChoice
 from antiosc.base.checks import list_of, point_text
 from antiosc.base.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import assembled
@@ -54,7 +54,7 @@ from antiosc.fem.assembly.parts import (
     on_every_rank,
 )
 from antiosc.fem.linalg.petsc_algebra import from_csr
-from antiosc.fem.linalg.solver import SolverChoice, checked_choice
+from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.prestress import Prestress
 from antiosc.fem.prestress.joined import with_prestress

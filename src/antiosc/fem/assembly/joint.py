@@ -31,9 +31,9 @@ from antiosc.fem.structure.attachments import (
     damper_to_itself,
     values_of,
 )
-from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.support import NumberedNodes, Support
-from antiosc.io.dof_map import COMPONENTS
+from antiosc.io.dof_map import COMPONENTS, DISPLACEMENTS, ROTATIONS
 from antiosc.io.neutral import SIDES
 
 #: Fraction of the largest second moment of a group below which it does not tell a rotation.

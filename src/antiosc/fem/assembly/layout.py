@@ -27,7 +27,8 @@ from antiosc.base.errors import InputError
 from antiosc.fem.assembly.parts import Condensed, Superelement
 from antiosc.fem.platform import compat
 from antiosc.fem.structure import MOVE, TURN, DofPlaces, Placement
-from antiosc.fem.structure.meshed import DISPLACEMENTS, Member, MeshedStructure
+from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.io.dof_map import DISPLACEMENTS
 
 Sparse: TypeAlias = scipy.sparse.csr_matrix
 

@@ -35,8 +35,8 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.structure import checked_axis, in_space
 from antiosc.fem.structure.attachments import by_components
-from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS, Member
-from antiosc.io.dof_map import COMPONENTS
+from antiosc.fem.structure.meshed import Member
+from antiosc.io.dof_map import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9

@@ -33,7 +33,7 @@ from antiosc.fem.assembly.joint import NAME, Between, HeldDofs, Rows, group_end
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Facets, Overlap, closest, on_faces, overlap
 from antiosc.fem.structure import skew
-from antiosc.fem.structure.meshed import DISPLACEMENTS, ROTATIONS
+from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
 GAP = 0.3

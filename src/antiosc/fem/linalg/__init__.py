@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from antiosc.base._types import Array, Matrix
+from antiosc.base._types import Array, Matrix, SolverChoice
 from antiosc.fem.linalg import scipy_factors
 from antiosc.fem.linalg.algebra import by_scipy
-from antiosc.fem.linalg.solver import Solver, SolverChoice
+from antiosc.fem.linalg.solver import Solver
 
 
 def solver_for(

@@ -7,19 +7,16 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array, Matrix
+from antiosc.base._types import Array, Matrix, SolverChoice
 from antiosc.base.errors import AccuracyError
 from antiosc.base.process import one_thread
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import multiply, norms, roots
-
-#: Of a solver: "auto" is direct if the factor fits in memory.
-SolverChoice = Literal["auto", "direct", "iterative"]
 
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 SOLUTION_GROWTH = 1e14

@@ -49,7 +49,7 @@ from petsc4py import PETSc
 from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
 from antiosc.base import process
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, IntArray, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
@@ -69,7 +69,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     multiply,
     with_entries,
 )
-from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver, SolverChoice
+from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
 from antiosc.fem.linalg.two_levels import TwoLevels, coarse_of
 from antiosc.fem.platform import agree, on_root, warn
 

@@ -16,7 +16,7 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, SolverChoice
 from antiosc.base.errors import AccuracyError, InputError, NotConvergedError
 from antiosc.base.process import one_thread
 from antiosc.fem.linalg import solver_for
@@ -27,7 +27,7 @@ from antiosc.fem.linalg.algebra import (
     multiply,
     sum_of,
 )
-from antiosc.fem.linalg.solver import Solver, SolverChoice
+from antiosc.fem.linalg.solver import Solver
 
 #: Energy of a Newton step over that of the state at which it is the last one.
 CONVERGED = 1e-14

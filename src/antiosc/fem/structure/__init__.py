@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.base._types import Array, Box, IntArray, Matrix
+from antiosc.base._types import Array, Box, IntArray, Matrix, SolverChoice
 from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.engine.damping import DampingMatrix, from_factors
@@ -32,7 +32,7 @@ from antiosc.fem.linalg.algebra import (
     softness,
     sum_of,
 )
-from antiosc.fem.linalg.solver import Solver, SolverChoice
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.prestress import Preload
 from antiosc.io.dof_map import DofMap
 from antiosc.models.motion import Inertia

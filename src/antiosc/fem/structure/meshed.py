@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base import plausible
-from antiosc.base._types import Array, Box, IntArray
+from antiosc.base._types import Array, Box, IntArray, SolverChoice
 from antiosc.base.checks import array, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
@@ -33,7 +33,7 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
-from antiosc.fem.linalg.solver import SolverChoice, checked_choice
+from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
@@ -66,8 +66,6 @@ from antiosc.fem.structure.support import (
 from antiosc.models.motion import Inertia
 
 T = TypeVar("T")
-
-DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)

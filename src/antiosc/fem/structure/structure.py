@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, TypedDict, cast
 from numpy.typing import ArrayLike
 
 import antiosc
-from antiosc.base._types import Array, Box, Matrix
+from antiosc.base._types import Array, Box, Matrix, SolverChoice
 from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.solver import Solver, SolverChoice
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import ALONE, collective
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair

@@ -11,15 +11,13 @@ import numpy as np
 from antiosc.base import errors
 from antiosc.base._types import Array
 from antiosc.base.checks import ROUNDING
+from antiosc.base.texts import COMPLETED, INEXACT, STOPPED, TOUCHING
 from antiosc.engine import library
 from antiosc.engine.march import Converged, Run, stopped
 from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.histories.energy import GAIN
 
-#: status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
-#: but the bodies still touch at the end
-COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 #: Contacts and scenes of a batch that a message names.
 _NAMED = 5
 UNDAMPED = " The bodies have no damping, so that their vibrations go on: Damping ends them."

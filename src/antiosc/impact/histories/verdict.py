@@ -7,8 +7,8 @@ from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.choice import Choice, elastic_pressure
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
-from antiosc.impact.auto_contact import chosen
 from antiosc.impact.histories.parts import OneContact
+from antiosc.models.auto_contact import chosen
 
 
 def choice_at(contact: OneContact) -> Choice | None:

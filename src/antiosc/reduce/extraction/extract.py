@@ -29,7 +29,7 @@ from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import NOT_KNOWN, Band, ModelInfo
+from antiosc.models.body import Band, ModelInfo
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
 from antiosc.reduce.extraction import (
@@ -60,7 +60,7 @@ from antiosc.reduce.extraction.oscillators import (
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import with_stretch
-from antiosc.reduce.site import Functional, Site, functionals
+from antiosc.reduce.site import Functional, Site, functionals, surfaces
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
@@ -224,27 +224,6 @@ def _at_one_site(
         hidden=one.hidden if structure.rigid_inertia is not None else None,
         info=info,
     )
-
-
-def surfaces(
-    structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
-) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites, from which laws of contact follow; None for matrices.
-
-    Without `lengths` for balls alone: see `surface_at`.
-    """
-    if not (structure.matrices.meshed or structure.matrices.assembled):
-        return None
-    from antiosc.reduce.site.surface import surface_at  # given matrices do without meshes
-
-    found: dict[str, dict[str, object]] = {}
-    for name, one in sites.items():
-        place = one.point, one.direction, one.radius, lengths, one.part
-        try:
-            found[name] = surface_at(structure, *place).as_dict()
-        except InputError as error:
-            found[name] = {NOT_KNOWN: str(error)}
-    return found
 
 
 def _at_named_sites(

@@ -6,10 +6,12 @@ the nodal forces of a unit force there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
+from antiosc.base.errors import InputError
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.body import NOT_KNOWN
 from antiosc.reduce.site.names import motions_without_mesh, point_of
 from antiosc.reduce.site.on_matrices import algebraic, functional_on_nodes
 from antiosc.reduce.site.site import Functional, Site
@@ -21,6 +23,7 @@ __all__ = [
     "functionals",
     "motions_without_mesh",
     "point_of",
+    "surfaces",
 ]
 
 
@@ -59,3 +62,24 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
     return [
         next(found) if at_point(site) else algebraic(structure.matrices, site) for site in sites
     ]
+
+
+def surfaces(
+    structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
+) -> dict[str, dict[str, object]] | None:
+    """`ModelInfo.surfaces` of sites, from which laws of contact follow; None for matrices.
+
+    Without `lengths` for balls alone: see `surface_at`.
+    """
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        return None
+    from antiosc.reduce.site.surface import surface_at  # given matrices do without meshes
+
+    found: dict[str, dict[str, object]] = {}
+    for name, one in sites.items():
+        place = one.point, one.direction, one.radius, lengths, one.part
+        try:
+            found[name] = surface_at(structure, *place).as_dict()
+        except InputError as error:
+            found[name] = {NOT_KNOWN: str(error)}
+    return found

@@ -1,0 +1,95 @@
+"""The sites of a map, in the free modes of the structure."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.checks import whole
+from antiosc.fem.assembly import MeshedParts
+from antiosc.fem.linalg.compliance import deflections
+from antiosc.fem.structure.structure import Structure
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.reduce.site.map_sites import MapSites, sites_of
+
+#: Free modes where neither `modes` nor a band says how many.
+FREE_MODES = 20
+#: Frequency of the last free mode over the band.
+ABOVE = 1.5
+
+#: What names the sites of a map: surfaces, or points (P, 2 or 3).
+Where: TypeAlias = str | Sequence[str] | Sequence[Sequence[float]] | None
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeSites:
+    """P sites with J free modes of the structure, rigid-body modes first.
+
+    Attributes
+    ----------
+    found : the sites.
+    omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
+    b : (P, J) displacement of each site in each mode [kg^-1/2].
+    compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
+    seconds : what each step took.
+    """
+
+    found: MapSites
+    omega: Array
+    phi: Array
+    b: Array
+    compliance: Array
+    inertia: Array
+    seconds: dict[str, float]
+
+
+def free_sites(
+    structure: Structure,
+    matrices: MeshedParts,
+    where: Where,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    modes: int | None,
+    band: float | None,
+    most: float = math.inf,
+    least: int = FREE_MODES,
+) -> FreeSites:
+    """The sites of a map with at most `most` free modes; the other arguments as of `impact_map`."""
+    started = time.perf_counter()
+    found = sites_of(matrices, where, direction, radius)
+    structure.factorize()
+    located = time.perf_counter()
+    free = _free_modes(structure, modes, band, most, least)
+    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
+    phi = np.column_stack([structure.rigid_modes, free.phi])
+    b = structure.comm.allreduce(found.sites.loads.T @ phi)
+    solved = time.perf_counter()
+    C, G = deflections(structure, found.sites.loads, omega, b)
+    moved = time.perf_counter()
+    seconds = {
+        "sites": located - started,
+        "free_modes": solved - located,
+        "deflections": moved - solved,
+    }
+    return FreeSites(found, omega, phi, b, C, G, seconds)
+
+
+def _free_modes(
+    structure: Structure, count: int | None, band: float | None, most: float, least: int
+) -> Modes:
+    """The lowest elastic modes: `count`, or as many as exceed the band, `least` to `most`."""
+    wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
+    reach = 0.0 if band is None or count is not None else ABOVE * band
+    modes = ModeSolver(structure).lowest(wanted, reach, most)
+    kept = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
+    log.info("%d free modes up to %.4g rad/s", len(modes.omega[:kept]), modes.omega[:kept][-1])
+    return Modes(modes.omega[:kept], modes.phi[:, :kept], modes.complete)

@@ -1,0 +1,132 @@
+"""The largest stress in the part for the blow at each site of a map."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc.base._types import Array
+from antiosc.base.progress import counting, doing
+from antiosc.base.stresses import equivalent
+from antiosc.fem.assembly import with_parts
+from antiosc.fem.platform import on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.impact.from_rest import Force, motions
+from antiosc.recovery import source
+from antiosc.recovery.place import NodeTensors, Place, place
+from antiosc.strikes.free_sites import FreeSites
+
+#: Sites whose static deflections are solved for together.
+AT_ONCE = 64
+#: Phase in rad by which the last mode turns from one time to the next; of so many times one is
+#: looked at in all tensors, and all are in the largest of these.
+PHASE, EVERY, CLOSELY = 0.4, 3, 100
+#: Times over the run, at least and at most.
+TIMES = (200, 3000)
+#: Tensors whose stresses at all times fit the cache.
+BLOCK = 512
+
+
+class Stresses(NamedTuple):
+    """The stress fields of an `ImpactMap`."""
+
+    peak_stress: Array
+    exposure: Array | None
+    stress_points: Array
+
+
+class _Sought(NamedTuple):
+    """Stress tensors of the modes (S, 6, J), points (S, 3), yield strengths (S,) or NaN."""
+
+    modes: Array
+    points: Array
+    strength: Array
+
+
+def largest_stresses(
+    structure: Structure, seen: FreeSites, forces: list[Force], duration: float
+) -> Stresses:
+    """The largest stresses in impacts with these forces, on every rank.
+
+    InputError for parts whose stress is not known: beams whose section has no outline.
+    """
+    places = sides(structure)
+    with doing("stresses of the free modes", structure.comm.rank):
+        modes = _recovered(structure, seen.phi, places)
+    slow = seen.b / (seen.omega**2 + structure.shift)
+    largest: list[tuple[float, Array, float]] = []
+    with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
+        for first in range(0, len(forces), AT_ONCE):
+            own = slice(first, first + AT_ONCE)
+            y = structure.factorize().solve_block(seen.found.sites.loads[:, own].toarray())
+            rest = _recovered(structure, y - seen.phi @ slow[own].T, places)
+
+            def work(own: slice = own, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
+                return _of_sites(modes, rest, seen, forces, own, duration)
+
+            largest += on_root(structure.comm, work)
+            ready(len(largest))
+    values, points, exposure = (np.array(each) for each in zip(*largest, strict=True))
+    return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
+
+
+def sides(structure: Structure) -> list[Place]:
+    """Both sides of sheets; for other parts a single position."""
+    members = with_parts(structure).fields(np.zeros((structure.rows, 0)), None)
+    sheets = any(member.part.kind.sheet for member, _ in members)
+    return [place(side, None, None, "global") for side in ("top", "bottom")[: 1 + sheets]]
+
+
+def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sought:
+    """Stresses of shapes (rows of this rank, columns) on rank 0."""
+    tensors: NodeTensors
+    points, _, tensors = source(structure).tensors_at_nodes(structure, shapes, "stress", places)
+    yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
+    return _Sought(
+        tensors.columns.astype(np.float32), points[tensors.nodes], np.array(yields)[tensors.origin]
+    )
+
+
+def _of_sites(
+    modes: _Sought,
+    rest: _Sought,
+    seen: FreeSites,
+    forces: list[Force],
+    own: slice,
+    duration: float,
+) -> list[tuple[float, Array, float]]:
+    """Largest stress, its point, and the exposure, for the impacts at some sites."""
+    steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
+    some, b = forces[own], seen.b[own]
+    omega = np.broadcast_to(seen.omega, b.shape)
+    run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
+    q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
+    columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
+    sought = [np.ones(len(modes.strength)), 1 / modes.strength]
+    results = []
+    for i in range(len(some)):
+        columns[:, :, -1] = rest.modes[:, :, i]
+        x = np.column_stack([q[:, i], F[:, i]])
+        seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
+        largest = _largest(columns, x[seldom])
+        close = np.unique(
+            [k for w in sought for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
+        )
+        largest[close] = _largest(columns[close], x)
+        shares = largest * sought[1]
+        known = bool(np.isfinite(shares).any())
+        worst = int(np.nanargmax(shares) if known else largest.argmax())
+        share = float(shares[worst]) if known else np.nan
+        results.append((float(largest.max()), modes.points[worst], share))
+    return results
+
+
+def _largest(columns: Array, x: Array) -> Array:
+    """Largest von Mises stress (S,) of tensors (S, 6, B) with factors (n, B)."""
+    largest = np.zeros(len(columns))
+    for first in range(0, len(columns), BLOCK):
+        block = columns[first : first + BLOCK]
+        stress = (block.reshape(-1, block.shape[2]) @ x.T).reshape(len(block), 6, len(x))
+        largest[first : first + BLOCK] = equivalent(np.moveaxis(stress, 1, -1)).max(axis=1)
+    return largest
