@@ -11,8 +11,9 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.materials import names, record
 from antiosc.base.plausible import MASSLESS_WAVE
-from antiosc.extension import GRAVITY, with_parts
+from antiosc.extension import with_parts
 from antiosc.io.neutral import UnitSystem
+from antiosc.models.body import GRAVITY
 
 if TYPE_CHECKING:
     from antiosc import Structure
