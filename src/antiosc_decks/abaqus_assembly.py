@@ -19,7 +19,7 @@ WHAT = {"NSET": "node", "ELSET": "element"}
 
 @dataclass
 class Instance(Scope):
-    """A placed part: the first rows of its nodes and elements in the whole deck."""
+    """A part placed in the assembly, and where its nodes and elements begin in the whole deck."""
 
     whole: Whole
     cards: list[Card]
@@ -29,22 +29,23 @@ class Instance(Scope):
     first_other: int = 0
 
     def placed(self, keyword: str, rows: IntArray) -> IntArray:
-        """Rows of its nodes (NSET) or elements (ELSET) in the whole deck."""
+        """Rows in the whole deck of nodes (NSET) or elements (ELSET) of this instance."""
         if keyword == "NSET":
             return rows + self.first_node
         beyond = rows - self.mesh.cells
         return np.where(beyond < 0, rows + self.first_element, beyond + self.first_other + OTHER)
 
     def spelled(self, name: str) -> str:
-        """A set's name as first written; upper and lower case are not distinguished."""
+        """A set's name as it was first written; names are not case-sensitive."""
         name = self.prefix + name
         return self.whole.spelling.setdefault(name.upper(), name)
 
     def rows(self, keyword: str, word: str, place: Place) -> IntArray:
-        """Rows of the number or of the set (NSET or ELSET) that `word` names."""
+        """Rows of the node or element with the number `word`, or of the set of that name."""
         members = self.find(keyword, word)
         if members is None:
-            what, where = WHAT[keyword], f" in {self.name}" if self.name else ""
+            what = WHAT[keyword]
+            where = f" in {self.name}" if self.name else ""
             number = word.lstrip("-").isdigit()
             if number and len(self.whole.instances) > 1 and not self.name:
                 where = " outside the instances; name its instance (INSTANCE=)"
@@ -53,26 +54,27 @@ class Instance(Scope):
         return members
 
     def find(self, keyword: str, word: str) -> IntArray | None:
-        """Rows of a number, or of the set with this name; None if there is none."""
+        """Rows of a number or of a named set; None if neither exists."""
         word = word.strip().strip('"')
         name, dot, inner = word.partition(".")
-        of = self
+        owner = self
         if dot and name.upper() in self.whole.instances:
-            of, word = self.whole.instances[name.upper()], inner
+            owner = self.whole.instances[name.upper()]
+            word = inner
         try:
             label = np.array([int(word)])
         except ValueError:
-            return self.whole.sets.get((keyword, (of.prefix + word).upper()))
-        rows = of.numbered(keyword, lambda known: known.rows(label))
+            return self.whole.sets.get((keyword, (owner.prefix + word).upper()))
+        rows = owner.numbered(keyword, lambda known: known.rows(label))
         return rows if len(rows) else None
 
     def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
-        """Rows of numbers; those of the assembly may be of its only instance."""
+        """Rows that `rows_of` finds here; at assembly level, those of the only instance."""
         instances = list(self.whole.instances.values())
-        for one in (self, *instances[1:2] * (not self.name and len(instances) == 2)):
-            rows = rows_of(one.mesh.nodes if keyword == "NSET" else one.mesh.elements)
+        for instance in (self, *instances[1:2] * (not self.name and len(instances) == 2)):
+            rows = rows_of(instance.mesh.nodes if keyword == "NSET" else instance.mesh.elements)
             if (rows >= 0).any():
-                return one.placed(keyword, rows)
+                return instance.placed(keyword, rows)
         return NONE
 
 
@@ -97,7 +99,7 @@ class Whole:
     spelling: dict[str, str] = field(default_factory=dict)
 
     def element_labels(self) -> IntArray:
-        """Numbers of the elements that are cells, of all instances, in the order of the deck's."""
+        """Numbers of all elements that are cells, in the deck's order of cells."""
         labels = np.zeros(self.deck.n_elements, dtype=np.int64)
         for instance in self.instances.values():
             known = instance.mesh.elements
@@ -106,11 +108,11 @@ class Whole:
         return labels
 
     def named(self, *keywords: str) -> list[Card]:
-        """The cards of the model of these keywords."""
+        """The model's cards with one of the given keywords."""
         return [card for card in self.cards if card.keyword in keywords]
 
-    def beside(self, card: Card) -> Iterator[tuple[str, list[int]]]:
-        """(type, rows of nodes) of the elements in the set of a card that are not cells."""
+    def elements_of(self, card: Card) -> Iterator[tuple[str, list[int]]]:
+        """Yields (type, rows of nodes) of each element in the card's set that is not a cell."""
         rows = card.within.rows("ELSET", card.needed("ELSET"), card.place)
         for k in rows[rows >= OTHER] - OTHER:
             kind, row, members = self.others[k]
@@ -118,7 +120,9 @@ class Whole:
 
     def add(self, instance: Instance) -> None:
         """Add an instance's nodes, elements and sets."""
-        deck, mesh, name = self.deck, instance.mesh, instance.name
+        deck = self.deck
+        mesh = instance.mesh
+        name = instance.name
         self.instances[name.upper()] = instance
         nodes = instance.first_node = len(deck.points)
         start = instance.first_element = deck.n_elements
@@ -145,69 +149,85 @@ class Whole:
         self.sets[key] = np.unique(np.concatenate([self.sets.get(key, NONE), *rows]))
 
     def read_set(self, card: Card) -> None:
-        """A card *NSET or *ELSET; one of the assembly may have members in instances."""
-        keyword, name, within = card.keyword, card.needed(card.keyword), card.within
-        of = self.instances[within.name.upper()]
+        """Read a card *NSET or *ELSET; at assembly level its members may lie in instances."""
+        keyword = card.keyword
+        name = card.needed(card.keyword)
+        within = card.within
+        instance = self.instances[within.name.upper()]
         if wanted := card.option("INSTANCE"):
             message = f"there is no instance {wanted!r}."
-            of = card.place.found(self.instances, wanted.upper(), message)
-        found, lost, count = [NONE], [], 0
+            instance = card.place.found(self.instances, wanted.upper(), message)
+        members = [NONE]
+        missing = []
+        count = 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
-            cells = of.find("ELSET", elements)
+            cells = instance.find("ELSET", elements)
             if cells is not None:
-                found.append(self.deck.nodes_of(cells))
+                members.append(self.deck.nodes_of(cells))
             else:
                 message = f"{card.place}: *NSET {name} is of the set of elements {elements}"
                 self.deck.told.append(f"{message}, which does not exist before it.")
         strict = len(self.instances) > 1 and not within.name
-        numbers = self._all_numbers(card, of)
-        found += [] if numbers is None else [numbers]
+        numbers = self._all_numbers(card, instance)
+        members += [] if numbers is None else [numbers]
         for row in card.rows() if numbers is None else ():
             if "GENERATE" in card.options:
-                found.append(of.numbered(keyword, _ranged(row)))
-                row.needs(not (strict and not len(found[-1])), f"*{keyword} in the assembly "
-                          "selects nothing; name the instance of its numbers "
-                          "(INSTANCE=).")  # fmt: skip
+                members.append(instance.numbered(keyword, _ranged(row)))
+                row.needs(
+                    not (strict and not len(members[-1])),
+                    f"*{keyword} in the assembly "
+                    "selects nothing; name the instance of its numbers "
+                    "(INSTANCE=).",
+                )
                 continue
             for word in filter(None, row.fields):
                 count += 1
-                rows = of.rows(keyword, word, row.place) if strict else of.find(keyword, word)
+                rows = (
+                    instance.rows(keyword, word, row.place)
+                    if strict
+                    else instance.find(keyword, word)
+                )
                 if rows is None:
-                    lost.append(word)
+                    missing.append(word)
                 else:
-                    found.append(rows)
-        if lost:
+                    members.append(rows)
+        if missing:
             message = (
-                f"{card.place}: {len(lost)} of {count} members of *{keyword} {name} do not exist"
+                f"{card.place}: {len(missing)} of {count} members of *{keyword} {name} do not exist"
             )
-            shown = f"{', '.join(lost[:4])}{', …' * (len(lost) > 4)}"
+            shown = f"{', '.join(missing[:4])}{', …' * (len(missing) > 4)}"
             self.deck.told.append(f"{message} ({shown}).")
-        self._extend(keyword, name, within, found)
+        self._extend(keyword, name, within, members)
 
-    def _all_numbers(self, card: Card, of: Instance) -> IntArray | None:
-        """Rows of the members of a set that are all numbers in `of`, at once: there may be many."""
+    def _all_numbers(self, card: Card, instance: Instance) -> IntArray | None:
+        """Rows of all members at once if each is an existing number in `of`; else None."""
         every = (word.strip() for line in card.lines for word in line.split(","))
         words = [word for word in every if word]
         if "GENERATE" in card.options or not all(w.isdecimal() and len(w) < 19 for w in words):
             return None
-        known = of.mesh.nodes if card.keyword == "NSET" else of.mesh.elements
+        known = instance.mesh.nodes if card.keyword == "NSET" else instance.mesh.elements
         rows = known.rows(np.array(words, dtype=np.int64))
-        return of.placed(card.keyword, rows) if (rows >= 0).all() else None
+        if (rows >= 0).all():
+            return instance.placed(card.keyword, rows)
+        return None
 
 
 def _ranged(row: Row) -> Callable[[Numbering], IntArray]:
-    """What selects the existing numbers in a range, which may be wide."""
+    """A function that selects the existing numbers of a GENERATE range (which may be wide)."""
     row.needs(len(row.fields) >= 2, "GENERATE needs a first and a last number.")
-    first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
+    first = row.whole(0)
+    last = row.whole(1)
+    step = row.whole(2, 1)
     step = step or int(first == last)
-    some = step >= 1 and last >= first
-    row.needs(some, f"GENERATE from {first} to {last} by {step} selects nothing.")
+    valid = step >= 1 and last >= first
+    row.needs(valid, f"GENERATE from {first} to {last} by {step} selects nothing.")
     return lambda known: known.between(first, last, step)
 
 
 def read(sources: Sources) -> Whole:
-    """The deck in some files."""
-    cards, name = read_cards(sources), sources.name
+    """Read a deck from its files."""
+    cards = read_cards(sources)
+    name = sources.name
     whole = Whole(Deck(name), account_for(cards, name))
     whole.deck.told += whole.account.unknown()
     top, parts, placed = _divided(cards, whole.steps)
@@ -237,7 +257,7 @@ Parts = dict[str, tuple[str, list[Card]]]
 def _divided(
     cards: list[Card], steps: list[list[Card]]
 ) -> tuple[list[Card], Parts, list[tuple[Card, list[Card]]]]:
-    """(cards outside parts, those of parts, instances with their cards); adds those of `steps`."""
+    """Sort cards by owner: (assembly, parts, instances with their cards); fill `steps`."""
     top: list[Card] = []
     parts: Parts = {}
     placed: list[tuple[Card, list[Card]]] = []
@@ -266,26 +286,30 @@ def _divided(
 
 
 def _placed(
-    whole: Whole, card: Card, own: list[Card], parts: Parts, meshes: dict[str, Mesh]
+    whole: Whole, card: Card, instance_cards: list[Card], parts: Parts, meshes: dict[str, Mesh]
 ) -> Instance:
-    name, wanted = card.needed("NAME"), card.option("PART")
+    """The instance of an *INSTANCE card: its mesh, rotation and translation."""
+    name = card.needed("NAME")
+    wanted = card.option("PART")
     message = f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
     spelled, cards = card.place.found(parts, wanted.upper(), message)
-    cards = [*cards, *own]
-    if any(c.keyword in ("NODE", "ELEMENT") for c in own):
+    cards = [*cards, *instance_cards]
+    if any(c.keyword in ("NODE", "ELEMENT") for c in instance_cards):
         mesh = mesh_of(cards, name)
     else:
         if wanted.upper() not in meshes:
             meshes[wanted.upper()] = mesh_of(cards, spelled)
         mesh = meshes[wanted.upper()]
-    turn, shift = np.eye(3), np.zeros(3)
+    turn = np.eye(3)
+    shift = np.zeros(3)
     rows = card.rows()
     if rows:
         shift = np.array(rows[0].reals(3))
     for row in rows[1:2]:  # Rodrigues' matrix of a rotation about an axis
         row.needs(len(row.fields) >= 7, "the rotation of an instance is two points and an angle.")
         a, b = np.reshape(row.reals(6), (2, 3))
-        length, angle = float(np.linalg.norm(b - a)), np.deg2rad(row.real(6))
+        length = float(np.linalg.norm(b - a))
+        angle = np.deg2rad(row.real(6))
         row.needs(length != 0, "the two points of a rotation coincide.")
         K = -lever((b - a) / length)
         turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)

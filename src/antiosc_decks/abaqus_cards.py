@@ -13,7 +13,7 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray, Place, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
 
-#: Numbers in the whole deck from which elements are not cells.
+#: Element rows from this number on stand for elements that are not cells (masses, springs).
 OTHER = 2**40
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
@@ -24,38 +24,45 @@ SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 
 
 class Row(Placed):
-    """The fields of a data line; a comma at the end adds none."""
+    """The fields of one data line; a trailing comma adds no field."""
 
     def __init__(self, line: str, card: Card, place: Place) -> None:
-        self.card, self.place = card, place
+        self.card = card
+        self.place = place
         self.fields = [part.strip() for part in line.split(",")]
         while self.fields and not self.fields[-1]:
             self.fields.pop()
 
     def word(self, k: int) -> str:
-        """A field, "" where there is none."""
-        return self.fields[k] if k < len(self.fields) else ""
+        """Field `k` as text; "" if the line is shorter."""
+        if k < len(self.fields):
+            return self.fields[k]
+        return ""
 
     def real(self, k: int, default: float = 0.0) -> float:
-        """A number, the default where the field is empty."""
-        return real_number(self.fields[k], self.place) if self.word(k) else default
+        """Field `k` as a number; `default` if it is empty."""
+        if self.word(k):
+            return real_number(self.fields[k], self.place)
+        return default
 
     def whole(self, k: int, default: int = 0) -> int:
-        """An integer, the default where the field is empty."""
-        return whole_number(self.fields[k], self.place) if self.word(k) else default
+        """Field `k` as an integer; `default` if it is empty."""
+        if self.word(k):
+            return whole_number(self.fields[k], self.place)
+        return default
 
     def reals(self, count: int = 0) -> list[float]:
-        """Its numbers, or so many; an empty field is 0."""
+        """The first `count` fields as numbers (0: all fields); an empty field is 0."""
         return [self.real(k) for k in range(count or len(self.fields))]
 
     def nodes(self) -> IntArray:
-        """Rows of the node or of the set of nodes that its first field names."""
+        """Rows of the node or node set that the first field names."""
         return self.card.within.nodes(self.word(0), self.place)
 
 
 @dataclass
 class Scope(ABC):
-    """What the numbers and names of a card refer to: an instance, or the deck outside of them."""
+    """The namespace of a card's numbers and names: one instance, or the assembly."""
 
     name: str
     #: x in the whole deck: turn @ x in the part + shift
@@ -64,29 +71,29 @@ class Scope(ABC):
 
     @property
     def prefix(self) -> str:
-        """What stands before its names in the whole deck."""
+        """Prefix of this scope's names in the whole deck: "" or "instance."."""
         return f"{self.name}." if self.name else ""
 
     @abstractmethod
     def spelled(self, name: str) -> str:
-        """A set's name as first written; upper and lower case are not distinguished."""
+        """A set's name as it was first written; names are not case-sensitive."""
 
     @abstractmethod
     def rows(self, keyword: str, word: str, place: Place) -> IntArray:
-        """Rows of the number or of the set (NSET or ELSET) that `word` names."""
+        """Rows of the node or element with the number `word`, or of the set of that name."""
 
     def nodes(self, word: str, place: Place) -> IntArray:
-        """Rows of the node or of the set of nodes that `word` names."""
+        """Rows of the node or node set that `word` names."""
         return self.rows("NSET", word, place)
 
     def node(self, word: str, place: Place) -> int:
-        """The node that a number or a set of one node names."""
+        """Row of a single node, named by its number or by a set of one node."""
         nodes = self.nodes(word, place)
         place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
         return int(nodes[0])
 
     def elements(self, word: str, place: Place) -> IntArray:
-        """Numbers of the cells that the number or the name of a set of elements stands for."""
+        """Rows of the cells that a number or the name of an element set stands for."""
         rows = self.rows("ELSET", word, place)
         return rows[rows < OTHER]
 
@@ -108,7 +115,7 @@ class Card(Placed):
     within: Scope = field(init=False, repr=False)
 
     def of(self, within: Scope) -> Card:
-        """A copy of the card whose numbers and names refer to `within`."""
+        """A copy of the card in another scope."""
         card = copy(self)
         card.within = within
         return card
@@ -123,11 +130,11 @@ class Card(Placed):
         return [value for row in self.rows() for value in row.reals()]
 
     def first(self) -> Row:
-        """The first data line, which may be without fields."""
+        """The first data line; a line without fields if there is none."""
         return Row("".join(self.lines[:1]), self, [*self.places, self.place][0])
 
     def option(self, name: str, default: str = "") -> str:
-        """Value of an option, without quotes."""
+        """Value of an option without quotes."""
         return self.options.get(name, default).strip().strip('"').strip()
 
     def needed(self, name: str) -> str:
@@ -137,19 +144,22 @@ class Card(Placed):
         return value
 
     def nodes(self, name: str) -> IntArray:
-        """Rows of the nodes that a required option names."""
+        """Rows of the nodes that the required option `name` names."""
         return self.within.nodes(self.needed(name), self.place)
 
     def elements(self) -> IntArray:
-        """Numbers of the cells that ELSET= names."""
+        """Rows of the cells that the required option ELSET= names."""
         return self.within.elements(self.needed("ELSET"), self.place)
 
     def refuse_turned(self) -> None:
-        """MeshError if its instance is rotated: it gives motions or axes by their numbers."""
+        """Raise MeshError if the instance is rotated: the card's axes would be ambiguous."""
         alike = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
-        self.needs(alike, f"the instance {self.within.name!r} is rotated, and the axes of this "
-                   f"*{self.keyword} in its part may be those before or after; give it outside the "
-                   "part, or by vectors (n1, *ORIENTATION).")  # fmt: skip
+        self.needs(
+            alike,
+            f"the instance {self.within.name!r} is rotated, and the axes of this "
+            f"*{self.keyword} in its part may be those before or after; give it outside the "
+            "part, or by vectors (n1, *ORIENTATION).",
+        )
 
 
 def cards(sources: Sources) -> list[Card]:
@@ -161,7 +171,8 @@ def cards(sources: Sources) -> list[Card]:
     return cards_read
 
 
-def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -> None:
+def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Card]) -> None:
+    """Append the cards of one file to `cards_read`, and those of files it includes."""
     number, surface = 0, None
     while number < len(lines):
         line = lines[number].strip()
@@ -171,17 +182,19 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             continue
         place = Place(file, number)
         if surface and not line.startswith("*"):
-            found.append(_card(f"*SURFACE, NAME=S{surface[1]}", place))
+            cards_read.append(_card(f"*SURFACE, NAME=S{surface[1]}", place))
         surface = None
         if not line.startswith("*"):
-            if not found and "**" in line:  # a comment behind what an editor or a mail put there
+            if (
+                not cards_read and "**" in line
+            ):  # a comment behind what an editor or a mail put there
                 continue
-            if not found:
+            if not cards_read:
                 bulk = any(map(BULK.match, lines))
                 what = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
                 raise place.error(f"data before the first keyword: {what}.")
-            found[-1].lines.append(line)
-            found[-1].places.append(place)
+            cards_read[-1].lines.append(line)
+            cards_read[-1].places.append(place)
             continue
         while line.endswith(",") and number < len(lines):
             following = lines[number].strip()
@@ -193,15 +206,18 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
         include = card.keyword == "INCLUDE"
         named = card.needed("INPUT") if include else card.option("INPUT")
         # a file that is not there may be of loads, which are not read either
-        lost = include and found and found[-1].keyword in LOADS and not sources.holds(named)
-        if not include or lost:
-            found.append(card)
-        if not lost and named and (include or card.keyword in WITH_INPUT):
-            _collect(sources, sources.enter(named, place), named.strip().strip('"'), found)
+        skipped = (
+            include and cards_read and cards_read[-1].keyword in LOADS and not sources.holds(named)
+        )
+        if not include or skipped:
+            cards_read.append(card)
+        if not skipped and named and (include or card.keyword in WITH_INPUT):
+            _collect(sources, sources.enter(named, place), named.strip().strip('"'), cards_read)
             sources.leave()
 
 
 def _card(line: str, place: Place) -> Card:
+    """The card of a keyword line."""
     head, *rest = _outside_quotes(line[1:])
     keyword = "".join(head.split()).upper()
     options = {}
@@ -214,7 +230,7 @@ def _card(line: str, place: Place) -> Card:
 
 
 def _outside_quotes(text: str) -> list[str]:
-    """Fields between the commas outside quotes; no text contains zero bytes."""
+    """Split a line at the commas outside quotes; text never contains zero bytes."""
     parts = text.split('"')
     parts[::2] = [part.replace(",", "\0") for part in parts[::2]]
     return '"'.join(parts).split("\0")
@@ -360,7 +376,7 @@ CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), r
 
 
 def account_for(cards: list[Card], name: str) -> Account:
-    """What becomes of the cards of a deck: the model and its first step are read."""
+    """What becomes of each card of a deck; the model and its first step are read."""
     account = Account(name)
     count, step = 0, -1
     for card in cards:
@@ -371,22 +387,25 @@ def account_for(cards: list[Card], name: str) -> Account:
         if fate.kind == "read":
             for option in card.options:
                 label = f"*{card.keyword}, {option}="
-                account.options.append((label, card.place, _of_option(card, option)))
+                account.options.append((label, card.place, _option_fate(card, option)))
         if card.keyword == "ENDSTEP":
             step = -1
     return account
 
 
 def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
-    """The fate of a card in a step, counted from 0; -1: in the model."""
+    """The fate of a card in step `step` (from 0; -1: outside steps)."""
     if step < 0 or keyword in ("NSET", "ELSET") or fate.kind not in ("read", "refused"):
         return fate
     if step > 0:
         return Fate("ignored", "of later steps")
-    return fate if fate.kind == "refused" or keyword in IN_STEPS else Fate("refused", "in a step")
+    if fate.kind == "refused" or keyword in IN_STEPS:
+        return fate
+    return Fate("refused", "in a step")
 
 
-def _of_option(card: Card, option: str) -> Fate:
+def _option_fate(card: Card, option: str) -> Fate:
+    """The fate of one option of a card that is read."""
     known = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
     values = known.get(option, "").split("|")
     value = "".join(card.option(option).split()).upper()

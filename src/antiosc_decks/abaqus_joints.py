@@ -28,20 +28,21 @@ SOLID_FACES = {
 
 @dataclass
 class Surface:
-    """Faces, by (corners, middles of edges; -1: none) in order around each; tables of its nodes."""
+    """Faces as (corner nodes, mid-side nodes; -1: none), in order around each face."""
 
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
-    of: list[IntArray] = field(default_factory=list)
+    #: arrays of rows of nodes; together all nodes of the surface
+    node_tables: list[IntArray] = field(default_factory=list)
 
     @property
     def nodes(self) -> IntArray:
-        """All of its nodes."""
-        nodes = np.unique(np.concatenate([NONE, *self.of]))
+        """Rows of all nodes of the surface, each once."""
+        nodes = np.unique(np.concatenate([NONE, *self.node_tables]))
         return nodes[nodes >= 0]
 
 
 def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
-    """The surfaces of a deck by name in upper case."""
+    """The surfaces of a deck by their names in upper case."""
     surfaces: dict[str, Surface] = {}
     for card in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
@@ -50,23 +51,26 @@ def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
         of_nodes = card.option("TYPE").upper().startswith("NODE")
         for row in card.rows():
             if of_nodes:
-                surface.of.append(row.nodes())
+                surface.node_tables.append(row.nodes())
                 continue
-            elements, side = card.within.elements(row.word(0), row.place), row.word(1).upper()
+            elements = card.within.elements(row.word(0), row.place)
+            side = row.word(1).upper()
             for block, _ in whole.deck.blocks_of(elements):
                 faces = _faces(block, side, row.place)
                 surface.faces += faces
                 edge = _edge(block, side, row.place)
                 if edge is None:
-                    surface.of += [nodes for face in faces for nodes in face]
+                    surface.node_tables += [nodes for face in faces for nodes in face]
                 else:
                     ends = block.corners[:, list(EDGES[block.shape][edge])]
-                    surface.of += [ends.ravel(), block.mids[:, edge : edge + 1].ravel()]
+                    surface.node_tables += [ends.ravel(), block.mids[:, edge : edge + 1].ravel()]
     return surfaces
 
 
 def _edge(block: Block, side: str, place: Place) -> int | None:
-    """The number of an edge of flat elements: S3, … of shells, S1, … of plane ones, E1, …"""
+    """Index of the edge that a side label of a flat element means; None if it means the face.
+    The labels are S3, … for shells, S1, … for plane elements, and E1, … for both.
+    """
     if block.shape not in ("triangle", "quad") or not side[1:].isdigit():
         return None
     edge = int(side[1:]) - (1 if side[0] == "E" or block.role.startswith("plane") else 3)
@@ -75,13 +79,15 @@ def _edge(block: Block, side: str, place: Place) -> int | None:
 
 
 def _faces(block: Block, side: str, place: Place) -> list[tuple[IntArray, IntArray]]:
-    """(corners, middles of edges) of a side of each element."""
+    """(corner nodes, mid-side nodes) of the named side of each element of a block."""
     corners = tuple(range(CORNERS[block.shape]))
     if block.shape not in ("triangle", "quad"):
         sides = SOLID_FACES.get(block.shape, ())
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
-        place.needs(1 <= number <= len(sides), f"{side or 'no side'!r} is no side of a "
-                    f"{block.shape}; it must be S1 to S{len(sides)}.")  # fmt: skip
+        place.needs(
+            1 <= number <= len(sides),
+            f"{side or 'no side'!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}.",
+        )
         corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
     ring = zip(corners, (*corners[1:], corners[0]), strict=True)
@@ -89,23 +95,27 @@ def _faces(block: Block, side: str, place: Place) -> list[tuple[IntArray, IntArr
     return list(zip(block.corners[:, list(corners)], block.mids[:, around], strict=True))
 
 
-#: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
+#: Default tolerance of a tie, as a share of the master's mean edge length (Abaqus).
 TIE_REACH = 0.05
-#: Faces that are tried for each node, the nearest first.
+#: Number of nearest faces onto which each node is projected.
 TRIED = 12
-#: On 1000 random faces of each kind, bent by 2 % of their size, what is left is below 5e-7 of it.
+#: The projection of points onto 1000 random faces of each kind, bent by 2 % of their size, ended
+#: within 5e-7 of the size after this many steps.
 NEWTON_STEPS = 12
 
 
 def tie(
     joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
 ) -> list[str]:
-    """Tie nodes to faces by their shape functions; a sentence where some are beyond `tolerance`."""
-    place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
+    """Tie slave nodes to master faces by shape functions.
+    Returns a sentence (in a list) if some nodes lie further than `tolerance` from the faces and are
+    therefore not tied.
+    """
+    place.needs(master.faces, "the master surface.node_tables *TIE must be of faces of elements.")
     faces, edges = [], []
     for corners, mids in master.faces:
-        there = len(mids) and (mids >= 0).all()
-        nodes = np.concatenate([corners, mids]) if there else corners
+        quadratic = len(mids) and (mids >= 0).all()
+        nodes = np.concatenate([corners, mids]) if quadratic else corners
         x = np.array([joints.place(int(node)) for node in nodes])
         faces.append((nodes, x))
         ring = x[: len(corners)]
@@ -122,12 +132,15 @@ def tie(
         if distance > reach:
             far += 1
             continue
-        both = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
-        followed = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
-        for c in range(6 if both else 3):
-            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followed)], place)
-    place.needs(far != len(nodes), "*TIE joins nothing: no node of the slave surface lies within "
-                f"{reach:.3g} of the master surface (POSITION TOLERANCE=).")  # fmt: skip
+        with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
+        followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
+        for c in range(6 if with_rotations else 3):
+            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followers)], place)
+    place.needs(
+        far != len(nodes),
+        "*TIE joins nothing: no node of the slave surface lies within "
+        f"{reach:.3g} of the master surface (POSITION TOLERANCE=).",
+    )
     message = (
         f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
     )
@@ -137,7 +150,7 @@ def tie(
 def _nearest(
     faces: Sequence[tuple[IntArray, Array]], point: Array
 ) -> tuple[float, IntArray, Array]:
-    """(distance from the nearest of some faces, its nodes, their weights)."""
+    """(distance to the nearest face, its nodes, their shape functions at the projection)."""
     best: tuple[float, IntArray, Array] = np.inf, NONE, np.zeros(0)
     for nodes, x in faces:
         weights = _projected(x, point)
@@ -148,7 +161,7 @@ def _nearest(
 
 
 def _projected(x: Array, point: Array) -> Array:
-    """Shape functions of the face at its place nearest to the point."""
+    """Shape functions of a face at the point on it that is nearest to `point`."""
     triangle = len(x) in (3, 6)
     xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
     for _ in range(NEWTON_STEPS):
@@ -164,7 +177,9 @@ def _projected(x: Array, point: Array) -> Array:
 
 
 def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
-    """Values (count,) and slopes (count, 2) of a triangle's or a serendipity quadrilateral's."""
+    """Values (count,) and derivatives (count, 2) of a face's shape functions at `xi`.
+    `count` is its number of nodes: a triangle has 3 or 6, a serendipity quadrilateral 4 or 8.
+    """
     r, s = xi
     if count in (3, 6):
         L = np.array([1 - r - s, r, s])
@@ -176,12 +191,14 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
         between = [4 * (L[a] * dL[b] + L[b] * dL[a]) for a, b in pairs]
         return np.array(values), np.vstack([(4 * L - 1)[:, None] * dL, between])
     c = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-    a, b = 1 + c[:, 0] * r, 1 + c[:, 1] * s
+    a = 1 + c[:, 0] * r
+    b = 1 + c[:, 1] * s
     values = a * b / 4
     slopes = np.stack([c[:, 0] * b, a * c[:, 1]], axis=1) / 4
     if count == 4:
         return values, slopes
-    p, q = 1 - r * r, 1 - s * s
+    p = 1 - r * r
+    q = 1 - s * s
     mids = np.array([p * (1 - s), (1 + r) * q, p * (1 + s), (1 - r) * q]) / 2
     by_r = [-r * (1 - s), q / 2, -r * (1 + s), -q / 2]
     by_s = [-p / 2, -s * (1 + r), p / 2, -s * (1 - r)]
@@ -198,7 +215,7 @@ TEMPERATURE = "11"
 
 
 def read_joints(whole: Whole, joints: Constraints, cards: Sequence[Card]) -> None:
-    """Give `joints` what the cards say."""
+    """Add the constraints of the cards to `joints`."""
     reader = _Joints(whole, joints, surfaces_of(whole, cards))
     for card in cards:
         if card.keyword in READERS:
@@ -207,19 +224,23 @@ def read_joints(whole: Whole, joints: Constraints, cards: Sequence[Card]) -> Non
 
 
 class _Joints:
-    """One method a card."""
+    """Reads cards that join nodes: one method for each card."""
 
     def __init__(self, whole: Whole, joints: Constraints, surfaces: dict[str, Surface]) -> None:
-        self.whole, self.joints, self.surfaces = whole, joints, surfaces
+        self.whole = whole
+        self.joints = joints
+        self.surfaces = surfaces
         self.orientations = Orientations(whole.cards)
-        #: reference node and nodes of the last *COUPLING, and that
+        #: of the last *COUPLING: reference node, nodes, card
         self.current: tuple[int, IntArray, Card] | None = None
 
     def _surface(self, name: str, place: Place) -> Surface:
+        """The surface with this name."""
         message = f"there is no surface {name!r} (*SURFACE, NAME=)."
         return place.found(self.surfaces, name.upper(), message)
 
     def tie(self, card: Card) -> None:
+        """*TIE: slave and master surfaces."""
         tolerance = card.option("POSITIONTOLERANCE")
         reach = real_number(tolerance, card.place) if tolerance else None
         for row in card.rows():
@@ -228,7 +249,7 @@ class _Joints:
                 self.whole.deck.told += tie(self.joints, slave, master, reach, row.place)
 
     def equations(self, card: Card) -> None:
-        """*EQUATION, whose terms may take several lines."""
+        """*EQUATION; the terms of one equation may continue on the following lines."""
         card.refuse_turned()
         rows = iter(card.rows())
         for row in rows:
@@ -236,7 +257,8 @@ class _Joints:
             row.needs(0 < count <= LONGEST_EQUATION, f"an *EQUATION of {count} terms.")
             words: list[str] = []
             while len(words) < 3 * count:
-                place, more = row.place, next(rows, None)
+                place = row.place
+                more = next(rows, None)
                 if more is None:
                     terms_read = len(words) // 3
                     raise place.error(f"the *EQUATION ends after {terms_read} of {count} terms.")
@@ -244,31 +266,34 @@ class _Joints:
                 words += row.fields + [""] * (-len(row.fields) % 3)
             if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
                 continue
-            for terms in self._of_sets(words[: 3 * count], row):
+            for terms in self._expanded(words[: 3 * count], row):
                 self.joints.equation(terms, row.place)
 
-    def _of_sets(self, words: list[str], row: Row) -> Iterator[list[Term]]:
-        """One equation, or one per node where sets of nodes stand in its first terms."""
+    def _expanded(self, words: list[str], row: Row) -> Iterator[list[Term]]:
+        """One equation, or one for each node if a term names a set of nodes."""
         place = row.place
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
         nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]
-        for (word, _, _), some in zip(triples, nodes, strict=True):
-            place.needs(len(some), f"*EQUATION names {word!r}, a set without nodes.")
-        alone = len(nodes[0]) == 1 or sum(len(some) > 1 for some in nodes) == 1
-        place.needs(alone, "*EQUATION between several sets of nodes pairs them by their order, "
-                    "which is not kept here; write one equation for each pair.")  # fmt: skip
+        for (word, _, _), members in zip(triples, nodes, strict=True):
+            place.needs(len(members), f"*EQUATION names {word!r}, a set without nodes.")
+        alone = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
+        place.needs(
+            alone,
+            "*EQUATION between several sets of nodes pairs them by their order, "
+            "which is not kept here; write one equation for each pair.",
+        )
         for k in range(len(nodes[0])):
             terms = []
-            for (_, dof, factor), some in zip(triples, nodes, strict=True):
+            for (_, dof, factor), members in zip(triples, nodes, strict=True):
                 motion = whole_number(dof, place) - 1
                 place.needs(0 <= motion < 6, f"*EQUATION acts on motions from 1 to 6; got {dof}.")
-                node = int(some[k if len(some) > 1 else 0])
+                node = int(members[k if len(members) > 1 else 0])
                 terms.append((node, motion, real_number(factor, place)))
             place.needs(terms[0][2], "the first term of *EQUATION has the coefficient 0.")
             yield terms
 
     def mpc(self, card: Card) -> None:
-        """*MPC, whose lists of nodes may take several lines."""
+        """*MPC; a list of nodes may continue on the following lines."""
         lists: list[tuple[str, list[str], Place]] = []
         for row in card.rows():
             words = [word for word in row.fields if word]
@@ -296,25 +321,29 @@ class _Joints:
                         " left out."
                     )
             else:
-                led = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
+                pairs = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
                 alone = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
-                read_it = alone and all([self._of_two(kind, pair, place) for pair in led])
-                place.needs(read_it, f"the *MPC of type {kind} with {len(nodes)} nodes is not "
-                            "supported here and would change the result; write it as *EQUATION, or "
-                            "remove it.")  # fmt: skip
+                read_it = alone and all([self._pair(kind, pair, place) for pair in pairs])
+                place.needs(
+                    read_it,
+                    f"the *MPC of type {kind} with {len(nodes)} nodes is not "
+                    "supported here and would change the result; write it as *EQUATION, or "
+                    "remove it.",
+                )
 
-    def _of_two(self, kind: str, nodes: list[int], place: Place) -> bool:
-        """TIE, PIN, LINK and BEAM of two nodes; whether it is one of these."""
+    def _pair(self, kind: str, nodes: list[int], place: Place) -> bool:
+        """Apply a TIE, PIN, LINK or BEAM between two nodes; False if `kind` is none of these."""
         joints, (a, b) = self.joints, nodes
         place.needs(a != b, f"the *MPC of type {kind} joins a node with itself.")
         if kind in ("TIE", "PIN"):
-            turn = all(not joints.used[n] or joints.has_rotations[n] for n in nodes)
-            for c in range(6 if kind == "TIE" and turn else 3):
+            with_rotations = all(not joints.used[n] or joints.has_rotations[n] for n in nodes)
+            for c in range(6 if kind == "TIE" and with_rotations else 3):
                 joints.equation([(a, c, 1.0), (b, c, -1.0)], place)
         elif kind == "LINK":
             along = (joints.place(b) - joints.place(a)).tolist()
-            joints.equation([(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0))
-                             for c in range(3)], place)  # fmt: skip
+            joints.equation(
+                [(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0)) for c in range(3)], place
+            )
         elif kind == "BEAM" and (joints.has_rotations[b] or not joints.used[b]):
             joints.rigid(np.array([a]), joints.leader(b), range(6), {})
         else:
@@ -322,7 +351,9 @@ class _Joints:
         return True
 
     def rigid_body(self, card: Card) -> None:
-        joints, place = self.joints, card.place
+        """*RIGID BODY: nodes that follow one reference node, pinned ones without rotations."""
+        joints = self.joints
+        place = card.place
         groups = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]
         if card.option("ELSET"):
             groups.append(joints.deck.nodes_of(card.elements()))
@@ -341,12 +372,13 @@ class _Joints:
             joints.rigid(pinned[~np.isin(pinned, [*references, *nodes])], leader, range(3), {})
 
     def coupling(self, card: Card) -> None:
-        """*COUPLING, before *KINEMATIC or *DISTRIBUTING."""
+        """*COUPLING: remembers its surface for the *KINEMATIC or *DISTRIBUTING that follows."""
         surface = self._surface(card.needed("SURFACE"), card.place)
         node = card.within.node(card.needed("REFNODE"), card.place)
         self.current = node, surface.nodes, card
 
     def coupled(self, card: Card) -> None:
+        """*KINEMATIC or *DISTRIBUTING of the last *COUPLING."""
         if self.current is None:
             raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
         if rows := card.rows():
@@ -361,26 +393,29 @@ class _Joints:
             self._mean(card, node, motions, nodes, np.ones(len(nodes)))
 
     def kinematic_coupling(self, card: Card) -> None:
+        """*KINEMATIC COUPLING: nodes that follow the reference node in some motions."""
         card.refuse_turned()
         node = card.within.node(card.needed("REFNODE"), card.place)
         for row in card.rows():
             self._rigid(node, row.nodes(), _range(row, 1), card)
 
     def distributing_coupling(self, card: Card) -> None:
-        """*DISTRIBUTING COUPLING: the node of an element DCOUP3D follows the mean of others."""
+        """*DISTRIBUTING COUPLING: a DCOUP3D node follows the weighted mean of others."""
         groups = [row.nodes() for row in card.rows()]
         weights = [row.real(1, 1.0) for row in card.rows()]
         nodes = np.concatenate([NONE, *groups])
         node_weights = np.repeat(weights, [len(some) for some in groups])
         weighted = len(nodes) and node_weights.sum() > 0
         card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
-        for kind, (reference, *_) in self.whole.beside(card):
+        for kind, (reference, *_) in self.whole.elements_of(card):
             self._mean(card, reference, range(6), nodes, node_weights)
             self.whole.deck.left[kind] -= 1
 
     def _rigid(self, node: int, nodes: IntArray, motions: Motions, card: Card) -> None:
-        """Nodes follow a reference node in motions along the axes of the card's ORIENTATION=."""
-        leader, name, frames = self.joints.leader(node), card.option("ORIENTATION"), {}
+        """Let nodes follow a reference node in motions along the axes of ORIENTATION=."""
+        leader = self.joints.leader(node)
+        name = card.option("ORIENTATION")
+        frames = {}
         nodes = nodes[nodes != node]
         if name:
             axes = self.orientations.at(name, card, self.joints.deck.points[nodes])
@@ -390,9 +425,13 @@ class _Joints:
     def _mean(
         self, card: Card, node: int, motions: Motions, nodes: IntArray, weights: Array
     ) -> None:
-        card.needs(node not in nodes, f"the reference node of *{card.keyword} is one of the nodes "
-                   "whose mean motion it follows; give the coupling a node of its "
-                   "own.")  # fmt: skip
+        """Let a reference node follow the weighted mean motion of nodes."""
+        card.needs(
+            node not in nodes,
+            f"the reference node of *{card.keyword} is one of the nodes "
+            "whose mean motion it follows; give the coupling a node of its "
+            "own.",
+        )
         self.joints.mean(self.joints.leader(node), motions, nodes, weights, card.place)
 
 
@@ -407,56 +446,59 @@ READERS: dict[str, Callable[[_Joints, Card], None]] = {
 
 
 def _range(row: Row, start: int) -> list[int]:
-    """Motions (0 to 5) from a first to a last one; all of them where none is given."""
+    """Motions (0 to 5) between the first and last number of a line; all six if there is none."""
     motions = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
-    first, last = motions[0], motions[-1]
+    first = motions[0]
+    last = motions[-1]
     inside = 1 <= first <= last <= 6
     row.needs(inside, f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))
 
 
 def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
-    """Terms (node, factor) of a motion along a direction; the largest component comes first."""
+    """Terms of the displacement along a unit vector; its largest component comes first."""
     order = [int(c) for c in np.argsort(-np.abs(unit), kind="stable")]
     return [(node, c, factor * float(unit[c])) for node, factor in terms for c in order]
 
 
 def _plane(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
-    """Nodes that stay in one plane, for small motions."""
+    """Equations that keep nodes in one plane, for small motions."""
 
     def normal(c: Sequence[int]) -> Array:
         return np.asarray(np.cross(x[c[1]] - x[c[0]], x[c[2]] - x[c[0]]))
 
-    some = combinations(range(min(len(nodes), 12)), 3)
-    first = max(some, key=lambda c: float(np.linalg.norm(normal(c))))
-    area = float(np.linalg.norm(normal(first)))
+    triples = combinations(range(min(len(nodes), 12)), 3)
+    spanning = max(triples, key=lambda c: float(np.linalg.norm(normal(c))))
+    area = float(np.linalg.norm(normal(spanning)))
     flat = area > 1e-9 * float(np.ptp(x, axis=0).max()) ** 2
     place.needs(flat, "the nodes of the *MPC of type PLANE lie on one line.")
-    a, b, c = x[list(first)]
+    a, b, c = x[list(spanning)]
     basis = np.column_stack([b - a, c - a])
     for k, node in enumerate(nodes):
-        if k not in first:
+        if k not in spanning:
             s, t = np.linalg.lstsq(basis, x[k] - a, rcond=None)[0]
-            others = [(nodes[i], -w) for i, w in zip(first, (1 - s - t, s, t), strict=True)]
-            yield _along(normal(first) / area, [(node, 1.0), *others])
+            others = [(nodes[i], -w) for i, w in zip(spanning, (1 - s - t, s, t), strict=True)]
+            yield _along(normal(spanning) / area, [(node, 1.0), *others])
 
 
 def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
-    """Nodes that stay on one straight line, for small motions."""
-    far = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
-    axis = x[far] - x[0]
+    """Equations that keep nodes on one straight line, for small motions."""
+    end = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
+    axis = x[end] - x[0]
     length = float(np.linalg.norm(axis))
     place.needs(length != 0, "the nodes of the *MPC of type STRAIGHT coincide.")
     across = np.linalg.svd(axis[None] / length)[2][1:]
     for k, node in enumerate(nodes):
-        if k not in (0, far):
+        if k not in (0, end):
             s = float((x[k] - x[0]) @ axis) / length**2
             for t in across:
-                yield _along(t, [(node, 1.0), (nodes[0], s - 1), (nodes[far], -s)])
+                yield _along(t, [(node, 1.0), (nodes[0], s - 1), (nodes[end], -s)])
 
 
 def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
-    """CalculiX: motion 1 of the last node, whose place is an axis, is the others' mean rotation."""
+    """The equation of CalculiX's MEANROT: a mean rotation of nodes about an axis.
+    Motion 1 of the last node, whose coordinates are the axis, is that rotation.
+    """
     axis = x[-1]
     length = float(np.linalg.norm(axis))
     place.needs(length != 0, "the *MPC of type MEANROT needs an axis.")
@@ -467,12 +509,12 @@ def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Te
     off = size > 1e-18 * size.max()
     place.needs(off.any(), "the nodes of the *MPC of type MEANROT lie on its axis.")
     if not off.all():  # as CalculiX leaves them out
-        kept = np.append(np.flatnonzero(off), len(off))
-        yield from _mean_rotation([nodes[k] for k in kept], x[kept], place)
+        members = np.append(np.flatnonzero(off), len(off))
+        yield from _mean_rotation([nodes[k] for k in members], x[members], place)
         return
-    turn = np.cross(axis, r) / size[:, None] / len(r)  # a·(r × u)/r²
-    turn = turn - turn.mean(axis=0)  # of motions from their mean
-    terms = [(n, c, -float(turn[p, c])) for p, n in enumerate(nodes[:-1]) for c in range(3)]
+    weights = np.cross(axis, r) / size[:, None] / len(r)  # a·(r × u)/r²
+    weights = weights - weights.mean(axis=0)  # of motions from their mean
+    terms = [(n, c, -float(weights[p, c])) for p, n in enumerate(nodes[:-1]) for c in range(3)]
     yield [(nodes[-1], 0, 1.0), *terms]
 
 

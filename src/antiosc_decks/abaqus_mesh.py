@@ -21,8 +21,8 @@ SHEETS = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
 VOLUMES = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra", 13: "pyramid"}
 VOLUMES |= {15: "wedge", 18: "wedge", 20: "hexahedron", 27: "hexahedron"}
 LINES = {2: "line", 3: "line"}
-#: Names of types, the number of nodes in brackets; what they are; their shapes. "other": cells
-#: without a family here: rigid, membranes, heat, surfaces.
+#: Pattern of a type's name (its group is the number of nodes), role, shapes by number of nodes.
+#: "other" are cells that no family here carries: rigid, membranes, heat, surfaces.
 TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
     (r"C3D(\d+)[A-Z]*", "solid", VOLUMES),
     (r"(?:DC|AC|F)3D(\d+)[A-Z]*", "other", VOLUMES),
@@ -37,10 +37,10 @@ TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
     (r"T[23]D(2)[A-Z]*", "rod", LINES),
     (r"T[23]D(3)[A-Z]*", "other", LINES),
 )
-#: Number in the name of a type -> its nodes, where these differ.
+#: Number in the name of a type -> number of its nodes, where the two differ.
 NODES = {"65": 6}
 BEAM_NODES = {"1": 2, "2": 3, "3": 2}
-#: Inner nodes of C3D27: Abaqus gives the centre, then bottom, top and the four sides.
+#: Inner nodes of C3D27, reordered: Abaqus gives the centre, then bottom, top and the four sides.
 INNER_27 = (26, 24, 23, 25, 21, 22, 20)
 #: Types that are not cells -> their number of nodes.
 POINTS = {
@@ -64,7 +64,7 @@ class ElementType(NamedTuple):
 
 
 def element_type(name: str) -> ElementType | None:
-    """The type named `name` (upper case); None if it is not a cell of a mesh."""
+    """How elements of the type `name` (upper case) are read; None if they are not cells."""
     for pattern, role, shapes in TYPES:
         match = re.fullmatch(pattern, name)
         if match is None:
@@ -92,14 +92,16 @@ Made = Iterator[tuple[int, list[float]]]
 
 
 def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
-    """Nodes on straight lines between two others (*NGEN)."""
+    """*NGEN: yields (number, coordinates) of nodes on straight lines between two nodes."""
     card.needs(not card.option("LINE"), "*NGEN makes straight lines only here (LINE=).")
     for row in card.rows():
         row.needs(len(row.fields) >= 2, "*NGEN needs the numbers of two nodes on a line.")
-        first, last, step = row.whole(0), row.whole(1), row.whole(2, 1)
+        first = row.whole(0)
+        last = row.whole(1)
+        step = row.whole(2, 1)
         count = (last - first) // step if step > 0 else 0
-        there = first in known and last in known
-        row.needs(there, f"*NGEN from {first} to {last}: both nodes must exist.")
+        ends_exist = first in known and last in known
+        row.needs(ends_exist, f"*NGEN from {first} to {last}: both nodes must exist.")
         fits = 0 < count <= MOST_GENERATED and not (last - first) % step
         row.needs(fits, f"*NGEN from {first} to {last} by {step} does not fit.")
         yield first, known[first]
@@ -108,25 +110,32 @@ def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
 
 
 def filled(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
-    """Nodes on lines between those of two sets (*NFILL)."""
+    """*NFILL: yields (number, coordinates) of nodes on lines between the nodes of two sets."""
     equal = card.option("BIAS", "1") in ("1", "1.", "1.0") and "SINGULAR" not in card.options
     card.needs(equal, "*NFILL is read with equal distances only.")
     for row in card.rows():
         row.needs(len(row.fields) >= 4, "*NFILL needs two sets, a number of lines and a step.")
-        names, lines, step = row.fields[:2], row.whole(2), row.whole(3)
-        one, other = (sets.get(name.upper(), []) for name in names)
-        equal = len(one) == len(other) > 0
-        row.needs(equal, f"*NFILL between {names[0]!r} ({len(one)} nodes) and {names[1]!r} "
-                  f"({len(other)}): both sets must be made by *NODE or *NGEN and be equally "
-                  "long.")  # fmt: skip
-        fits = 0 < lines * len(one) <= MOST_GENERATED
+        names = row.fields[:2]
+        lines = row.whole(2)
+        step = row.whole(3)
+        starts, ends = (sets.get(name.upper(), []) for name in names)
+        equal = len(starts) == len(ends) > 0
+        row.needs(
+            equal,
+            f"*NFILL between {names[0]!r} ({len(starts)} nodes) and {names[1]!r} "
+            f"({len(ends)}): both sets must be made by *NODE or *NGEN and be equally "
+            "long.",
+        )
+        fits = 0 < lines * len(starts) <= MOST_GENERATED
         row.needs(fits, f"*NFILL over {lines} lines does not fit.")
-        for first, last in zip(one, other, strict=True):
+        for first, last in zip(starts, ends, strict=True):
             yield from _between(known, first, last, lines, step)
 
 
 def _between(known: Points, first: int, last: int, count: int, step: int) -> Made:
-    a, b = np.array(known[first]), np.array(known[last])
+    """Nodes number `first + k step`, k = 1 … count − 1, at equal distances between two nodes."""
+    a = np.array(known[first])
+    b = np.array(known[last])
     for k in range(1, count):
         yield first + k * step, list(a + (b - a) * (k / count))
 
@@ -134,7 +143,7 @@ def _between(known: Points, first: int, last: int, count: int, step: int) -> Mad
 def element_copies(
     card: Card, blocks: Sequence[Block], labels: Sequence[IntArray], nodes: Numbering
 ) -> Iterator[tuple[Block, IntArray, int]]:
-    """Elements copied in rows, layers and blocks (*ELGEN) with steps of nodes and of numbers."""
+    """*ELGEN: yields (copies, their numbers, number of the copied element)."""
     for row in card.rows():
         master, *rest = (whole_number(word, row.place) for word in row.fields if word)
         row.needs(rest, "2 numbers are needed at least.")
@@ -143,25 +152,31 @@ def element_copies(
         total = int(np.prod(counts.astype(object)))
         row.needs(0 < total <= MOST_GENERATED, f"*ELGEN would make {total} elements.")
         i = np.indices(counts).reshape(3, -1).T[1:]
-        at = [(b, int(k)) for b, labels_of in zip(blocks, labels, strict=True)
-              for k in np.flatnonzero(labels_of == master)]  # fmt: skip
-        row.needs(at, f"*ELGEN copies the element {master}, which is not defined before.")
-        block, k = at[0]
+        matches = [
+            (b, int(k))
+            for b, labels_of in zip(blocks, labels, strict=True)
+            for k in np.flatnonzero(labels_of == master)
+        ]
+        row.needs(matches, f"*ELGEN copies the element {master}, which is not defined before.")
+        block, k = matches[0]
         copies = _shifted(block[np.full(len(i), k)], i @ shifts, nodes, row.place)
         yield copies, master + i @ steps, master
 
 
 def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> Block:
+    """A copy of a block whose node numbers are raised by `shift` (one for each element)."""
     label = np.empty(len(nodes.labels), dtype=np.int64)
     label[nodes.order] = nodes.labels
 
     def moved(rows: IntArray) -> IntArray:
         wanted = label[rows] + shift[:, None]
-        found = nodes.rows(wanted)
-        lost = wanted[found < 0]
-        if len(lost):
-            raise place.error(f"*ELGEN needs the node {lost[0]}, which the deck does not define.")
-        return found
+        shifted = nodes.rows(wanted)
+        missing = wanted[shifted < 0]
+        if len(missing):
+            raise place.error(
+                f"*ELGEN needs the node {missing[0]}, which the deck does not define."
+            )
+        return shifted
 
     return block.mapped(moved)
 
@@ -171,7 +186,7 @@ NONE = np.zeros(0, dtype=np.int64)
 
 @dataclass
 class Mesh:
-    """Nodes and elements with their own numbers."""
+    """Nodes and elements of a part, numbered as in the part."""
 
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
     nodes: Numbering = field(default_factory=lambda: Numbering(NONE))
@@ -187,10 +202,13 @@ class Mesh:
 
 
 def mesh_of(cards: list[Card], name: str) -> Mesh:
-    """What some cards define; `name`: of the part, in messages."""
+    """The mesh that some cards define; `name` is the part's, for messages."""
     for card in cards:
-        card.needs(card.keyword not in GENERATORS, f"*{card.keyword} is not read here; write the "
-                   "nodes and elements that it makes into the deck.")  # fmt: skip
+        card.needs(
+            card.keyword not in GENERATORS,
+            f"*{card.keyword} is not read here; write the "
+            "nodes and elements that it makes into the deck.",
+        )
     mesh = Mesh()
     _read_nodes(mesh, cards)
     _read_elements(mesh, cards, name)
@@ -198,12 +216,14 @@ def mesh_of(cards: list[Card], name: str) -> Mesh:
 
 
 def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
+    """Fill `mesh` with the nodes of *NODE, *NGEN and *NFILL."""
     labels: list[int] = []
     points: list[list[float]] = []
     made: dict[str, list[int]] = {}
     makers = {"NGEN": generated, "NFILL": filled}
     for card in cards:
-        start, name = len(labels), card.option("NSET")
+        start = len(labels)
+        name = card.option("NSET")
         if card.keyword in makers:
             known = dict(zip(labels, points, strict=True))
             for label, x in makers[card.keyword](card, known, made):
@@ -211,8 +231,10 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
                 points.append(x)
         elif card.keyword == "NODE" and "PRINT" not in card.options:
             system = card.option("SYSTEM")
-            card.needs(system.upper() in ("R", ""), f"*NODE, SYSTEM={system} is not read here; "
-                       "give rectangular coordinates.")  # fmt: skip
+            card.needs(
+                system.upper() in ("R", ""),
+                f"*NODE, SYSTEM={system} is not read here; give rectangular coordinates.",
+            )
             for row in card.rows():
                 labels.append(whole_number(row.word(0), row.place))
                 points.append([row.real(1), row.real(2), row.real(3)])
@@ -238,6 +260,7 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
 
 
 def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
+    """Fill `mesh` with the elements of *ELEMENT and *ELGEN."""
     cells: list[IntArray] = []
     others: list[int] = []
     sets: list[tuple[str, IntArray]] = []
@@ -270,8 +293,8 @@ def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
 
 
 def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
-    """Read one card's elements that are not cells; returns their numbers."""
-    width = next((count for some, count in POINTS.items() if re.fullmatch(some, kind)), 0)
+    """Read one card's elements that are not cells; return their numbers."""
+    width = next((count for pattern, count in POINTS.items() if re.fullmatch(pattern, kind)), 0)
     rows = [row for row in card.rows() if row.word(0)]
     for row in rows:
         if len(row.fields) <= width:
@@ -282,7 +305,7 @@ def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
 
 
 def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
-    """Read one card's cells; returns their numbers."""
+    """Read one card's cells; return their numbers."""
     known = element_type(kind)
     assert known is not None
     rows, places = _numbers(mesh, card, known.nodes, kind)
@@ -305,7 +328,7 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
 
 
 def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[int]], list[Place]]:
-    """(number and nodes of every element, which may take several lines; its place)."""
+    """Read elements that may take several lines: ([number, nodes …] of each, its place)."""
     least = 1 + width
     rows: list[list[int]] = []
     places: list[Place] = []
@@ -336,5 +359,6 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
 
 
 def _short(place: Place, label: object, kind: str, nodes: int, width: int) -> MeshError:
+    """The error of an element with too few nodes."""
     message = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
     return place.error(f"{message}: the deck is cut off, or of another program.")

@@ -17,13 +17,13 @@ from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
 from antiosc_decks.constraints import along
 from antiosc_decks.finished import finished
 
-#: Cards that give elements which are not cells their values -> what they give, types of these.
+#: Cards with the values of elements that are not cells -> what they give, types of the elements.
 BESIDE = {
     **dict.fromkeys(("MASS", "ROTARYINERTIA"), ("mass", ("MASS", "ROTARYI"))),
     "SPRING": ("stiffness", ("SPRINGA", "SPRING1", "SPRING2")),
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
 }
-#: Cards of contact, which one piece alone does without.
+#: Cards of contact, which are ignored when one piece of the deck is read alone.
 BETWEEN_PIECES = ("*CONTACTPAIR", "*CLEARANCE", "*CONTACT")
 #: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
@@ -56,14 +56,15 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
     read_joints(whole, builder.joints, [*whole.cards, *first])
-    _beside(whole, builder, sections.orientations)
+    _add_points_and_links(whole, builder, sections.orientations)
     builder.ignored += whole.account.ignored()
     return finished(builder)
 
 
 def _boundary(builder: ModelBuilder, card: Card) -> None:
+    """*BOUNDARY: fix the motions of nodes; prescribed values other than 0 are reported."""
     card.refuse_turned()
-    moved = other = False
+    prescribed = no_motion = False
     for row in card.rows():
         row.needs(row.word(1), "*BOUNDARY names no motion from 1 to 6.")
         nodes = row.nodes()
@@ -73,21 +74,25 @@ def _boundary(builder: ModelBuilder, card: Card) -> None:
             first = row.whole(1)
             last = row.whole(2, first)
             if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
-                other = True
+                no_motion = True
                 continue
-            row.needs(1 <= first <= last <= 6, f"*BOUNDARY fixes motions from {first} to {last}; "
-                      "they are counted from 1 to 6.")  # fmt: skip
-            moved |= row.real(3) != 0
+            row.needs(
+                1 <= first <= last <= 6,
+                f"*BOUNDARY fixes motions from {first} to {last}; they are counted from 1 to 6.",
+            )
+            prescribed |= row.real(3) != 0
             motions = range(first - 1, last)
         builder.fix(nodes, motions)
-    if moved:
+    if prescribed:
         builder.ignored.append(f"the motion of *BOUNDARY ({card.place}), fixed instead")
-    if other:
+    if no_motion:
         builder.ignored.append(f"what is no motion of *BOUNDARY ({card.place})")
 
 
 def _transform(builder: ModelBuilder, card: Card) -> None:
-    nodes, values = card.nodes("NSET"), card.numbers()[:6]
+    """*TRANSFORM: the axes in which the motions of nodes are counted."""
+    nodes = card.nodes("NSET")
+    values = card.numbers()[:6]
     kind = card.option("TYPE", "R").upper()[:1]
     enough = len(values) == 6 and kind in "RC"
     card.needs(enough, "*TRANSFORM needs six coordinates, TYPE=R or C.")
@@ -95,11 +100,13 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
     a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
     if kind == "C" and (a != b).any():
         frames = around_axis(a, b, builder.deck.points[nodes])
-        on = np.linalg.norm(frames[:, 0], axis=1) < 0.5
-        if on.any():  # as good as any, of nodes that are held in both or in none
-            frames[on] = np.roll(_frame(b - a), -1, axis=0)
-            builder.tell_once(f"the radial direction of {on.sum()} nodes on the axis of *TRANSFORM "
-                              f"({card.place}), one across it is taken")  # fmt: skip
+        on_axis = np.linalg.norm(frames[:, 0], axis=1) < 0.5
+        if on_axis.any():  # as good as any, of nodes that are held in both or in none
+            frames[on_axis] = np.roll(_frame(b - a), -1, axis=0)
+            builder.tell_once(
+                f"the radial direction of {on_axis.sum()} nodes on the axis of "
+                f"*TRANSFORM ({card.place}), one across it is taken"
+            )
     else:
         z = np.cross(a, b) if kind == "R" else np.zeros(3)
         x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
@@ -110,7 +117,7 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
 
 
 def _frame(along: Array) -> Array:
-    """Axes (3, 3), as rows, of which the first is along a direction."""
+    """Orthonormal axes as rows (3, 3); the first is along `along`."""
     z = along / np.linalg.norm(along)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x /= np.linalg.norm(x)
@@ -118,10 +125,12 @@ def _frame(along: Array) -> Array:
 
 
 def _nonstructural(builder: ModelBuilder, card: Card) -> None:
+    """*NONSTRUCTURAL MASS: add mass to elements."""
     elements = card.elements()
     unit = "".join(card.needed("UNITS").split()).upper()
     distribution = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
-    by, row = distribution.removesuffix("PROPORTIONAL").lower(), card.first()
+    by = distribution.removesuffix("PROPORTIONAL").lower()
+    row = card.first()
     if unit == "TOTALMASS" and by in ("mass", "volume") and len(row.fields) < 2:
         add_total(builder, elements, row.real(0), card.place, by)
     elif unit in UNITS and len(row.fields) < 2:
@@ -133,13 +142,13 @@ def _nonstructural(builder: ModelBuilder, card: Card) -> None:
         raise card.place.error(f"{message} PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH.")
 
 
-def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
-    """Masses, springs and dashpots; each of their elements needs a card."""
+def _add_points_and_links(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
+    """Add masses, springs and dashpots; each of their elements needs a card."""
     counts = dict.fromkeys(BESIDE, 0)
     for card in whole.named(*BESIDE):
         rows = card.rows()
         card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
-        for kind, nodes in whole.beside(card):
+        for kind, nodes in whole.elements_of(card):
             counts[card.keyword] += 1
             if card.keyword == "MASS":
                 builder.mass(nodes[0], rows[0].real(0), [0.0] * 3, card.place)
@@ -154,29 +163,35 @@ def _beside(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> 
         count = sum(left.pop(kind) for kind in kinds)
         if count != number:
             names = " and ".join(kinds or BESIDE[keyword][1])
-            raise MeshError(f"{whole.deck.name} has {count} {names} elements, but *{keyword} cards "
-                            f"give values to {number} of them.")  # fmt: skip
+            raise MeshError(
+                f"{whole.deck.name} has {count} {names} elements, but *{keyword} cards "
+                f"give values to {number} of them."
+            )
     if left:
         kind = next(iter(left))
-        raise MeshError(f"{whole.deck.name} has {left[kind]} {kind} elements, which are not "
-                        "supported here and would change the result.")  # fmt: skip
+        raise MeshError(
+            f"{whole.deck.name} has {left[kind]} {kind} elements, which are not "
+            "supported here and would change the result."
+        )
 
 
 def _inertia(card: Card, row: Row) -> list[float]:
-    """Moments of inertia of *ROTARY INERTIA about the axes of the deck."""
+    """Moments of inertia (3) of *ROTARY INERTIA about the axes of the deck."""
     values = row.reals(6)
     card.needs(not any(values[3:]), "products of inertia are not supported.")
     if len({*values[:3]}) > 1:
         card.refuse_turned()
-        card.needs(not card.option("ORIENTATION"), "*ROTARY INERTIA in an orientation is not "
-                   "supported; give it in the axes of the deck.")  # fmt: skip
+        card.needs(
+            not card.option("ORIENTATION"),
+            "*ROTARY INERTIA in an orientation is not supported; give it in the axes of the deck.",
+        )
     return values[:3]
 
 
 def _link(
     builder: ModelBuilder, orientations: Orientations, card: Card, kind: str, nodes: list[int]
 ) -> None:
-    """A spring or a dashpot."""
+    """Add a spring or a dashpot."""
     values = card.rows()
     what = BESIDE[card.keyword][0]
     if kind.endswith("A"):
@@ -187,15 +202,20 @@ def _link(
             axes = orientations.frame(card)
         else:
             card.refuse_turned()
-        terms, values = _along_motions(nodes, axes, values[0]), values[1:]
-    card.needs(len(values) == 1, f"*{card.keyword} needs one {what} that does not depend on "
-               f"frequency or temperature; it has {len(values)}.")  # fmt: skip
-    value, place = real_number(values[0].word(0), values[0].place), values[0].place
+        terms = _along_motions(nodes, axes, values[0])
+        values = values[1:]
+    card.needs(
+        len(values) == 1,
+        f"*{card.keyword} needs one {what} that does not depend on "
+        f"frequency or temperature; it has {len(values)}.",
+    )
+    value = real_number(values[0].word(0), values[0].place)
+    place = values[0].place
     builder.link(f"*{card.keyword}", what, terms, value, place)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
-    """The motion of a node along one of the axes (rows), or the difference of two."""
+    """Terms of the displacement of one node along an axis (row), or of two nodes' difference."""
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
     inside = all(0 <= dof < 6 for dof in dofs)
     row.needs(inside, "a spring or a dashpot acts on motions from 1 to 6.")

@@ -26,14 +26,14 @@ from antiosc_decks.properties import Material
 
 SOLIDS = {45, 95, 92, 185, 186, 187, 285, 64, 72, 73}
 SHELLS = {63, 93, 181, 281, 43}
-#: Of plane parts: cells of a mesh, of no model.
+#: Plane elements: cells of a mesh; a model of them is refused.
 PLANES = {42, 82, 182, 183}
 ROLES = {
     **dict.fromkeys(SOLIDS, "solid"),
     **dict.fromkeys(SHELLS, "shell"),
     **dict.fromkeys(PLANES, "plane"),
 }
-#: Elements on others, without mass and stiffness.
+#: Surface-effect elements, without mass and stiffness.
 BESIDE = {151, 152, 153, 154, 156, 200}
 #: (role, nodes) -> shape
 SHAPES = {
@@ -42,7 +42,7 @@ SHAPES = {
     **{(role, n): "quad" for n in (4, 8) for role in ("shell", "plane")},
     **{(role, n): "triangle" for n in (3, 6) for role in ("shell", "plane")},
 }
-#: Columns before the nodes of an element; nodes in its first line.
+#: Number of columns before an element's nodes; number of nodes in its first line.
 HEAD, FIRST = 11, 8
 MOTION_LABELS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(6), strict=True))
 Line = tuple[str, Place]
@@ -50,7 +50,7 @@ Line = tuple[str, Place]
 
 @dataclass
 class Archive:
-    """What an archive holds."""
+    """The contents of an archive."""
 
     name: str
     labels: list[int] = field(default_factory=list)
@@ -90,51 +90,52 @@ def read(ask: Request) -> FileMesh:
     return as_mesh(deck)
 
 
-def _take(found: Archive, words: list[str], place: Place, rows: Iterator[Line]) -> None:
-    """One command, with the lines of its block."""
+def _take(archive: Archive, words: list[str], place: Place, rows: Iterator[Line]) -> None:
+    """Read one command, with the lines of its block."""
     name = words[0].upper()
     if name == "NBLOCK":
-        _nodes(found, rows)
+        _nodes(archive, rows)
     elif name == "EBLOCK":
         solid = len(words) > 2 and words[2].upper() == "SOLID"
         place.needs(solid, "EBLOCK needs the key SOLID: write the archive by CDWRITE.")
-        _elements(found, rows)
+        _elements(archive, rows)
     elif name == "CMBLOCK" and len(words) > 3:
         numbers = _component(int(whole_number(words[3], place)), rows)
-        found.components[words[1]] = (words[2].upper().startswith("NODE"), numbers)
+        archive.components[words[1]] = (words[2].upper().startswith("NODE"), numbers)
     elif name == "ET" and len(words) > 2:
         number = re.sub(r"\D", "", words[2])
         place.needs(number, f"the element type {words[2]!r} has no number.")
-        found.types[whole_number(words[1], place)] = int(number)
+        archive.types[whole_number(words[1], place)] = int(number)
     elif name == "MP" and len(words) > 3:
-        _property(found, words[1], words[2], words[3], place)
+        _property(archive, words[1], words[2], words[3], place)
     elif name == "MPDATA" and len(words) > 6:
         first = 3 if words[1].upper().startswith("R") else 1
         if words[first + 2] == "1":  # the first temperature
-            _property(found, words[first], words[first + 1], words[first + 3], place)
+            _property(archive, words[first], words[first + 1], words[first + 3], place)
     elif name == "SECTYPE" and len(words) > 1:
-        found.section = whole_number(words[1], place)
+        archive.section = whole_number(words[1], place)
     elif name == "SECDATA" and words[1:2] and words[1]:
-        found.thickness["section", found.section] = real_number(words[1], place)
+        archive.thickness["section", archive.section] = real_number(words[1], place)
     elif name == "SECBLOCK" and len(words) > 1:
         layers = [next(rows) for _ in range(whole_number(words[1], place))]
-        total = sum(real_number(text.split(",")[0], at) for text, at in layers)
-        found.thickness["section", found.section] = total
+        total = sum(real_number(text.split(",")[0], row_place) for text, row_place in layers)
+        archive.thickness["section", archive.section] = total
     elif name == "R" and len(words) > 2 and words[2]:
-        found.thickness["real", whole_number(words[1], place)] = real_number(words[2], place)
+        archive.thickness["real", whole_number(words[1], place)] = real_number(words[2], place)
     elif name == "RLBLOCK":
-        _reals(found, whole_number(words[1], place), rows)
+        _reals(archive, whole_number(words[1], place), rows)
     elif name == "D" and len(words) > 2:
-        found.supports.append((whole_number(words[1], place), words[2].upper()))
+        archive.supports.append((whole_number(words[1], place), words[2].upper()))
 
 
-def _property(found: Archive, label: str, number: str, value: str, place: Place) -> None:
-    constants = found.materials.setdefault(whole_number(number, place), {})
+def _property(archive: Archive, label: str, number: str, value: str, place: Place) -> None:
+    """Set one constant of a material."""
+    constants = archive.materials.setdefault(whole_number(number, place), {})
     constants[label.upper()] = real_number(value, place)
 
 
 def _widths(rows: Iterator[Line]) -> tuple[int, int, int]:
-    """(where reals begin, width of a whole number, of a real) of a format as (3i9,6e21.13e3)."""
+    """(where reals begin, width of an integer, of a real) in a format such as (3i9,6e21.13e3)."""
     text, place = next(rows)
     whole = [(int(n), int(width)) for n, width in re.findall(r"(\d+)i(\d+)", text.lower())]
     place.needs(whole, f"the format of a block is as (3i9,6e21.13e3); got {text.strip()[:40]!r}.")
@@ -143,73 +144,78 @@ def _widths(rows: Iterator[Line]) -> tuple[int, int, int]:
 
 
 def _cut(text: str, width: int, start: int = 0) -> list[str]:
-    """Columns of a line; without those that are blank."""
+    """The non-blank columns of a line."""
     columns = [text[k : k + width] for k in range(start, len(text.rstrip()), width)]
     return [column for column in columns if column.strip()]
 
 
-def _nodes(found: Archive, rows: Iterator[Line]) -> None:
+def _nodes(archive: Archive, rows: Iterator[Line]) -> None:
+    """Read the lines of NBLOCK."""
     start, width, real = _widths(rows)
     for text, place in rows:
         if text.startswith(("N,", "-1")) or not text[:width].strip():
             return
-        found.labels.append(whole_number(text[:width], place))
-        x = [real_number(one, place) for one in _cut(text, real, start)[:3]]
-        found.points.append([*x, 0.0, 0.0, 0.0][:3])
+        archive.labels.append(whole_number(text[:width], place))
+        x = [real_number(column, place) for column in _cut(text, real, start)[:3]]
+        archive.points.append([*x, 0.0, 0.0, 0.0][:3])
 
 
-def _elements(found: Archive, rows: Iterator[Line]) -> None:
+def _elements(archive: Archive, rows: Iterator[Line]) -> None:
+    """Read the lines of EBLOCK."""
     _, width, _ = _widths(rows)
     for text, place in rows:
-        head = [whole_number(one, place) for one in _cut(text, width)]
+        head = [whole_number(column, place) for column in _cut(text, width)]
         if not head or head[0] == -1:
             return
         place.needs(len(head) > HEAD, f"an element has {HEAD} numbers and its nodes.")
-        count, nodes = head[8], head[HEAD:]
+        count = head[8]
+        nodes = head[HEAD:]
         while len(nodes) < count:
-            nodes += [whole_number(one, place) for one in _cut(next(rows)[0], width)]
+            nodes += [whole_number(column, place) for column in _cut(next(rows)[0], width)]
         element = (head[0], head[1], head[2], head[3], head[10], nodes[:count])
-        found.elements.append((element, place))
+        archive.elements.append((element, place))
 
 
 def _component(count: int, rows: Iterator[Line]) -> list[int]:
-    """Numbers of a component; a negative one ends a range."""
+    """Numbers of a component (CMBLOCK); a negative one ends a range."""
     _, width, _ = _widths(rows)
-    given: list[int] = []
-    while len(given) < count:
+    entries: list[int] = []
+    while len(entries) < count:
         text, place = next(rows)
-        given += [whole_number(one, place) for one in _cut(text, width)]
+        entries += [whole_number(one, place) for one in _cut(text, width)]
     numbers: list[int] = []
-    for one in given:
+    for one in entries:
         numbers += range(numbers[-1] + 1, -one + 1) if one < 0 and numbers else [one]
     return numbers
 
 
-def _reals(found: Archive, sets: int, rows: Iterator[Line]) -> None:
+def _reals(archive: Archive, sets: int, rows: Iterator[Line]) -> None:
+    """Read the thickness from the first constant of each set of RLBLOCK."""
     next(rows), next(rows)  # the formats (2i8,6g16.9) and (7g16.9)
     for _ in range(sets):
         text, place = next(rows)
-        number, count = whole_number(text[:8], place), whole_number(text[8:16], place)
-        found.thickness["real", number] = real_number(text[16:32], place)
+        number = whole_number(text[:8], place)
+        count = whole_number(text[8:16], place)
+        archive.thickness["real", number] = real_number(text[16:32], place)
         for _ in range(-(-max(count - 6, 0) // 7)):
             next(rows)
 
 
 def _deck(
-    found: Archive, asked: Mapping[str, Sequence[int]]
+    archive: Archive, asked: Mapping[str, Sequence[int]]
 ) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
-    """(deck, with the elements that are asked for; material, real constants, section, place of each
-    element).
+    """(deck, owner of each element: its material, real constants, section and place).
+    `asked` names groups of elements by their numbers.
     """
-    if not found.points:
-        raise MeshError(f"{found.name} has no nodes (NBLOCK).")
-    node_numbers = np.array(found.labels, dtype=np.int64)
+    if not archive.points:
+        raise MeshError(f"{archive.name} has no nodes (NBLOCK).")
+    node_numbers = np.array(archive.labels, dtype=np.int64)
     nodes = Numbering(node_numbers)
-    deck = Deck(found.name, np.array(found.points), labels=node_numbers)
+    deck = Deck(archive.name, np.array(archive.points), labels=node_numbers)
     tables: dict[tuple[str, str, str], list[list[int]]] = {}
     owners: dict[tuple[str, str, str], list[tuple[int, tuple[int, int, int, Place]]]] = {}
-    for (material, kind, real, section, number, labels), place in found.elements:
-        element = found.types.get(kind, 0)
+    for (material, kind, real, section, number, labels), place in archive.elements:
+        element = archive.types.get(kind, 0)
         role = ROLES.get(element, "")
         shape = SHAPES.get((role, len(labels)), "")
         if not shape:
@@ -222,27 +228,27 @@ def _deck(
     belongs: list[tuple[int, int, int, Place]] = []
     for (role, shape, kind_name), rows in tables.items():
         for width in sorted({row[0] for row in rows}):
-            some = [k for k, row in enumerate(rows) if row[0] == width]
-            table = nodes.rows(np.array([rows[k][1:] for k in some], dtype=np.int64))
+            positions = [k for k, row in enumerate(rows) if row[0] == width]
+            table = nodes.rows(np.array([rows[k][1:] for k in positions], dtype=np.int64))
             corners = table[:, : CORNERS[shape]]
             if (corners < 0).any():
                 raise MeshError(
-                    f"elements {kind_name} of {found.name} have nodes that are not there."
+                    f"elements {kind_name} of {archive.name} have nodes that are not there."
                 )
             mids = table[:, CORNERS[shape] :]
             assert mids.shape[1] in (0, len(EDGES[shape]))
-            owner_numbers = [owners[role, shape, kind_name][k] for k in some]
+            owner_numbers = [owners[role, shape, kind_name][k] for k in positions]
             deck.blocks.append(Block(shape, kind_name, corners, mids, table[:, :0], role))
             numbers += [number for number, _ in owner_numbers]
-            belongs += [of for _, of in owner_numbers]
+            belongs += [owner for _, owner in owner_numbers]
     if not belongs:
         raise MeshError(
-            f"{found.name} has no elements that are cells of a mesh: write it with the elements "
+            f"{archive.name} has no elements that are cells of a mesh: write it with the elements "
             "of its solids or shells (CDWRITE, DB)."
         )
     numbering = Numbering(np.array(numbers, dtype=np.int64))
     deck.name_elements(asked, np.array(numbers))
-    for name, (of_nodes, members) in found.components.items():
+    for name, (of_nodes, members) in archive.components.items():
         rows_of = (nodes if of_nodes else numbering).rows(np.array(members, dtype=np.int64))
         if (rows_of >= 0).any():
             sets = deck.node_sets if of_nodes else deck.element_sets
@@ -251,12 +257,12 @@ def _deck(
 
 
 def _model(
-    found: Archive,
+    archive: Archive,
     deck: Deck,
     owners: list[tuple[int, int, int, Place]],
     builder: ModelBuilder,
 ) -> None:
-    """Sections of the elements, and supports."""
+    """Add the sections of the elements and the supports to the builder."""
     planes = {int(block.type): len(block) for block in deck.blocks if block.role == "plane"}
     wrong = {int(k): n for k, n in deck.left.items() if int(k) not in BESIDE} | planes
     if wrong:
@@ -265,45 +271,45 @@ def _model(
             f"{deck.name} holds elements that no family here carries ({kinds}): read_mesh reads "
             "its solids and shells, without them."
         )
-    alike: dict[tuple[str, int, float], list[int]] = {}
+    groups: dict[tuple[str, int, float], list[int]] = {}
     for block, rows in deck.numbered():
         for row in rows.tolist():
             material, real, section, place = owners[row]
             t = 0.0
             if block.role == "shell":
-                t = found.thickness.get(("section", section)) or found.thickness.get(
+                t = archive.thickness.get(("section", section)) or archive.thickness.get(
                     ("real", real), 0.0
                 )
                 place.needs(t > 0, f"the shell has no thickness (SECDATA {section}, R {real}).")
-            alike.setdefault((block.role, material, t), []).append(row)
-    for (role, number, t), members in alike.items():
+            groups.setdefault((block.role, material, t), []).append(row)
+    for (role, number, t), members in groups.items():
         place = owners[members[0]][3]
-        values = builder.isotropic(_material(found, number, place), f"{role}s")
+        values = builder.isotropic(_material(archive, number, place), f"{role}s")
         if role == "shell":
             values["thickness"] = t * builder.units.length
         family = Family("Shell" if role == "shell" else "Solid", values, place)
         builder.add(f"{role}s of material {number}", np.array(members, dtype=np.int64), family)
     builder.find_nodes()
     nodes = Numbering(deck.labels)
-    for label, what in found.supports:
+    for label, motion in archive.supports:
         row = nodes.rows(np.array([label], dtype=np.int64))
         motions = (
             list(range(len(MOTIONS)))
-            if what == "ALL"
-            else [MOTION_LABELS[what]] * (what in MOTION_LABELS)
+            if motion == "ALL"
+            else [MOTION_LABELS[motion]] * (motion in MOTION_LABELS)
         )
         if row[0] >= 0 and motions:
             builder.fix(row, motions)
     builder.hold()
 
 
-def _material(found: Archive, number: int, place: Place) -> Material:
-    """An isotropic material; MeshError for another."""
-    constants = found.materials.get(number, {})
+def _material(archive: Archive, number: int, place: Place) -> Material:
+    """The isotropic material of this number; MeshError if it is orthotropic."""
+    constants = archive.materials.get(number, {})
     place.needs("EX" in constants, f"the material {number} has no EX (MP, MPDATA).")
-    turned = {"EY", "EZ", "GXY"} & constants.keys()
-    same = all(constants[key] == constants["EX"] for key in turned - {"GXY"})
-    place.needs(same, f"the material {number} is orthotropic ({', '.join(sorted(turned))}).")
+    directional = {"EY", "EZ", "GXY"} & constants.keys()
+    same = all(constants[key] == constants["EX"] for key in directional - {"GXY"})
+    place.needs(same, f"the material {number} is orthotropic ({', '.join(sorted(directional))}).")
     material = Material(str(number), place)
     material.set_isotropic(constants["EX"], constants.get("PRXY", constants.get("NUXY", 0.3)))
     material.density = constants.get("DENS")

@@ -25,29 +25,32 @@ from antiosc_decks.properties import (
 
 
 def chosen_elements(deck: Deck) -> BoolArray:
-    """The elements of the parts that the caller chooses."""
+    """Mask (n,) of the elements that the caller chose by parts and by piece."""
     chosen = np.full(deck.n_elements, deck.wanted is None)
     for name in deck.wanted or ():
         members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
         if not len(members):
-            known = sorted(n for n, some in deck.element_sets.items() if len(some))
+            known = sorted(n for n, rows in deck.element_sets.items() if len(rows))
             shown = ", ".join(map(repr, known[:20])) or "none"
             raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
         chosen[members] = True
-    return chosen if deck.piece is None else one_piece(deck, chosen)
+    if deck.piece is None:
+        return chosen
+    return one_piece(deck, chosen)
 
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
-#: Direction cosines below this are rounding.
+#: Direction cosines below this are rounding errors.
 LEAST_TERM = 1e-12
 
 
 class Family(NamedTuple):
-    """The section of a group of elements, as a class of antiosc and its arguments.
+    """The section of a group of elements: the name of a class of antiosc and its arguments.
 
-    "Truss" has a "torsion" beside, m⁴, which a truss does without. "Panel", of a shear panel, is no
-    class; its "sides" are F1, F2 of Nastran: what of it is in rods along its sides 12 and 34, 23
-    and 41, as shares of its thickness and width (from 1.01: of the square of its thickness).
+    "Truss" has a further argument "torsion" in m⁴, which springs use and a truss ignores. "Panel"
+    (a shear panel) is no class of antiosc; its "sides" are Nastran's F1 and F2, which give the area
+    of rods along its sides 12 and 34, and 23 and 41: up to 1.01 a share of thickness × width, above
+    it a share of the thickness squared.
     """
 
     kind: str
@@ -61,86 +64,101 @@ class ModelBuilder:
     def __init__(
         self, deck: Deck, units: UnitSystem, density: float | None = None, lumped: bool = False
     ) -> None:
-        #: own nodes of elements that repeat others, and those that they follow
+        #: (node of a repeated element, original node that it follows)
         self.copies = separate_copies(deck)
         nodes = len(deck.points)
-        #: density in kg/m³, of materials without one; lumped: whether the deck gives masses at
-        #: nodes, so that materials may have none
-        self.deck, self.units, self.density, self.lumped = deck, units, density, lumped
-        #: sections, the name of the group of each, and which each element has, -1 without one
+        #: density: kg/m³, for materials without one; lumped: the deck gives masses at nodes, so
+        #: that materials may have no density
+        self.deck = deck
+        self.units = units
+        self.density = density
+        self.lumped = lumped
+        #: sections; the group name of each; index of the section of each element (-1: none)
         self.families: list[Family] = []
         self.names: list[str] = []
         self.of_element = np.full(deck.n_elements, -1, dtype=np.int64)
         #: (node, place, kg, [kg m²])
         self.masses: list[tuple[int, Place, float, list[float]]] = []
-        #: whether the deck has no other elements: the rods are a truss
+        #: whether all elements are rods, which then form a truss
         self.truss = False
-        #: nodes that stay apart from others in their place
+        #: nodes that are not merged with coincident nodes
         self.apart: list[int] = []
         #: what is ignored, in the deck's terms
         self.ignored: list[str] = []
-        #: until `hold` along directions of their own of the nodes that have such
+        #: motions that are fixed; before `hold`, along the local axes of nodes that have such axes
         self.fixed = np.zeros((nodes, 6), dtype=bool)
-        #: nodes of chosen elements, of those with rotations, and of elements not chosen alone
+        #: nodes of chosen elements; of those with rotations; of elements not chosen alone
         self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
         self.joints = Constraints(deck, self.used, self.has_rotations)
         self.chosen = chosen_elements(deck)
 
     def find_nodes(self) -> None:
-        """Which nodes the chosen elements use; those of shells and beams have rotations."""
+        """Mark the nodes of chosen elements, and those that have rotations (shells, beams)."""
         chosen = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
-        present = {some.role for _, some in chosen if len(some)}
+        present = {members.role for _, members in chosen if len(members)}
         self.truss = "rod" in present and present <= SPRINGS
         used = np.zeros(len(self.used), dtype=bool)
-        for block, some in chosen:
+        for block, members in chosen:
             used[block.nodes] = True
             if block.role not in SPRINGS or (self.truss and block.role == "rod"):
-                self.used[some.nodes] = True
+                self.used[members.nodes] = True
             else:
-                used[some.nodes] = False
+                used[members.nodes] = False
             if block.role in ("shell", "beam"):
-                self.has_rotations[some.nodes] = True
+                self.has_rotations[members.nodes] = True
         self.gone = used & ~self.used
 
     def rho(self, material: Material) -> float:
-        """Density in kg/m³."""
+        """Density of a material in kg/m³."""
         if material.density:
             return material.density * self.units.density
         if self.density is not None:
             return self.density
-        material.needs(self.lumped, f"the material {material.name!r} has no density, without which "
-                       "nothing can be struck; add it to the deck, or give density= in "
-                       "kg/m³.")  # fmt: skip
+        material.needs(
+            self.lumped,
+            f"the material {material.name!r} has no density, without which "
+            "nothing can be struck; add it to the deck, or give density= in "
+            "kg/m³.",
+        )
         self.tell_once(f"the mass of {material.name}, whose density is 0")
         return material.modulus * self.units.stress / MASSLESS_WAVE**2
 
     def isotropic(self, material: Material, what: str) -> Json:
-        """E, nu and rho of a material that must be isotropic."""
+        """E (Pa), nu and rho (kg/m³) of a material that must be isotropic."""
         E, nu = self.elastic(material, what)
         return {"E": E, "nu": nu, "rho": self.rho(material)}
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
-        """(E in Pa, nu) of a material that must be isotropic; for beams and rods by E and G."""
+        """(E in Pa, nu) of a material that must be isotropic; beams use its E and G."""
         material.elasticity()
         E, nu = material.isotropic or (0.0, 0.0)
-        material.needs(material.isotropic, f"the material {material.name!r} is not isotropic, but "
-                       f"{what} must be; only layers of shells may be orthotropic.")  # fmt: skip
+        material.needs(
+            material.isotropic,
+            f"the material {material.name!r} is not isotropic, but "
+            f"{what} must be; only layers of shells may be orthotropic.",
+        )
         if what in ("beams", "rods") and material.of_lines is not None:
             E, G = material.of_lines
-            material.needs(G > 0, f"{material.name} needs G above 0 for {what}; it is {G:g}: leave "
-                           "it blank, and it follows from E and NU.")  # fmt: skip
+            material.needs(
+                G > 0,
+                f"{material.name} needs G above 0 for {what}; it is {G:g}: leave "
+                "it blank, and it follows from E and NU.",
+            )
             nu = E / (2 * G) - 1
         return E * self.units.stress, nu
 
     def anisotropic(self, material: Material) -> list[list[float]] | None:
-        """The stiffness of a solid with directions, Pa; None of an isotropic one."""
+        """Stiffness matrix (6, 6) of a solid in Pa; None if it is isotropic."""
         C = material.stiffness
         if C is None:
             if material.constants is None or material.isotropic is not None:
                 return None
-            material.needs(np.isfinite(material.constants).all(), "the material "
-                           f"{material.name!r} is given for layers alone, in plane "
-                           "stress, and cannot fill solids; give all nine constants.")  # fmt: skip
+            material.needs(
+                np.isfinite(material.constants).all(),
+                "the material "
+                f"{material.name!r} is given for layers alone, in plane "
+                "stress, and cannot fill solids; give all nine constants.",
+            )
             E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
             S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
             S[[0, 0, 1], [1, 2, 2]] = S[[1, 2, 2], [0, 0, 1]] = -n12 / E1, -n13 / E1, -n23 / E2
@@ -176,37 +194,42 @@ class ModelBuilder:
     ) -> None:
         """Set the section of shells with an offset along their normals, in the deck's units.
 
-        `axes` (elements, 3): the directions of 0°, of layers and of given stiffnesses.
+        `axes` (elements, 3): directions of 0° for layers and for given stiffnesses.
         """
-        deck, length, arguments = self.deck, self.units.length, dict(family.arguments)
+        deck = self.deck
+        length = self.units.length
+        arguments = dict(family.arguments)
         if axes is not None:
             axes = unit(axes)
             axis = common_direction(axes, least=1 - 1e-6)
-            arguments["axis"] = (everywhere(deck, elements, axes, length) if axis is None else
-                           axis.tolist())  # fmt: skip
+            arguments["axis"] = (
+                everywhere(deck, elements, axes, length) if axis is None else axis.tolist()
+            )
             arguments["top"] = top_of(deck, elements, length)
         if offset:
             arguments["offset"] = offset * length
             if axes is None and isinstance(top := top_of(deck, elements, length), dict):
                 arguments["top"] = top
             if curved(deck, elements):
-                self.tell_once(f"the area of the offset surface of curved shells ({family.place}), "
-                               "that at the nodes is taken")  # fmt: skip
+                self.tell_once(
+                    f"the area of the offset surface of curved shells ({family.place}), "
+                    "that at the nodes is taken"
+                )
         self.add(name, elements, family._replace(arguments=arguments))
 
-    def alike(
+    def grouped(
         self, elements: IntArray, values: Array
     ) -> Iterator[tuple[str, Family, float, IntArray]]:
-        """(name of a section, the section, a value, elements) of elements with one of each."""
+        """Group elements by section and value: yields (name, section, value, elements)."""
         numbers = self.of_element[elements]
         for number in np.unique(numbers[numbers >= 0]):
-            mine = numbers == number
-            for value in np.unique(values[mine]):
-                some = elements[mine & (values == value)]
-                yield self.names[number], self.families[number], float(value), some
+            in_section = numbers == number
+            for value in np.unique(values[in_section]):
+                members = elements[in_section & (values == value)]
+                yield self.names[number], self.families[number], float(value), members
 
     def tell_once(self, ignored: str) -> None:
-        """Note what is ignored, once however many elements it concerns."""
+        """Report what is ignored, once for all elements that it concerns."""
         if ignored not in self.ignored:
             self.ignored.append(ignored)
 
@@ -217,9 +240,9 @@ class ModelBuilder:
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def hold(self) -> None:
-        """Fix motions along directions of their own by supports along the axes, or constraints.
+        """Turn fixed motions along local axes into supports along x, y, z, or constraints.
 
-        Nodes of copies follow those of what they repeat.
+        Nodes of repeated elements follow the original nodes.
         """
         for node, frame in self.joints.frames.items():
             self.fixed[node] = self.joints.fixed_along(node, self.fixed[node], frame)
@@ -229,17 +252,17 @@ class ModelBuilder:
                 self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
     def link(self, by: str, what: str, terms: list[Term], value: float, place: Place) -> None:
-        """The spring ("stiffness") or damper of a card, in the deck's units."""
+        """Add the spring (`what` "stiffness") or damper of a card, in the deck's units."""
         place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
         (self.sprung if what == "stiffness" else self.damped)(terms, value)
 
     def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
-        """A point mass in the deck's units."""
+        """Add a point mass and its moments of inertia (3), in the deck's units."""
         scaled = [value * self.units.mass * self.units.length**2 for value in inertia]
         self.masses.append((node, place, mass * self.units.mass, scaled))
 
     def body(self, node: int, matrix: Array, mass: float, place: Place) -> None:
-        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units."""
+        """Add a mass matrix (6, 6) for the motions of a node along x, y, z, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
         motions = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
@@ -248,13 +271,13 @@ class ModelBuilder:
             if M[3:, 3:].any():
                 self.ignored.append(f"inertia ({place}) on a node of solids, which does not rotate")
             M[3:] = M[:, 3:] = 0.0
-        kept = np.flatnonzero(M.any(axis=1))
-        if len(kept):
-            rows: list[list[Term]] = [[(*motions[c], 1.0)] for c in kept]
-            self.joints.masses.append((rows, M[np.ix_(kept, kept)], mass * self.units.mass))
+        nonzero = np.flatnonzero(M.any(axis=1))
+        if len(nonzero):
+            rows: list[list[Term]] = [[(*motions[c], 1.0)] for c in nonzero]
+            self.joints.masses.append((rows, M[np.ix_(nonzero, nonzero)], mass * self.units.mass))
 
     def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
-        """A mass on a sum of motions, of which `mass` counts, in the deck's units."""
+        """Add a mass `value` on a sum of motions; `mass` of it counts as total mass."""
         unit = self.units.mass
         alias = self.joints.alias
         aliased = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
@@ -262,27 +285,29 @@ class ModelBuilder:
             self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))
 
     def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
-        """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
+        """Add a spring on a sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
-            moving, stiffness = [(node, motion, 1.0)], stiffness * coefficient**2
+            moving = [(node, motion, 1.0)]
+            stiffness = stiffness * coefficient**2
         if moving:
             self.joints.springs.append((moving, stiffness))
 
     def damped(self, terms: Sequence[Term], damping: float) -> None:
-        """A damper against the sum of terms, in the deck's units; fixed motions drop out."""
+        """Add a damper on a sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if moving and damping:
             self.joints.dampers.append((moving, damping))
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
+        """The terms of motions that are not fixed, without rounding errors."""
         alias = self.joints.alias
         free = [t for t in terms if t[0] >= len(self.fixed) or not self.fixed[t[:2]]]
         return [(*alias.get((n, m), (n, m)), c) for n, m, c in free if abs(c) > LEAST_TERM]
 
 
-#: Section -> the dimension of what it spreads its mass over: a length, an area, a volume.
+#: Section -> dimension of its elements: 1 (line), 2 (surface), 3 (volume).
 DIMENSION = {"Beam": 1, "Truss": 1, "Shell": 2, "Laminate": 2, "GivenSheet": 2, "Panel": 2}
 DIMENSION |= {"Solid": 3, "AnisotropicSolid": 3}
 UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
@@ -291,21 +316,21 @@ UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 def add_mass(
     builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: Place
 ) -> None:
-    """A mass per length, area or volume (1, 2, 3) of elements; 0: of what each has."""
+    """Add mass per length, area or volume (`dimension` 1, 2, 3; 0: the elements' own dimension)."""
     sizes, across, _ = _sections(builder, elements, place)
-    alike = dimension not in (1, 2) or (sizes == dimension).all()
-    place.needs(alike, f"a mass per {'length' if dimension == 1 else 'area'} on elements that have "
-                "none.")  # fmt: skip
+    measurable = dimension not in (1, 2) or (sizes == dimension).all()
+    kind = "length" if dimension == 1 else "area"
+    place.needs(measurable, f"a mass per {kind} on elements that have none.")
     _spread(builder, elements, np.where((sizes < 3) & (dimension < 3), value / across, value))
 
 
 def add_total(
     builder: ModelBuilder, elements: IntArray, value: float, place: Place, by: str
 ) -> None:
-    """A mass spread over elements by their "measure" (length or area), "volume" or "mass"."""
+    """Spread a total mass over elements by "measure" (length or area), "volume" or "mass"."""
     dimension, across, density = _sections(builder, elements, place)
-    alike = by != "measure" or len(set(dimension.tolist())) == 1
-    place.needs(alike, "one mass is spread over lines, areas or volumes alone.")
+    comparable = by != "measure" or len(set(dimension.tolist())) == 1
+    place.needs(comparable, "one mass is spread over lines, areas or volumes alone.")
     measure = measures_of(builder.deck, elements)
     share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
     total = float((share * across * measure).sum())
@@ -314,17 +339,20 @@ def add_total(
 
 
 def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
-    """Rows: dimension, thickness or area across it, density of elements, in the deck's units."""
+    """Rows (3, n): dimension, thickness or area, and density of elements, in the deck's units."""
     place.needs(len(elements), "the nonstructural mass is on no element with a section.")
     return np.array([_section(builder, int(element), place) for element in elements], dtype=float).T
 
 
 def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
+    """(dimension, thickness or area, density) of one element in the deck's units."""
     number = builder.of_element[element]
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")
     family = builder.families[number]
-    units, a = builder.units, family.arguments
-    across, per_area = 1.0, a.get("mass", 0.0)
+    units = builder.units
+    a = family.arguments
+    across = 1.0
+    per_area = a.get("mass", 0.0)
     if family.kind in ("Beam", "Truss"):
         across = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
     elif "layers" in a:
@@ -332,20 +360,23 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
         per_area = sum(layer["thickness"] * layer["rho"] for layer in a["layers"])
     elif "thickness" in a:
         across = a["thickness"] / units.length
-    place.needs(across > 0, "the nonstructural mass is on an element without thickness "
-                "or area; give its section one.")  # fmt: skip
+    place.needs(
+        across > 0,
+        "the nonstructural mass is on an element without thickness or area; give its section one.",
+    )
     density = a["rho"] if "rho" in a else per_area / (across * units.length)
     return DIMENSION[family.kind], across, density / units.density
 
 
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
-    for name, family, value, some in builder.alike(elements, density):
+    """Raise the density of elements by `density`, in the deck's units."""
+    for name, family, value, members in builder.grouped(elements, density):
         more = value * builder.units.density
-        builder.add(name, some, family._replace(arguments=_heavier(family.arguments, more)))
+        builder.add(name, members, family._replace(arguments=_heavier(family.arguments, more)))
 
 
 def _heavier(arguments: Json, density: float) -> Json:
-    """Arguments of a section with more density, kg/m³."""
+    """Arguments of a section whose density is higher by `density` in kg/m³."""
     heavier = dict(arguments)
     if "layers" in heavier:
         heavier["layers"] = [

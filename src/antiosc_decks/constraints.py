@@ -1,9 +1,9 @@
 """What joins the nodes of a deck: constraints, springs and dampers; and pieces that nothing joins.
 
-A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero, the dependent
-one first. Nodes of no element become points with six motions. Copies of elements, such as the skin
-and the doubler of a shell, get nodes of their own, because a mesh holds every cell once; these
-follow those of the first: stiffness and mass add.
+A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; the first term
+is the dependent one. Nodes of no element become points with six motions. A mesh holds every cell
+once; elements that repeat others node by node, such as a doubler on a skin, therefore get nodes of
+their own, which follow the original nodes: stiffness and mass add.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ NO_NODES = np.zeros(0, dtype=np.int64)
 ZERO = np.zeros(3)
 #: Node -> directions of its motions, as rows.
 Frames = Mapping[int, Array]
-#: From 0 to 5.
+#: Indices of motions from 0 to 5.
 Motions = Sequence[int]
-#: Coefficients below this share of the largest of a constraint are rounding.
+#: Coefficients below this share of a constraint's largest are rounding errors.
 NEGLIGIBLE_TERM = 1e-14
 
 
 def lever(r: Array) -> Array:
-    """θ × r = lever θ."""
+    """The matrix (3, 3) with θ × r = lever(r) θ."""
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
 
 def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
-    """The displacement (`first` = 0) or rotation (3) of a node along an axis as terms."""
+    """Terms of a node's displacement (`first` = 0) or rotation (3) along an axis."""
     return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
 
 
 @dataclass
 class Constraints:
-    """Collects what joins the nodes of a deck, in its units."""
+    """Collects what joins the nodes of a deck, in the deck's units."""
 
     deck: Deck
     #: nodes of elements, and those of elements with rotations
@@ -54,48 +54,56 @@ class Constraints:
     springs: list[tuple[list[Term], float]] = field(default_factory=list)
     #: (terms, damping): dampers between motions
     dampers: list[tuple[list[Term], float]] = field(default_factory=list)
-    #: (motions as lists of terms, mass matrix of these, mass): masses on motions
+    #: masses on motions: (each motion as a list of terms, their mass matrix, total mass)
     masses: list[tuple[list[list[Term]], Array, float]] = field(default_factory=list)
-    #: what a motion of a node stands for: those of a rotation node are rotations of another
+    #: (node, motion) -> (node, motion) it stands for: a rotation node moves as another node turns
     alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
     #: coordinates of points beyond the nodes of the deck
     more: list[Array] = field(default_factory=list)
-    #: points with six motions at nodes of solids
+    #: node of solids -> the point with six motions that was added there
     leaders: dict[int, int] = field(default_factory=dict)
-    #: motions along directions of its own of a node: rows
+    #: node -> its local axes, as rows
     frames: dict[int, Array] = field(default_factory=dict)
 
     def place(self, node: int) -> Array:
         """Coordinates of a node or a further point."""
         count = len(self.deck.points)
-        return self.deck.points[node] if node < count else self.more[node - count]
+        if node < count:
+            return self.deck.points[node]
+        return self.more[node - count]
 
     def equation(self, terms: Iterable[Term], place: Place) -> None:
-        """Σ coefficient × motion = 0; motions of nodes with a frame are along its directions."""
-        every = ((c, *one) for n, m, c in terms for one in self._along_axes(n, m))
-        self._sum_is_zero([(*own, c * value) for c, own, value in every], place)
+        """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
+        components = ((c, *component) for n, m, c in terms for component in self._along_axes(n, m))
+        self._sum_is_zero([(*motion, c * value) for c, motion, value in components], place)
 
     def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
-        """Σ coefficient × motion = 0 along the axes of the deck."""
+        """Add Σ coefficient × motion = 0, all motions along x, y, z."""
         coefficients: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
             motion_of_node = self.alias.get((node, motion), (node, motion))
             coefficients[motion_of_node] = coefficients.get(motion_of_node, 0.0) + coefficient
         largest = max(map(abs, coefficients.values()), default=0.0)
-        kept = [
+        significant = [
             (*motion_of_node, c)
             for motion_of_node, c in coefficients.items()
             if abs(c) > NEGLIGIBLE_TERM * largest
         ]
-        for node, motion, _ in kept:
+        for node, motion, _ in significant:
             turns = motion < 3 or not self._used(node) or self.has_rotations[node]
-            place.needs(turns, "a constraint acts on a rotation of a node of solids, which have no "
-                        "rotations; constrain displacements of several nodes.")  # fmt: skip
-        if kept:
-            self.equations.append(kept)
+            place.needs(
+                turns,
+                "a constraint acts on a rotation of a node of solids, which have no "
+                "rotations; constrain displacements of several nodes.",
+            )
+        if significant:
+            self.equations.append(significant)
 
     def fixed_along(self, node: int, fixed: BoolArray, frame: Array) -> BoolArray:
-        """Fix motions (6,) of a node along rows of `frame`; mask (6,) of those to be supported."""
+        """Fix motions (6,) of a node along the rows of `frame`.
+
+        Returns the mask (6,) of motions to be supported; inclined ones become constraints.
+        """
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
             fixed_axes = fixed[first : first + 3]
@@ -113,7 +121,9 @@ class Constraints:
         return result
 
     def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
-        """(how much longer, or more twisted if `first` is 3, a line becomes, its length)."""
+        """(terms of the elongation of a line from a to b, its length); the twist if `first`
+        is 3.
+        """
         along = self.place(b) - self.place(a)
         length = float(np.linalg.norm(along))
         place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
@@ -122,6 +132,7 @@ class Constraints:
         return [(n, first + c, s * unit[c]) for n, s in ends for c in range(3)], length
 
     def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
+        """A motion as [((node, motion along an axis), coefficient)]."""
         if (node, motion) in self.alias:
             return [(self.alias[node, motion], 1.0)]
         frame = self.frames.get(node)
@@ -133,15 +144,16 @@ class Constraints:
         return [((node, first + int(k)), float(row[k])) for k in order if row[k]]
 
     def _used(self, node: int) -> bool:
+        """Whether a node is one of elements."""
         return node < len(self.deck.points) and bool(self.used[node])
 
     def point(self, x: Array) -> int:
-        """A further point with six motions."""
+        """Add a point with six motions; returns its number."""
         self.more.append(np.asarray(x, dtype=float))
         return len(self.deck.points) + len(self.more) - 1
 
     def leader(self, node: int, rotation_node: int | None = None) -> int:
-        """A point with six motions at a node; displacements of `rotation_node` rotate it."""
+        """A point with six motions at a node; `rotation_node`'s displacements are its rotations."""
         point = self.leaders.get(node, node)
         if point == node and self._used(node) and not self.has_rotations[node]:
             self.leaders[node] = point = self.point(self.place(node))
@@ -155,30 +167,38 @@ class Constraints:
         return point
 
     def rigid(
-        self, nodes: IntArray, leader: int, motions: Motions, frames: Frames, beside: Array = ZERO
+        self,
+        nodes: IntArray,
+        leader: int,
+        motions: Motions,
+        frames: Frames,
+        eccentricity: Array = ZERO,
     ) -> None:
-        """Motions (of 0 to 5) of nodes, along rows of `frames`, follow a point as a rigid body.
+        """Let motions of nodes follow a point as a rigid body.
 
-        `beside`: the last part of the arm, which a rotation about the first row does not move.
+        `motions` are among 0 to 5, along the rows of `frames`. `eccentricity` (3,) is the last part
+        of the arm; a rotation about the first row does not move a node by it.
         """
         x = self.place(leader)
         for node in map(int, nodes[nodes != leader]):
             r = self.place(node) - x
             arm = lever(r)
-            if beside.any():
+            if eccentricity.any():
                 axis = frames[node][0]
-                arm = lever(r - beside) + np.outer(axis, axis) @ lever(beside)
+                arm = lever(r - eccentricity) + np.outer(axis, axis) @ lever(eccentricity)
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
                 for pivot, along in _directions(frames.get(node), motions, first):
                     terms = [(node, first + pivot, float(along[pivot]))]
-                    rest = [k for k in range(3) if along[k]]
-                    terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
-                    terms += [(leader, first + k, -float(along[k])) for k in rest]
+                    components = [k for k in range(3) if along[k]]
+                    terms += [(node, first + k, float(along[k])) for k in components if k != pivot]
+                    terms += [(leader, first + k, -float(along[k])) for k in components]
                     if not first:
-                        led = along @ arm
-                        terms += [(leader, 3 + k, -float(led[k])) for k in range(3) if led[k]]
+                        arm_row = along @ arm
+                        terms += [
+                            (leader, 3 + k, -float(arm_row[k])) for k in range(3) if arm_row[k]
+                        ]
                     self.equations.append(terms)
 
     def mean(
@@ -190,10 +210,10 @@ class Constraints:
         place: Place,
         turning: BoolArray | None = None,
     ) -> None:
-        """Motions of a node follow the weighted mean ones of others (RBE3).
+        """Let motions of a node follow the weighted mean motion of others (RBE3).
 
-        `turning`: whose rotations count too, with the weight times the square of the mean distance,
-        as in MSC Nastran (Linear Static Analysis User's Guide).
+        `turning` marks nodes whose rotations count too, with weight × (mean distance)², as in MSC
+        Nastran (Linear Static Analysis User's Guide).
         """
         x = np.array([self.place(int(node)) for node in nodes])
         w = weights / weights.sum()
@@ -207,45 +227,51 @@ class Constraints:
             spins = w * np.where(turning, away**2 or 1.0, 0.0)
             J += spins.sum() * np.eye(3)
         values, axes = np.linalg.eigh(J)
-        good = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
-        inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+        resisted = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
+        inverse = axes[:, resisted] @ np.diag(1 / values[resisted]) @ axes[:, resisted].T
         # θ = J⁻¹ Σ (w r × u + s θ)
         skew = -np.array([lever(arm) for arm in r])
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
-        own = np.einsum("ik,p->ipk", inverse, spins)
+        by_rotation = np.einsum("ik,p->ipk", inverse, spins)
         arm = self.place(follower) - centre
         cross = lever(arm)
-        led = np.einsum("ij,jpk->ipk", cross, rotations)
-        displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
-        carried = np.einsum("ij,jpk->ipk", cross, own)
-        # rotations about the line do not matter for displacements of what lies on it
-        unknown = np.abs(cross @ axes[:, ~good]).max(initial=0.0) > 1e-9 * np.abs(r).max()
-        known = good.all() or not any(c >= 3 or unknown for c in motions)
-        place.needs(known, "the nodes whose mean motion is taken lie on one line, so that their "
-                    "rotation is not known; take more nodes, or displacements alone at their "
-                    "centre.")  # fmt: skip
+        by_lever = np.einsum("ij,jpk->ipk", cross, rotations)
+        displacements = w[None, :, None] * np.eye(3)[:, None, :] + by_lever
+        lever_of_rotation = np.einsum("ij,jpk->ipk", cross, by_rotation)
+        # a rotation about the line of the nodes does not displace a point on that line
+        unknown = np.abs(cross @ axes[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
+        known = resisted.all() or not any(c >= 3 or unknown for c in motions)
+        place.needs(
+            known,
+            "the nodes whose mean motion is taken lie on one line, so that their "
+            "rotation is not known; take more nodes, or displacements alone at their "
+            "centre.",
+        )
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
-        for first, table, turned in ((0, displacements, carried), (3, rotations, own)):
+        for first, table, rotation_table in (
+            (0, displacements, lever_of_rotation),
+            (3, rotations, by_rotation),
+        ):
             for pivot, along in _directions(self.frames.get(follower), motions, first):
-                followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
+                components = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", along, table)
-                terms = [(follower, first + int(k), float(along[k])) for k in followed]
+                terms = [(follower, first + int(k), float(along[k])) for k in components]
                 terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
-                spin = np.einsum("i,ipk->pk", along, turned)
+                spin = np.einsum("i,ipk->pk", along, rotation_table)
                 terms += [(int(nodes[p]), 3 + k, -float(spin[p, k])) for p, k in pairs if spins[p]]
                 self._sum_is_zero(terms, place)
 
     def keep(self, stays: Callable[[list[Term]], bool]) -> int:
-        """Drop what acts on motions that do not stay; how many are dropped."""
+        """Keep what acts on motions for which `stays` is true; returns how many were dropped."""
         before = len(self.every())
         self.equations = [terms for terms in self.equations if stays(terms)]
-        self.springs = [one for one in self.springs if stays(one[0])]
-        self.dampers = [one for one in self.dampers if stays(one[0])]
-        self.masses = [one for one in self.masses if stays([*chain(*one[0])])]
+        self.springs = [element for element in self.springs if stays(element[0])]
+        self.dampers = [element for element in self.dampers if stays(element[0])]
+        self.masses = [element for element in self.masses if stays([*chain(*element[0])])]
         return before - len(self.every())
 
     def loose(self) -> list[int]:
-        """Nodes of no element, and further points, that constraints, springs and dampers act on."""
+        """Nodes of no element, and added points, on which constraints, springs or dampers act."""
         return sorted({n for terms in self.every() for n, _, _ in terms if not self._used(n)})
 
     def every(self, dampers: bool = True) -> list[list[Term]]:
@@ -255,7 +281,7 @@ class Constraints:
         return [*self.equations, *(terms for terms, _ in sprung), *masses]
 
     def finished(self, units: UnitSystem) -> Joints:
-        """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
+        """The joints in SI units as JSON; the k-th point of no element has the number −1 − k."""
         length = units.length
         loose = self.loose()
         number = {node: -1 - k for k, node in enumerate(loose)}
@@ -276,14 +302,14 @@ class Constraints:
 
 
 def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple[int, Array]]:
-    """(the dependent axis, direction) of each of some motions; the axes differ."""
-    some = [c - first for c in motions if first <= c < first + 3]
-    if frame is None or len(some) == 3:
-        return [(k, np.eye(3)[k]) for k in some]
-    rows = frame[some].copy()
+    """(dependent axis, direction) of each motion; the dependent axes differ."""
+    axes = [c - first for c in motions if first <= c < first + 3]
+    if frame is None or len(axes) == 3:
+        return [(k, np.eye(3)[k]) for k in axes]
+    rows = frame[axes].copy()
     pivots: list[int] = []
     for i in range(len(rows)):
-        # the same plane of directions, each with an axis that the others lack
+        # Gaussian elimination: the rows span the same space, each has a pivot axis of its own
         remaining = np.abs(rows[i:]).copy()
         remaining[:, pivots] = 0.0
         j, pivot = np.unravel_index(int(np.argmax(remaining)), remaining.shape)
@@ -297,21 +323,23 @@ def _directions(frame: Array | None, motions: Motions, first: int) -> list[tuple
     return list(zip(pivots, rows, strict=True))
 
 
-#: Roles of elements that are springs between other elements; rods alone are a truss.
+#: Roles of elements that become springs between other elements; a deck of rods alone is a truss.
 SPRINGS = {"rod", "panel"}
-#: Share of the largest eigenvalue below which no support resists a rigid motion; rounding: 1e-16.
+#: Share of the largest eigenvalue below which a rigid motion counts as free; rounding is 1e-16.
 UNHELD = 1e-10
 
 
 def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
-    """Those of the chosen elements that nodes in common join to the piece `deck.piece` by size."""
+    """Mask of the chosen elements in the piece number `deck.piece`, the largest piece being 1."""
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
     label = connected(tables, len(deck.points))
     label = label[np.concatenate([NO_NODES, *(block.corners[:, 0] for block in deck.blocks)])]
     pieces, count = np.unique(label[chosen], return_counts=True)
     if not 1 <= (deck.piece or 0) <= len(pieces):
-        raise MeshError(f"{deck.name} has {len(pieces)} pieces that share no node; there is no "
-                        f"piece {deck.piece}.")  # fmt: skip
+        raise MeshError(
+            f"{deck.name} has {len(pieces)} pieces that share no node; there is no "
+            f"piece {deck.piece}."
+        )
     wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
     return np.asarray(chosen & (label == wanted))
 
@@ -319,10 +347,10 @@ def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
 def held_apart(
     deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
 ) -> tuple[int, bool]:
-    """(pieces of the deck that nothing joins, whether they are several and each is held).
+    """(number of pieces that nothing joins, whether there are several and each is supported).
 
-    `x` (n, 3): nodes and further points; `moves`, `fixed` (n, 6): their motions, and those that
-    supports hold; `rows`: sums of motions that constraints and springs resist.
+    `x` (n, 3): nodes and added points; `moves`, `fixed` (n, 6): motions that they have, and that
+    supports fix; `rows`: sums of motions that constraints and springs resist.
     """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
@@ -338,14 +366,16 @@ def held_apart(
     np.add.at(centre, pieces, x[acting])
     r = x - (centre / np.bincount(pieces)[:, None])[piece]
     r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
-    own = np.zeros_like(moves)
-    own[acting] = moves[acting]
-    moved, resisted = (_gram(one, r, piece, count) for one in (own, own & fixed))
+    acting_moves = np.zeros_like(moves)
+    acting_moves[acting] = moves[acting]
+    norms, resisted = (
+        _gram(mask, r, piece, count) for mask in (acting_moves, acting_moves & fixed)
+    )
     for terms in filter(None, rows):
         nodes, motions, c = (np.array(column) for column in zip(*terms, strict=True))
         row = (c / np.abs(c).max()) @ _motion(r[nodes], motions)
         resisted[piece[nodes[0]]] += np.outer(row, row)
-    for against, motion in zip(resisted, moved, strict=True):
+    for against, motion in zip(resisted, norms, strict=True):
         values, vectors = np.linalg.eigh(against)
         free = vectors[:, values <= UNHELD * max(values[-1], 1.0)]
         if np.trace(free.T @ motion @ free) > UNHELD * np.trace(motion):
@@ -353,9 +383,9 @@ def held_apart(
     return count, True
 
 
-def _gram(which: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
-    """Sums of the squares of some motions (n, 6) in the rigid ones of each piece (count, 6, 6)."""
-    nodes, motions = np.nonzero(which)
+def _gram(mask: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
+    """Gram matrix (6, 6) of the marked motions in the rigid motions of each piece."""
+    nodes, motions = np.nonzero(mask)
     result = np.zeros((count, 6, 6))
     rows = _motion(r[nodes], motions)
     np.add.at(result, piece[nodes], rows[:, :, None] * rows[:, None, :])
@@ -363,22 +393,22 @@ def _gram(which: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
 
 
 def _motion(r: Array, motions: IntArray) -> Array:
-    """Motions (0 to 5) of nodes at r (n, 3) in six rigid motions (n, 6): θ × r beside shifts."""
+    """Motions (0 to 5) of nodes at r (n, 3) in the six rigid motions of a body: (n, 6)."""
     rows = np.eye(6)[motions]
     x, y, z = r.T
     none = np.zeros(len(r))
-    turns = np.stack([[none, z, -y], [-z, none, x], [y, -x, none], *np.zeros((3, 3, len(r)))])
-    rows[:, 3:] += turns[motions, :, np.arange(len(r))]
+    rotations = np.stack([[none, z, -y], [-z, none, x], [y, -x, none], *np.zeros((3, 3, len(r)))])
+    rows[:, 3:] += rotations[motions, :, np.arange(len(r))]
     return rows
 
 
 def connected(tables: Iterable[IntArray], count: int) -> IntArray:
-    """The piece of each of `count` nodes; rows of tables (n, k) join nodes (below 0: none)."""
+    """Piece number of each of `count` nodes; a row of a table (n, k) joins nodes (< 0: none)."""
     from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
     from scipy.sparse.csgraph import connected_components
 
-    some = [np.stack([np.repeat(t[:, 0], t.shape[1]), t.ravel()]) for t in tables]
-    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *some])
+    links = [np.stack([np.repeat(t[:, 0], t.shape[1]), t.ravel()]) for t in tables]
+    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *links])
     ends = ends[:, ends[1] >= 0]
     graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1])
@@ -388,26 +418,32 @@ def connected(tables: Iterable[IntArray], count: int) -> IntArray:
 
 
 def separate_copies(deck: Deck) -> list[tuple[int, int]]:
-    """Give copies nodes of their own: (own node, node that it follows); they are told."""
-    some = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
-    made: dict[tuple[int, int], int] = {}
+    """Give repeated elements nodes of their own: [(new node, original node)]."""
+    blocks = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
+    copies_of: dict[tuple[int, int], int] = {}
     copies: Counter[str] = Counter()
-    for block, ranks in zip(some, _ranks(some), strict=True):
+    for block, ranks in zip(blocks, _ranks(blocks), strict=True):
         for element in np.flatnonzero(ranks):
             copies[block.type] += 1
             for table in (block.corners, block.mids, block.inner):
                 for k in np.flatnonzero(table[element] >= 0):
                     place = (int(table[element, k]), int(ranks[element]))
-                    table[element, k] = made.setdefault(place, len(deck.points) + len(made))
-    if made:
-        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in made]]])
-        deck.told.append(f"{listed(copies)} of {deck.name} repeat other elements node by node: "
-                         "their stiffness and mass add to those of these.")  # fmt: skip
-    return [(place, node) for (node, _), place in made.items()]
+                    table[element, k] = copies_of.setdefault(
+                        place, len(deck.points) + len(copies_of)
+                    )
+    if copies_of:
+        deck.points = np.vstack([deck.points, deck.points[[node for node, _ in copies_of]]])
+        deck.told.append(
+            f"{listed(copies)} of {deck.name} repeat other elements node by node: "
+            "their stiffness and mass add to those of these."
+        )
+    return [(place, node) for (node, _), place in copies_of.items()]
 
 
 def _ranks(blocks: list[Block]) -> list[IntArray]:
-    """How many elements before it each repeats; a triangle also halves of quadrilaterals."""
+    """How many earlier elements each element repeats; a triangle may repeat half a
+    quadrilateral.
+    """
     ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
     for shape in {block.shape for block in blocks}:
         members = [k for k, block in enumerate(blocks) if block.shape == shape]
@@ -421,6 +457,6 @@ def _ranks(blocks: list[Block]) -> list[IntArray]:
         rank = np.empty(len(rows), dtype=np.int64)
         rank[order] = np.arange(len(rows)) - np.searchsorted(label[order], label[order])
         ends = np.cumsum([len(table) for table in tables])
-        for k, part in zip(members[::-1], np.split(rank, ends[:-1])[::-1], strict=False):
-            ranks[k] = part
+        for k, piece in zip(members[::-1], np.split(rank, ends[:-1])[::-1], strict=False):
+            ranks[k] = piece
     return ranks

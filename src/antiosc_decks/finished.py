@@ -1,13 +1,13 @@
 """The model of a deck: what its reader has collected, checked and joined; rods and shear panels.
 
-With elements that are not chosen, what acts on their nodes is left out. A support on an edge holds
-all of it; a middle node without the ends of its edge is held by a constraint.
+What acts on nodes of elements that are not chosen is left out. A support on an edge holds
+the whole edge; a fixed middle node between ends that are free is held by a constraint.
 
-Rods between other elements are springs, with masses at their nodes; rods alone make a truss. The
-forces along the four sides of a shear panel (CSHEAR) that are in equilibrium with each other are
-known but for a factor: it is one spring in the motion on which they do work, whose compliance is
-the energy of that shear (S. J. Garvey, *The quadrilateral shear panel*, Aircraft Engineering 23,
-1951), exact for parallelograms.
+Rods between other elements are springs with masses at their nodes; rods alone form a truss. A shear
+panel (CSHEAR) is one spring: equilibrium determines the forces along its four sides but for a
+factor, and the spring acts on the motion on which these forces do work. Its compliance is the
+energy of that shear (S. J. Garvey, *The quadrilateral shear panel*, Aircraft Engineering 23, 1951),
+exact for parallelograms.
 """
 
 from __future__ import annotations
@@ -25,27 +25,32 @@ from antiosc_decks.builder import MOTIONS, Family, ModelBuilder
 from antiosc_decks.constraints import SPRINGS, connected, held_apart
 from antiosc_decks.sources import lines
 
-#: Component of a rod's direction over the largest below which it is rounding.
+#: Components of a rod's direction below this share of the largest are rounding errors.
 FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder) -> BoolArray:
-    """Turn rods outside of trusses, and panels, into springs and masses; mask of these elements."""
-    rods, deck = np.zeros(builder.deck.n_elements, dtype=bool), builder.deck
+    """Turn rods outside trusses, and shear panels, into springs and masses; mask of these
+    elements.
+    """
+    rods = np.zeros(builder.deck.n_elements, dtype=bool)
+    deck = builder.deck
     masses: dict[int, tuple[float, Place]] = {}
-    for block, some in deck.numbered():
+    for block, members in deck.numbered():
         if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
             continue
-        rods[some] = True
-        for nodes, number in zip(block.corners.tolist(), builder.of_element[some], strict=True):
+        rods[members] = True
+        for nodes, number in zip(block.corners.tolist(), builder.of_element[members], strict=True):
             family = builder.families[number]
             volume = (_rod if block.role == "rod" else _panel)(builder, nodes, family)
             mass = family.arguments["rho"] / builder.units.density * volume
             for node in nodes:
                 masses[node] = masses.get(node, (0.0,))[0] + mass / len(nodes), family.place
         where = "ends" if block.role == "rod" else "corners"
-        deck.told.append(f"the {len(block)} {block.type} of {deck.name} are springs, with their "
-                         f"mass at their {where}.")  # fmt: skip
+        deck.told.append(
+            f"the {len(block)} {block.type} of {deck.name} are springs, with their "
+            f"mass at their {where}."
+        )
     for node, (mass, place) in masses.items():
         if mass:
             builder.mass(node, mass, [0.0] * 3, place)
@@ -53,7 +58,7 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
 
 
 def hold_without_stiffness(builder: ModelBuilder) -> None:
-    """Hold motions along the axes against which nothing is stiff, as AUTOSPC of Nastran does."""
+    """Fix motions along x, y, z that nothing resists, as AUTOSPC of Nastran does."""
     stiff = np.zeros((len(builder.used), 3))
     for block in builder.deck.blocks:
         along = np.ptp(builder.deck.points[block.corners], axis=1)
@@ -75,9 +80,11 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
 
 
 def _rod(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
-    """Add the springs of a rod; its volume."""
-    units, a = builder.units, family.arguments
-    E, area = a["E"] / units.stress, a["area"] / units.length**2
+    """Add the springs of a rod; returns its volume."""
+    units = builder.units
+    a = family.arguments
+    E = a["E"] / units.stress
+    area = a["area"] / units.length**2
     twist = E / (2 * (1 + a["nu"])) * a["torsion"] / units.length**4
     return _spring(builder, nodes, E * area, family.place, twist) * area
 
@@ -85,7 +92,9 @@ def _rod(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
 def _spring(
     builder: ModelBuilder, nodes: list[int], stretch: float, place: Place, twist: float = 0.0
 ) -> float:
-    """Add the springs of a rod by its rigidities E A and G J; its length."""
+    """Add the springs of a rod with rigidities `stretch` (E A) and `twist` (G J); returns its
+    length.
+    """
     a, b = nodes
     terms, length = builder.joints.elongation(a, b, place)
     builder.sprung(terms, stretch / length)
@@ -96,16 +105,21 @@ def _spring(
 
 
 def _panel(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
-    """Add the springs of a shear panel between its corners, and along its sides; its volume."""
-    units, place = builder.units, family.place
+    """Add the springs of a shear panel between its corners and along its sides; returns its
+    volume.
+    """
+    units = builder.units
+    place = family.place
     E, nu, t = (family.arguments[name] for name in ("E", "nu", "thickness"))
-    E, t = E / units.stress, t / units.length
+    E = E / units.stress
+    t = t / units.length
     x = builder.deck.points[nodes]
     normal = np.cross(x[2] - x[0], x[3] - x[1])
     size = float(np.linalg.norm(normal))
     flat = size > 1e-12 * float(np.ptp(x, axis=0).max()) ** 2
     place.needs(flat, "the corners of a shear panel lie on one line.")
-    sides, area = np.roll(x, -1, axis=0) - x, size / 2
+    sides = np.roll(x, -1, axis=0) - x
+    area = size / 2
     terms, compliance = _shear(nodes, x, sides, normal / size, nu, place)
     builder.sprung(terms, E / (2 * (1 + nu)) * t / (area * compliance))
     length = np.linalg.norm(sides, axis=1)
@@ -119,9 +133,13 @@ def _panel(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
 def _shear(
     nodes: list[int], x: Array, sides: Array, normal: Array, nu: float, place: Place
 ) -> tuple[list[Term], float]:
-    """(motion of the corners at x (4, 3), nearly in a plane, G t / area over the stiffness)."""
+    """Terms of the motion on which a panel's side forces work, and its compliance × G t / area.
+
+    `x` (4, 3): the corners, nearly in one plane; `sides` (4, 3): vectors along the sides.
+    """
     plane = np.linalg.svd(normal[None])[2][1:]
-    flat, along = (x - x.mean(axis=0)) @ plane.T, sides @ plane.T
+    flat = (x - x.mean(axis=0)) @ plane.T
+    along = sides @ plane.T
     length = np.linalg.norm(along, axis=1)
     unit = along / length[:, None]
     arms = flat[:, 0] * unit[:, 1] - flat[:, 1] * unit[:, 0]
@@ -139,36 +157,43 @@ def _shear(
     return terms, shear * skew
 
 
-#: Numbers of points of no element, and motions that are held.
+#: (number of a point of no element, motions that are fixed).
 Held = list[tuple[int, list[str]]]
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
 
 
 def finished(builder: ModelBuilder) -> Model:
-    """The model; MeshError for elements without a section, and families that cannot be joined."""
+    """Complete the model of a deck.
+
+    Raises MeshError for elements without a section and for families that cannot be joined.
+    """
     _keep(builder, builder.chosen)
     _refuse_uncovered(builder)
-    if builder.truss and any([own.arguments.pop("torsion", 0.0) for own in builder.families]):
+    if builder.truss and any(
+        [section.arguments.pop("torsion", 0.0) for section in builder.families]
+    ):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
     _keep(builder, ~join_rods(builder))
     present = {block.role for block in builder.deck.blocks if len(block)}
     if len(present) > 1 and not present <= JOINED:
-        raise MeshError(f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one "
-                        "structure; plane elements are read alone: give each kind a deck of its "
-                        "own.")  # fmt: skip
+        raise MeshError(
+            f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one "
+            "structure; plane elements are read alone: give each kind a deck of its "
+            "own."
+        )
     _hold_middles(builder)
     _drop_alone(builder)
     joints = builder.joints
-    grounded = [one for one in joints.springs if len(one[0]) == 1]
-    among = len(joints.every()) > len(grounded)  # anything that joins nodes
+    grounded = [element for element in joints.springs if len(element[0]) == 1]
+    joins_nodes = len(joints.every()) > len(grounded)  # anything that joins nodes
     mixed = "shell" in present and kept_apart(builder.deck)
-    stiffened = present == {"shell", "beam"} and not mixed and not among
+    stiffened = present == {"shell", "beam"} and not mixed and not joins_nodes
     stiffened = stiffened and _on_edges(builder)
     several = mixed or (len(present) > 1 and not stiffened)
-    attached = [one[0] for one in builder.masses] + [terms[0][0] for terms, _ in grounded]
-    beside = any(not builder.used[node] for node in attached)
-    joined = several or beside or among
+    attached = [element[0] for element in builder.masses] + [terms[0][0] for terms, _ in grounded]
+    off_elements = any(not builder.used[node] for node in attached)
+    joined = several or off_elements or joins_nodes
     if joined:
         _attach(builder)
     if stiffened:
@@ -180,13 +205,17 @@ def finished(builder: ModelBuilder) -> Model:
     if not joined:
         joints.springs = []
     # N/m, and N m of rotations
-    size, force = builder.units.length, builder.units.force
+    size = builder.units.length
+    force = builder.units.force
     units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
-    alone = [] if joined else grounded
-    springs = [(_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in alone]
+    point_springs = [] if joined else grounded
+    springs = [
+        (_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in point_springs
+    ]
     groups: list[tuple[str, str, Json, str]] = []
     for number in np.unique(builder.of_element).tolist():
-        name, family = builder.names[number], builder.families[number]
+        name = builder.names[number]
+        family = builder.families[number]
         elements = np.flatnonzero(builder.of_element == number)
         sets = builder.deck.element_sets
         if name not in sets or not np.array_equal(sets[name], elements):
@@ -213,8 +242,9 @@ def finished(builder: ModelBuilder) -> Model:
 
 
 def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
-    """(pieces of the deck, whether they are several and supports or springs hold each)."""
-    joints, nodes = builder.joints, len(builder.deck.points)
+    """(number of pieces of the deck, whether there are several and each is supported)."""
+    joints = builder.joints
+    nodes = len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
     moves, fixed = np.zeros((2, len(x), 6), dtype=bool)
     moves[:nodes, :count] = True
@@ -229,8 +259,9 @@ def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, b
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
-    """Masses on nodes of no element that do not move; what nothing joins to an element."""
-    joints, used = builder.joints, builder.used
+    """Drop masses on fixed nodes of no element, and what nothing joins to an element."""
+    joints = builder.joints
+    used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
     label = connected(node_rows, len(used) + len(joints.more))
     joined = np.isin(label, label[: len(used)][used])
@@ -238,22 +269,28 @@ def _drop_alone(builder: ModelBuilder) -> None:
     def moves(node: int) -> bool:
         return bool(joined[joints.alias.get((node, 0), (node, 0))[0]])
 
-    still = [one for one in builder.masses if not used[one[0]] and builder.fixed[one[0], :3].all()]
-    alone = [one[1] for one in builder.masses if not moves(one[0])]
-    builder.ignored += [f"a mass on a held node of no element ({one[1]})" for one in still]
-    if alone:
-        builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
-    builder.masses = [one for one in builder.masses if moves(one[0]) and one not in still]
+    on_fixed = [
+        entry
+        for entry in builder.masses
+        if not used[entry[0]] and builder.fixed[entry[0], :3].all()
+    ]
+    unjoined = [entry[1] for entry in builder.masses if not moves(entry[0])]
+    builder.ignored += [f"a mass on a held node of no element ({entry[1]})" for entry in on_fixed]
+    if unjoined:
+        builder.ignored.append(f"masses that nothing joins to an element ({lines(unjoined)})")
+    builder.masses = [
+        entry for entry in builder.masses if moves(entry[0]) and entry not in on_fixed
+    ]
     dropped = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
     acting = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
         acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
 
     def resists(terms: Sequence[Term]) -> bool:
-        """Whether a damper has no end without mass that nothing else holds."""
+        """Whether each end of a damper has mass or is held by something else."""
         return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
 
-    dampers = [one for one in joints.dampers if resists(one[0])]
+    dampers = [entry for entry in joints.dampers if resists(entry[0])]
     dropped, joints.dampers = dropped + len(joints.dampers) - len(dampers), dampers
     if dropped:
         message = "springs, dampers, masses and constraints that nothing joins to an element"
@@ -261,7 +298,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
 
 
 def _attach(builder: ModelBuilder) -> None:
-    """Masses at places as those of numbered nodes."""
+    """Convert point masses to mass matrices at numbered nodes."""
     masses, builder.masses = builder.masses, []
     size = builder.units.length
     for node, place, mass, inertia in masses:
@@ -284,7 +321,7 @@ def _on_edges(builder: ModelBuilder) -> bool:
 
 
 def _shear_with_shells(builder: ModelBuilder) -> None:
-    """Beams on the edges of shells deform in shear, as these do."""
+    """Let beams on edges of shells deform in shear, as the shells do."""
     for family in builder.families:
         if family.kind == "Beam" and not family.arguments.get("shear", True):
             family.arguments["shear"] = True
@@ -293,35 +330,40 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
 
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
-    """[(number of a point of no element, motions)] that are fixed, or that nothing acts on."""
+    """[(number of a point of no element, its motions that are fixed or on which nothing acts)]."""
     loose = builder.joints.loose()
     acting = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
-    found: dict[int, set[str]] = {}
+    fixed_of: dict[int, set[str]] = {}
     for k, node in enumerate(loose):
-        found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
+        fixed_of[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
     for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
         motion_of_node = int(node), int(motion)
-        followed, along = builder.joints.alias.get(motion_of_node, motion_of_node)
-        if followed in loose:
-            found[-1 - loose.index(followed)].add(MOTIONS[along])
+        target, axis = builder.joints.alias.get(motion_of_node, motion_of_node)
+        if target in loose:
+            fixed_of[-1 - loose.index(target)].add(MOTIONS[axis])
     known = {"x", "y", "rz"} if plane else set(MOTIONS)
-    return [(n, sorted(fixed & known)) for n, fixed in found.items() if fixed & known]
+    return [(n, sorted(fixed & known)) for n, fixed in fixed_of.items() if fixed & known]
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:
+    """Raise MeshError for elements without a section or without a family."""
     name = builder.deck.name
     for block, rows in builder.deck.numbered():
         if block.role == "other":
-            raise MeshError(f"{name} has {len(block)} {block.type} elements, which no element "
-                            "family here carries (solids, plane stress and strain, shells, "
-                            "beams).")  # fmt: skip
+            raise MeshError(
+                f"{name} has {len(block)} {block.type} elements, which no element "
+                "family here carries (solids, plane stress and strain, shells, "
+                "beams)."
+            )
         if bare := int((builder.of_element[rows] < 0).sum()):
-            raise MeshError(f"{name}: {bare} of {len(block)} {block.type} elements have no "
-                            "section, so their material is not known.")  # fmt: skip
+            raise MeshError(
+                f"{name}: {bare} of {len(block)} {block.type} elements have no "
+                "section, so their material is not known."
+            )
 
 
 def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
-    """[(group, motions)], one for each motion: an entity between nodes needs all of them."""
+    """[(group, motions)] with one group for each motion, as an edge is fixed by all its nodes."""
     fixed = builder.fixed[:, :count] & builder.used[:, None]
     supports = []
     for k in range(count):
@@ -334,20 +376,21 @@ def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
 
 
 def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
-    """Keep the chosen elements; leave out the others, and what acts on their nodes alone."""
+    """Keep the marked elements; drop the others and what acts on nodes of theirs alone."""
     if kept.all():
         return
-    deck, gone = builder.deck, builder.gone
+    deck = builder.deck
+    gone = builder.gone
     blocks = [block[kept[rows]] for block, rows in deck.numbered()]
     deck.blocks = [block for block in blocks if len(block)]
     number = np.cumsum(kept) - 1
     sets = deck.element_sets.items()
-    deck.element_sets = {name: number[one[kept[one]]] for name, one in sets}
+    deck.element_sets = {name: number[members[kept[members]]] for name, members in sets}
     builder.of_element = builder.of_element[kept]
     dropped = builder.joints.keep(
         lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone))
     )
-    masses = [one for one in builder.masses if not gone[one[0]]]
+    masses = [members for members in builder.masses if not gone[members[0]]]
     dropped, builder.masses = dropped + len(builder.masses) - len(masses), masses
     if dropped:
         message = "constraints, springs, dampers or masses on parts that are left out"
@@ -355,17 +398,17 @@ def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
 
 
 def _hold_middles(builder: ModelBuilder) -> None:
-    """Constraints for middle nodes whose edges have an end that is free."""
+    """Add constraints for fixed middle nodes of edges whose ends are not both fixed."""
     fixed = builder.fixed
-    held: set[tuple[int, int]] = set()
+    constrained: set[tuple[int, int]] = set()
     for block in builder.deck.blocks:
         if not block.mids.shape[1] or block.shape == "line":
             continue
         ends = block.corners[:, np.array(EDGES[block.shape])]  # (n, edges, 2)
         for motion in range(6):
-            alone = (block.mids >= 0) & fixed[block.mids, motion]
-            alone &= ~fixed[ends, motion].all(axis=2)
-            held.update((int(node), motion) for node in np.unique(block.mids[alone]))
-    for node, motion in sorted(held):
+            fixed_alone = (block.mids >= 0) & fixed[block.mids, motion]
+            fixed_alone &= ~fixed[ends, motion].all(axis=2)
+            constrained.update((int(node), motion) for node in np.unique(block.mids[fixed_alone]))
+    for node, motion in sorted(constrained):
         if motion < 3 or builder.has_rotations[node]:
             builder.joints.equations.append([(node, motion, 1.0)])

@@ -58,7 +58,10 @@ from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """A direction for each cell: that (n, 3) of the nearest of n places (n, 3)."""
+    """A direction for each cell: that of the nearest of n places.
+
+    Both `places` [m] and `directions` are (n, 3).
+    """
 
     places: ArrayLike
     directions: Sequence[Sequence[float]]
@@ -77,7 +80,7 @@ def point_name(number: int) -> str:
 
 
 def attachments(model: Model) -> list[PointMass | Spring | Damper]:
-    """Masses and springs of a deck."""
+    """The masses and springs of a deck."""
     masses = [PointMass(at, mass, inertia) for at, mass, inertia in model["masses"]]
     return [*masses, *(Spring(at, stiffness) for at, stiffness in model["springs"])]
 
@@ -90,10 +93,10 @@ def joined(
     attached: Sequence[PointMass | Spring | Damper],
     solver: SolverChoice,
 ) -> Structure:
-    """One structure of the parts; `supports` may name groups of any part."""
+    """Assemble the parts of a deck with its joints; `supports` may name groups of any part."""
     joints = model["joints"]
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
-    made: list[Joint] = [
+    deck_joints: list[Joint] = [
         NodeConstraints(
             joints["equations"],
             joints["springs"],
@@ -105,7 +108,7 @@ def joined(
         )
     ]
     if len(parts) > 1:
-        made.insert(0, SharedNodes(numbers))
+        deck_joints.insert(0, SharedNodes(numbers))
     point_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
     for name, part in parts.items():
         point_supports += [
@@ -115,7 +118,7 @@ def joined(
         ]
     return assemble_checked(
         parts,
-        made,
+        deck_joints,
         points=points,
         supports=[*point_supports, *_of_parts(parts, supports)],
         attached=[*attachments(model), *attached],
@@ -125,7 +128,7 @@ def joined(
 
 
 def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> list[Support]:
-    """Supports on a group as supports on this group of every part that has it."""
+    """Supports whose group is replaced by the group of this name in each part that has it."""
     of_parts = []
     for support in supports:
         where = support.where
@@ -138,7 +141,7 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
-#: That of the triangles beside quadrilaterals.
+#: Name of the part with the triangles, if there are quadrilaterals too.
 TRIANGLES = "triangles"
 FAMILIES: dict[str, Callable[..., Family]] = {
     family.__name__: family
@@ -176,22 +179,22 @@ def read_model(
         (cm, N), "in" (inch, pound-force, psi), "ft" (foot, pound-force, slug), or metres per unit
         of length (forces in N). Masses and densities follow: force = mass × length / s².
     supports, attached
-        More of them than the deck has.
+        Added to those of the deck.
     density
-        Of materials that state none, kg/m³.
+        Density in kg/m³ of materials that state none.
     merge, timeout, comm
         As for `read_mesh`.
     parts
-        Names of parts, instances or sets of elements: only they are read. Constraints, springs and
-        masses on nodes of the others alone are left out, and a warning counts them.
+        Names of parts, instances or sets of elements: only these are read. Constraints, springs
+        and masses on nodes of other elements alone are left out; a warning counts them.
     piece
-        Of elements that fall into pieces without a node in common: 1 for the largest, 2 for the
-        next; the others are left out likewise. Without it, several pieces are read where each of
-        them is held.
+        Number of the piece to be read, if the elements form pieces without a common node: 1 for
+        the largest, 2 for the next; the others are left out. Without it, several pieces are read
+        if each of them is supported.
     free
-        Leave the supports of the deck out, as for a fall or an impact in flight.
+        Whether to leave out the supports of the deck, as for a fall or an impact in flight.
     elements
-        Groups more: name -> numbers of elements in the deck, of all of its instances.
+        Further groups: name -> numbers of elements in the deck, in all of its instances.
     root
         Folder of the files that the deck may include; by default that of the deck, or the one above
         it where both are the user's own.
@@ -205,9 +208,9 @@ def read_model(
     Solids, shells and beams with common nodes, and what equations, multi-point constraints, rigid
     bodies, couplings, ties and springs join, become one assembly of up to four parts: "solids",
     "faces", "triangles" (the few beside quadrilaterals) and "beams" (`Site(..., part=...)`).
-    Constraints are linear, for small motions. Where they determine all nodes of an edge or a face
-    of an element, all of the edge or face follows by the element's own functions; where they tie
-    these nodes to one element at the same place, it follows that element's displacement.
+    Constraints are linear, for small motions. If they determine all nodes of an edge or a face of
+    an element, the whole edge or face follows by the element's shape functions; if they tie these
+    nodes to one element at the same place, it follows that element's displacement.
 
     Raises
     ------
@@ -227,11 +230,19 @@ def read_model(
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
     read = _reader(
-        file, unit, density=density, merge=merge, parts=parts, piece=piece, free=free,
-        elements=elements, root=root, timeout=timeout,
-    )  # fmt: skip
-    more = list_of("supports", supports, Support, "Support objects")
-    added = attachments_of(attached)
+        file,
+        unit,
+        density=density,
+        merge=merge,
+        parts=parts,
+        piece=piece,
+        free=free,
+        elements=elements,
+        root=root,
+        timeout=timeout,
+    )
+    added_supports = list_of("supports", supports, Support, "Support objects")
+    added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
     model = _model(first)
@@ -240,20 +251,23 @@ def read_model(
         notes.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
     for sentence in notes:
         warn(comm, sentence)
-    made = {name: _part(raw, file.name, comm, solver, more, added) for name, raw in raws.items()}
+    structures = {
+        name: _part(raw, file.name, comm, solver, added_supports, added_attachments)
+        for name, raw in raws.items()
+    }
     if not model["joined"]:
-        return next(iter(made.values()))
+        return next(iter(structures.values()))
     numbers = {name: raw.numbers for name, raw in raws.items()}
-    return joined(made, numbers, model, more, added, solver)
+    return joined(structures, numbers, model, added_supports, added_attachments, solver)
 
 
 def outline_of_deck(
     path: str | Path, unit: str | float = "m", **options: Any
 ) -> tuple[list[str], list[RawMesh]]:
-    """Names of the groups of a deck, as supports and sites name them, and its cells by kind.
+    """(group names, as supports and sites use them; cells by kind) of a deck.
 
-    Nothing is assembled. `options` are others of `read_model`; those that reading does not need
-    are not looked at.
+    Nothing is assembled. `options` are those of `read_model`; the ones that reading does not need
+    are ignored.
     """
     needed = ("density", "merge", "parts", "piece", "free", "elements", "root", "timeout")
     known = {name: options[name] for name in needed if name in options}
@@ -278,19 +292,24 @@ def _reader(
     root: str | Path | None = None,
     timeout: float | None = None,
 ) -> Callable[[], dict[str, RawMesh]]:
-    """A function that reads the deck: cells by their part; arguments are those of a user."""
+    """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
-    for name, value, of in (
-        ("merge", merge, "m"), ("density", density, "kg/m³"), ("timeout", timeout, "s")
-    ):  # fmt: skip
+    for name, value, unit_name in (
+        ("merge", merge, "m"),
+        ("density", density, "kg/m³"),
+        ("timeout", timeout, "s"),
+    ):
         if value is not None:
-            positive(name, value, of)
+            positive(name, value, unit_name)
     if parts is not None:
-        named = isinstance(parts, list | tuple) and all(isinstance(one, str) for one in parts)
+        named = isinstance(parts, list | tuple) and all(
+            isinstance(name_of_part, str) for name_of_part in parts
+        )
         if not named or not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         parts = list(parts)
-    free, numbered = flag("free", free), numbered_elements(elements)
+    free = flag("free", free)
+    numbered = numbered_elements(elements)
     if piece is not None:
         piece = whole("piece", piece, least=1)
     if root is not None:
@@ -325,7 +344,7 @@ def _reader(
 
 
 def _choices(raw: RawMesh) -> str:
-    """Arguments of `read_model` that choose a part of a deck."""
+    """Text that names the arguments of `read_model` which choose a part of a deck."""
     sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
     named = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
@@ -333,7 +352,7 @@ def _choices(raw: RawMesh) -> str:
 
 
 def _model(raw: RawMesh) -> Model:
-    """What `read_parts` reads beside the cells."""
+    """The model that `read_parts` reads with the cells."""
     assert raw.model is not None
     return raw.model
 
@@ -343,10 +362,10 @@ def _part(
     name: str,
     comm: MPI.Comm,
     solver: SolverChoice,
-    more: Sequence[Support],
-    added: Sequence[Attachment],
+    added_supports: Sequence[Support],
+    added_attachments: Sequence[Attachment],
 ) -> Structure:
-    """The structure of the cells of one dimension; joined parts are supported together later."""
+    """The structure of one part's cells; parts to be joined get their supports later."""
     model = _model(raw)
     mesh = distributed(raw, name, comm)
     families = {
@@ -357,12 +376,14 @@ def _part(
     if model["joined"]:
         return Structure(mesh, families, solver=solver)
     supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
-    attached = [*attachments(model), *added]
-    return Structure(mesh, families, [*supported, *more], attached=attached, solver=solver)
+    attached = [*attachments(model), *added_attachments]
+    return Structure(
+        mesh, families, [*supported, *added_supports], attached=attached, solver=solver
+    )
 
 
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
-    """A section's class with its arguments; InputError that names the deck's line."""
+    """The family of a section; InputError with the deck's line if its arguments are refused."""
     try:
         values = dict(arguments)
         for name in ("axis", "top"):  # one direction, or one in each element

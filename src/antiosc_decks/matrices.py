@@ -1,13 +1,13 @@
 """Matrices of Nastran (DMIG, OUTPUT4) and Ansys (Harwell–Boeing).
 
-DMIG is a matrix by grid points and components: a header card (name, 0, form, type), and for each
-column a card with its grid point and component, then groups of grid point, component and value.
-Form 6 is one triangle. MSC Nastran, *Quick Reference Guide*, DMIG.
+DMIG addresses entries by grid points and components: a header card (name, 0, form, type), then for
+each column a card with its grid point and component, followed by groups of grid point, component
+and value. Form 6 stores one triangle. MSC Nastran, *Quick Reference Guide*, DMIG.
 
 Harwell–Boeing, as Ansys HBMAT writes it, has the columns of a matrix in fixed Fortran fields. Duff,
 Grimes and Lewis, *Users' guide for the Harwell–Boeing sparse matrix collection*, 1992.
 
-OUTPUT4 has matrices by columns, as text or binary, dense or sparse. Every matrix has a header
+OUTPUT4 stores matrices by columns, as text or binary, dense or sparse. Every matrix has a header
 (columns, rows, form, type, name), then records of columns: (column, first row, words) and values.
 With first row 0 the column is a list of strings, each with its own length and row: in one word
 (rows below 65536), or in two where the number of rows is negative ("BIGMAT"). A record of column
@@ -32,19 +32,19 @@ from antiosc.base.errors import InputError
 from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, is_text, of_labels
 from antiosc_decks.nastran_cards import fields_of
 
-#: Form of one triangle of a symmetric matrix, and of a square matrix with both.
+#: Form numbers: one triangle of a symmetric matrix; a full square matrix.
 SYMMETRIC_FORM, SQUARE_FORM = 6, 1
-#: Grid points are numbered up to this.
+#: Numbers of grid points are below this.
 MOST_GRID = 2**31
 
 
 def is_dmig(content: bytes) -> bool:
-    """Whether it is a text of which a line begins with DMIG."""
+    """Whether the content is text with a line that begins with DMIG."""
     return is_text(content) and re.search(rb"(?im)^DMIG[ \t*,]", content) is not None
 
 
 def read_dmig(source: Source) -> dict[str, Entries]:
-    """The matrices of a file with DMIG cards by their names."""
+    """The matrices of a file with DMIG cards, by name."""
     forms: dict[str, int] = {}
     tables: dict[str, list[tuple[float, ...]]] = {}
     for number, (name, *fields) in _cards(source):
@@ -70,18 +70,23 @@ def read_dmig(source: Source) -> dict[str, Entries]:
 
 
 def _form(source: Source, number: int, name: str, fields: list[str]) -> int:
+    """Form number of a DMIG header, which must be real."""
     try:
-        form, kind = int(fields[1]), int(fields[2])
+        form = int(fields[1])
+        kind = int(fields[2])
     except (ValueError, IndexError):
         raise source.error(number, f"the header of DMIG {name} has no form and type.") from None
-    real, known = kind in (1, 2), form in (SYMMETRIC_FORM, SQUARE_FORM)
+    real = kind in (1, 2)
+    known = form in (SYMMETRIC_FORM, SQUARE_FORM)
     source.needs(real, number, f"DMIG {name} is complex: stiffness and mass must be real.")
     source.needs(known, number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
     return form
 
 
 def _cards(source: Source) -> Iterator[tuple[int, list[str]]]:
-    """(line, fields) of each DMIG card with its continuations: its name first."""
+    """Yields (line, fields) of each DMIG card with its continuations; the name is the first
+    field.
+    """
     card: list[str] = []
     start = 0
     for number, raw in enumerate(source.lines(), 1):
@@ -95,24 +100,27 @@ def _cards(source: Source) -> Iterator[tuple[int, list[str]]]:
             continue
         if card:
             yield start, card
-        card, start = fields if name.rstrip("*").upper() == "DMIG" else [], number
+        card = fields if name.rstrip("*").upper() == "DMIG" else []
+        start = number
     if card:
         yield start, card
 
 
 def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
-    """(grid point, component): 0 for a scalar point."""
+    """(grid point, component) of two fields; component 0 is a scalar point."""
     try:
-        grid, component = int(words[0]), int(words[1] or 0)
+        grid = int(words[0])
+        component = int(words[1] or 0)
     except (ValueError, IndexError):
         message = f"a grid point and a component are expected; got {' '.join(words)!r}."
         raise source.error(number, message) from None
-    there = 0 < grid < MOST_GRID and 0 <= component <= 6
-    source.needs(there, number, f"grid point {grid} with component {component} does not exist.")
+    exists = 0 < grid < MOST_GRID and 0 <= component <= 6
+    source.needs(exists, number, f"grid point {grid} with component {component} does not exist.")
     return grid, component
 
 
 def _number(source: Source, number: int, text: str) -> float:
+    """A real number of a DMIG field."""
     try:
         return float(fortran(text.encode()))
     except ValueError:
@@ -127,6 +135,7 @@ def write_dmig(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
 
 
 def _written(name: str, matrix: scipy.sparse.csc_matrix, labels: Labels) -> Iterator[str]:
+    """Lines of one matrix as DMIG cards."""
     size = matrix.shape[0]
     yield f"{'DMIG':<8}{name:<8}{0:>8}{SYMMETRIC_FORM:>8}{2:>8}{0:>8}{'':>16}{size:>8}\n"
     lower = scipy.sparse.tril(matrix).tocsc()
@@ -141,7 +150,7 @@ def _written(name: str, matrix: scipy.sparse.csc_matrix, labels: Labels) -> Iter
 
 
 def _large(value: float) -> str:
-    """A number in 16 characters, the nearest that fits: 12 to 15 digits."""
+    """A number in at most 16 characters, with 12 to 15 digits, as near to `value` as possible."""
     mantissa, exponent = f"{value:.16e}".split("e")
     power = f"{int(exponent):+d}"
     texts = [f"{float(mantissa):.{digits}f}{power}" for digits in range(13)]
@@ -165,7 +174,7 @@ def is_harwell_boeing(content: bytes) -> bool:
 
 
 def read_harwell_boeing(source: Source) -> Entries:
-    """The matrix of a Harwell–Boeing file; right-hand sides are left aside."""
+    """The matrix of a Harwell–Boeing file; right-hand sides are ignored."""
     lines = source.lines()
     source.needs(len(lines) >= 5, len(lines), "the file ends within its header.")
     cards = _whole(source, lines[1], 2, 4)
@@ -179,8 +188,11 @@ def read_harwell_boeing(source: Source) -> Entries:
     square = f"the matrix must be square; got {rows} rows, {columns} columns."
     source.needs(rows == columns and rows >= 1, 3, square)
     size = len(source.content)
-    source.needs(count >= 1 and max(count, rows) <= size, 3, f"{count:g} entries in {rows:g} rows "
-                 f"are more than a file of {size} bytes holds.")  # fmt: skip
+    source.needs(
+        count >= 1 and max(count, rows) <= size,
+        3,
+        f"{count:g} entries in {rows:g} rows are more than a file of {size} bytes holds.",
+    )
     formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
     blocks: list[Array] = []
@@ -191,15 +203,16 @@ def read_harwell_boeing(source: Source) -> Entries:
     starts = np.diff(pointers)
     rise = pointers[0] == 1 and pointers[-1] == count + 1 and (starts >= 0).all()
     source.needs(rise, 5, f"the column pointers do not rise from 1 to {count + 1}.")
-    bad = (index < 1) | (index > rows) | (index != np.floor(index))
-    if bad.any():
-        raise source.error(first, f"row indices are 1 to {rows}; got {index[bad][0]:g}.")
+    invalid = (index < 1) | (index > rows) | (index != np.floor(index))
+    if invalid.any():
+        raise source.error(first, f"row indices are 1 to {rows}; got {index[invalid][0]:g}.")
     column = np.repeat(np.arange(columns), starts.astype(np.int64))
     row = index.astype(np.int64) - 1
     return Entries(source.name, row, column, value, rows, triangle=kind[1] == "S")
 
 
 def _whole(source: Source, text: bytes, line: int, least: int) -> list[int]:
+    """The integers of a line; at least `least`."""
     try:
         numbers = [int(word) for word in text.split()]
     except ValueError:
@@ -211,7 +224,7 @@ def _whole(source: Source, text: bytes, line: int, least: int) -> list[int]:
 
 
 def _format(source: Source, text: bytes) -> tuple[int, int]:
-    """(numbers in a line, characters of each)."""
+    """(numbers in a line, width of a number) of a Fortran format."""
     shown = text.decode("ascii", "replace").strip()
     match = _FORMAT.fullmatch(shown.upper().replace(" ", ""))
     if match is None or int(match[3]) == 0 or match[1] == "0":
@@ -222,24 +235,27 @@ def _format(source: Source, text: bytes) -> tuple[int, int]:
 def _fields(
     source: Source, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
 ) -> Array:
-    """The `wanted` numbers from line `first` on; `form`: (numbers in a line, width of a number)."""
+    """Read `wanted` numbers from line `first` on; `form` is (numbers in a line, width of a
+    number).
+    """
     per_line, width = form
-    used, there = -(-wanted // per_line), len(lines) - first
-    message = f"the file ends within a matrix, after {there} of {used} lines."
-    source.needs(there >= used, len(lines), message)
+    needed = -(-wanted // per_line)
+    remaining = len(lines) - first
+    message = f"the file ends within a matrix, after {remaining} of {needed} lines."
+    source.needs(remaining >= needed, len(lines), message)
     values = np.empty(wanted)
-    at = 0
-    for k in range(first, first + used):
-        count = min(per_line, wanted - at)
+    done = 0
+    for k in range(first, first + needed):
+        count = min(per_line, wanted - done)
         fields = lines[k].split()
         if len(fields) != count:  # no blank between some of them
             fields = [lines[k][i * width : (i + 1) * width] for i in range(count)]
         try:
-            values[at : at + count] = [float(fortran(field)) for field in fields]
+            values[done : done + count] = [float(fortran(field)) for field in fields]
         except ValueError:
             shown = lines[k].decode("ascii", "replace").strip()[:60]
             raise source.error(k + 1, f"{count} numbers are expected; got {shown!r}.") from None
-        at += count
+        done += count
     return values
 
 
@@ -250,7 +266,7 @@ HARWELL_BOEING = MatrixFormat(is_harwell_boeing, read_harwell_boeing)
 
 
 S = TypeVar("S", bound=np.generic)
-#: Rows from which one word does not hold length and row of a string.
+#: From this number of rows on, one word cannot hold length and row of a string.
 BIGMAT_ROWS = 65536
 NO_ROWS = np.zeros(0, dtype=np.int64)
 #: Type of real numbers in double precision.
@@ -259,6 +275,8 @@ DOUBLE = 2
 
 @dataclass(frozen=True)
 class _Header:
+    """Header of a matrix in an OP4 file."""
+
     columns: int
     rows: int
     kind: int
@@ -267,7 +285,7 @@ class _Header:
 
 
 def is_op4(content: bytes) -> bool:
-    """Whether the content begins with the header of an OP4 file."""
+    """Whether the content begins with the header of an OP4 matrix."""
     if not is_text(content):
         return _markers(content) is not None
     line = content[:400].split(b"\n")[0].decode("ascii", "replace")
@@ -279,7 +297,7 @@ def is_op4(content: bytes) -> bool:
 
 
 def read_op4(source: Source) -> dict[str, Entries]:
-    """The matrices of an OP4 file by their names."""
+    """The matrices of an OP4 file, by name."""
     reader = _Text(source) if is_text(source.content) else _Binary(source)
     matrices: dict[str, Entries] = {}
     while (header := reader.header()) is not None:
@@ -289,24 +307,26 @@ def read_op4(source: Source) -> dict[str, Entries]:
         if size != header.columns or size < 1:
             square = f"must be square; got {size} rows and {header.columns} columns."
             raise InputError(f"{label} {square}")
-        rows, columns, values = [], [], []
+        rows = []
+        columns = []
+        values = []
         for column, row, value in _strings(reader, header):
             if row < 0 or row + len(value) > size:
                 message = f"column {column + 1} of {header.name} has {len(value)} entries"
                 raise InputError(f"{source.name}: {message} from row {row + 1} of {size} rows.")
-            some = np.flatnonzero(value)
-            rows.append(row + some)
-            columns.append(np.full(len(some), column))
-            values.append(value[some])
-        at, of = (np.concatenate([NO_ROWS, *part]) for part in (rows, columns))
+            nonzero = np.flatnonzero(value)
+            rows.append(row + nonzero)
+            columns.append(np.full(len(nonzero), column))
+            values.append(value[nonzero])
+        all_rows, all_columns = (np.concatenate([NO_ROWS, *part]) for part in (rows, columns))
         entries = np.concatenate([np.zeros(0), *values])
         name = f"{source.name} ({header.name})"
-        matrices[header.name] = Entries(name, at, of, entries, size, triangle=False)
+        matrices[header.name] = Entries(name, all_rows, all_columns, entries, size, triangle=False)
     return matrices
 
 
 def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, int, Array]]:
-    """(column, first row, values) of each string of entries."""
+    """Yields (column, first row, values) of each string of entries."""
     lead = 2 if header.bigmat or header.rows >= BIGMAT_ROWS else 1
     text = isinstance(reader, _Text)
     words = 1 if text else reader.words  # of a number of a dense column
@@ -331,6 +351,8 @@ def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, in
 
 
 class _Text:
+    """Reads OP4 records from text."""
+
     def __init__(self, source: Source) -> None:
         self._source, self._lines, self._at = source, source.lines(), 0
 
@@ -338,6 +360,7 @@ class _Text:
         """Records are lines."""
 
     def header(self) -> _Header | None:
+        """The next header; None at the end of the file."""
         while self._at < len(self._lines) and not self._lines[self._at].strip():
             self._at += 1
         if self._at == len(self._lines):
@@ -350,11 +373,13 @@ class _Text:
         return header
 
     def _line(self) -> str:
+        """The next line."""
         self._source.needs(self._at != len(self._lines), self._at, "the file ends within a matrix.")
         self._at += 1
         return self._lines[self._at - 1].decode("ascii", "replace")
 
     def whole(self, count: int) -> list[int]:
+        """The integers of the next line."""
         line = self._line()
         fields = [line[8 * k : 8 * k + 8] for k in range(count)]
         if len(line.rstrip()) > 8 * count:  # |I16, or fields divided by blanks
@@ -368,22 +393,28 @@ class _Text:
         return numbers
 
     def numbers(self, count: int) -> Array:
-        first, form = self._at, (self._per_line, self._width)
+        """The next `count` real numbers."""
+        first = self._at
+        form = (self._per_line, self._width)
         self._at += -(-count // self._per_line)
         return _fields(self._source, self._lines, first, form, count)
 
     def bad(self, text: str) -> InputError:
+        """The error of the current line."""
         line = self._lines[self._at - 1].decode("ascii", "replace").strip()[:60]
         return self._source.error(self._at, f"{text}; got {line!r}.")
 
 
 def _text_header(line: str) -> tuple[_Header, int, int]:
-    """Header, numbers in a line, and characters of each."""
+    """(header, numbers in a line, width of a number) of a text line."""
     width = 16 if line.rstrip().endswith("|I16") else 8
     line = line.rstrip().removesuffix("|I16")
-    columns, rows = int(line[:width]), int(line[width : 2 * width])
+    columns = int(line[:width])
+    rows = int(line[width : 2 * width])
     rest = line[2 * width :]
-    form, kind, name = int(rest[:8]), int(rest[8:16]), rest[16:24].strip()
+    form = int(rest[:8])
+    kind = int(rest[8:16])
+    name = rest[16:24].strip()
     layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
     per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
     sound = columns >= 0 and 0 < form < 20 and 0 < kind < 5 and name[:1].isalpha()
@@ -393,7 +424,7 @@ def _text_header(line: str) -> tuple[_Header, int, int]:
 
 
 def _markers(content: bytes) -> tuple[str, int] | None:
-    """(byte order, bytes of an integer) of a binary file."""
+    """(byte order, size of an integer in bytes) of a binary file; None if it is not OP4."""
     for order in "<>":
         for size, length in ((4, 24), (8, 48)):
             if len(content) >= length + 8:
@@ -405,14 +436,20 @@ def _markers(content: bytes) -> tuple[str, int] | None:
 
 
 class _Binary:
+    """Reads OP4 records from a binary file."""
+
     def __init__(self, source: Source) -> None:
         markers = _markers(source.content)
         if markers is None:
             raise source.at_byte(0, "the record marker of an OP4 header is expected.")
         self._order, self._size = markers
-        self._source, self._at, self._start, self._record = source, 0, 0, b""
+        self._source = source
+        self._at = 0
+        self._start = 0
+        self._record = b""
 
     def header(self) -> _Header | None:
+        """The next header; None at the end of the file."""
         if self._at == len(self._source.content):
             return None
         self.begin()
@@ -426,8 +463,9 @@ class _Binary:
         return _Header(columns, abs(rows), kind, name, rows < 0)
 
     def begin(self) -> None:
-        """One Fortran record: its length, the bytes, the length again."""
-        content, at = self._source.content, self._at
+        """Read one Fortran record: its length, its bytes, the length again."""
+        content = self._source.content
+        at = self._at
         self._start = at
         if at + 4 > len(content):
             raise self._source.at_byte(len(content), "the file ends within a matrix.")
@@ -438,9 +476,11 @@ class _Binary:
         if again != length:
             raise self.bad(f"a record of {length} bytes ends with {again}")
         self._at = at + 8 + length
-        self._record, self._next = content[at + 4 : at + 4 + length], 0
+        self._record = content[at + 4 : at + 4 + length]
+        self._next = 0
 
     def _values(self, kind: np.dtype[S], count: int) -> NDArray[S]:
+        """The next `count` numbers of the record."""
         at, self._next = self._next, self._next + count * kind.itemsize
         if count < 0 or self._next > len(self._record):
             size = len(self._record)
@@ -448,35 +488,42 @@ class _Binary:
         return np.frombuffer(self._record, kind, count, at)
 
     def whole(self, count: int) -> list[int]:
+        """The next integers of the record."""
         return list(map(int, self._values(np.dtype(f"{self._order}i{self._size}"), count)))
 
     def numbers(self, count: int) -> Array:
+        """The next real numbers of the record."""
         return np.asarray(self._values(self._real, count))
 
     def bad(self, text: str) -> InputError:
+        """The error of the current record."""
         return self._source.at_byte(self._start, f"{text}.")
 
 
 def write_op4(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
-    """Write symmetric matrices by name: binary, double precision, little-endian, BIGMAT."""
+    """Write symmetric matrices: binary, double precision, little-endian, BIGMAT."""
     with path.open("wb") as out:
         for name, matrix in matrices.items():
             out.writelines(_records(name, scipy.sparse.csc_matrix(matrix)))
 
 
 def _records(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:
+    """Bytes of one matrix, column by column."""
     size = columns.shape[0]
     label = name.upper()[:8].ljust(8).encode("ascii")
     yield struct.pack("<5i8si", 24, size, -size, SYMMETRIC_FORM, DOUBLE, label, 24)
     for column in range(size):
-        part = slice(columns.indptr[column], columns.indptr[column + 1])
-        row, value = columns.indices[part], columns.data[part]
+        span = slice(columns.indptr[column], columns.indptr[column + 1])
+        row = columns.indices[span]
+        value = columns.data[span]
         if not len(row):
             continue
         # strings of neighbouring rows
         cuts = np.flatnonzero(np.diff(row) != 1) + 1
-        parts = zip(np.split(row, cuts), np.split(value, cuts), strict=True)
-        words = ((struct.pack("<2i", 2 * len(v) + 1, r[0] + 1), v.astype("<f8")) for r, v in parts)
+        strings = zip(np.split(row, cuts), np.split(value, cuts), strict=True)
+        words = (
+            (struct.pack("<2i", 2 * len(v) + 1, r[0] + 1), v.astype("<f8")) for r, v in strings
+        )
         content = b"".join(lead + v.tobytes() for lead, v in words)
         length = 12 + len(content)
         yield struct.pack("<4i", length, column + 1, 0, len(content) // 4) + content

@@ -1,7 +1,7 @@
 """Nastran's beams: their cross-sections, orientation, offsets and pin flags.
 
-Tapered and curved beams are divided. A beam whose ends lie beside its nodes, or are released, gets
-ends of its own, which follow its nodes as rigid bodies but for the released motions.
+Tapered and curved beams are divided into pieces. A beam with offset or released ends gets end nodes
+of its own; these follow its grid points as rigid bodies, except in the released motions.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
 from antiosc_decks.nastran_mesh import Beam, NastranDeck
 
-#: Those whose centroid need not be their shear centre, on which the nodes of a CBEAM lie.
+#: Sections whose centroid may differ from the shear centre, on which the nodes of a CBEAM lie.
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
-#: Of a second moment that is 0 the share of the other one that is taken.
+#: A second moment of 0 is replaced by this share of the other one.
 SLIGHT = 1e-6
-#: Property -> fields of A, I1, I2, I12, J, NSM, and of K1 (-1: none, or behind the sections).
+#: Property -> fields of A, I1, I2, I12, J, NSM; field of K1 (-1: none, or after the sections).
 FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEND": ((2, 3, 4, -1, 5, 18), 16)}
 FIELDS["PBEAM"] = ((2, 3, 4, 5, 6, 7), -1)
-#: What is not taken of a PBEAM -> its fields behind the sections.
+#: What is ignored of a PBEAM -> its field, counted from the end of the sections.
 BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
 BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
 
@@ -40,50 +40,54 @@ class BeamProfile(NamedTuple):
     extra: float
     #: whether it deforms in shear
     sheared: bool
-    #: from plane 1 to the first principal axis, about the beam's axis, radians
+    #: angle about the beam's axis from plane 1 to the first principal axis, radians
     angle: float = 0.0
 
 
-#: A, I1, I2, I12, J and nonstructural mass: what changes along a tapered beam.
+#: A, I1, I2, I12, J and nonstructural mass at one place along a beam.
 Station = list[float]
 
 
 class BeamProfiles:
-    """The cross-sections along the beams of one property."""
+    """The cross-sections along the beams of one property card."""
 
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
-        #: what is not taken, in the deck's terms
+        #: what is ignored, in the deck's terms
         self.told: list[str] = []
-        #: places (end, along planes 1 and 2) of the neutral axis beside the shear centre
+        #: offset of the neutral axis from the shear centre: (end, along planes 1 and 2)
         self.neutral = np.zeros((2, 2))
-        #: its form, of which numbers are those of `stations`, and whether it deforms in shear
+        #: profile whose numbers `stations` replace; whether the beams deform in shear
         self.form, self.sheared = profiles.rectangle(1.0, 1.0), True
         read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
-        #: place from 0 to 1 -> the cross-section there, ascending
+        #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
         first, *others = self.stations.values()
-        self.tapered = any(not np.allclose(one, first, rtol=1e-6, atol=0) for one in others)
-        least, last = min(self.stations), max(self.stations)
+        self.tapered = any(not np.allclose(station, first, rtol=1e-6, atol=0) for station in others)
+        least = min(self.stations)
+        last = max(self.stations)
         entry.needs(0 <= least <= last <= 1, f"X/XB of {entry.name} lies between 0 and 1.")
         ended = not others or last == 1
         entry.needs(ended, f"{entry.name} gives no section at X/XB = 1.")
 
     def at(self, s: float) -> BeamProfile:
-        """The cross-section at s from 0 to 1, linear between stations."""
+        """The cross-section at place s (0 to 1), linear between stations."""
         table = np.array(list(self.stations.values())).T
         places = list(self.stations)
         A, first, second, mixed, J, extra = (float(np.interp(s, places, c)) for c in table)
-        mean, half = (first + second) / 2, math.hypot((first - second) / 2, mixed)
+        mean = (first + second) / 2
+        half = math.hypot((first - second) / 2, mixed)
         angle = math.atan2(2 * mixed, first - second) / 2 if mixed else 0.0
         if mixed:
-            first, second = mean + half, mean - half
+            first = mean + half
+            second = mean - half
         message = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
         self.entry.needs(min(A, first, second) > 0, message)
         section = replace(self.form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
         return BeamProfile(section, extra, self.sheared, angle)
 
     def _by_constants(self) -> dict[float, Station]:
+        """Stations of PBAR, PBEND and PBEAM, which give areas and moments."""
         entry = self.entry
         label = f"{entry.name} {entry.text(0)}"
         fields, start = FIELDS[entry.name]
@@ -96,7 +100,8 @@ class BeamProfiles:
                 self.told.append(f"the flexibility of {label} by the ovalization of pipes (FSI)")
                 pipe = profiles.tube(entry.real(3) + entry.real(4) / 2, entry.real(4))
                 values[:] = pipe.A, pipe.I, pipe.I_side, 0.0, pipe.J, entry.real(10)
-                start, last = len(entry.fields), 11
+                start = len(entry.fields)
+                last = 11
             beside = entry.real(last) or entry.real(last + 1)
             entry.needs(not beside, "PBEND with RC or ZC is not supported; move its nodes.")
         elif entry.name == "PBEAM":
@@ -104,15 +109,20 @@ class BeamProfiles:
             # blank at the second end: as at the first
             ends = (start + 12, start + 13)
             further = [k + 2 if entry.text(k + 2) else k for k in ends]
-            self.neutral[:] = [[entry.real(k) for k in some] for some in (ends, further)]
+            self.neutral[:] = [
+                [entry.real(k) for k in end_fields] for end_fields in (ends, further)
+            ]
             if unread := [name for name, k in BEHIND.items() if entry.real(start + k)]:
                 self.told.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
-            self.told.append(f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
-                             "of the other is taken")  # fmt: skip
-            values[1:3] = (max(one, SLIGHT * max(values[1:3])) for one in values[1:3])
+            self.told.append(
+                f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
+                "of the other is taken"
+            )
+            values[1:3] = (max(moment, SLIGHT * max(values[1:3])) for moment in values[1:3])
         blank = 1.0 if entry.name == "PBEAM" else 0.0
-        k1, k2 = entry.real(start, blank), entry.real(start + 1, blank)
+        k1 = entry.real(start, blank)
+        k2 = entry.real(start + 1, blank)
         entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
         shear = (k1 + k2) / 2 if k1 and k2 else 0.0
         if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
@@ -124,7 +134,7 @@ class BeamProfiles:
         return rows
 
     def _along(self, rows: dict[float, Station]) -> int:
-        """Add the values of PBEAM at further places to those at 0; the field after them."""
+        """Add PBEAM's further stations to `rows`; returns the field after them."""
         entry, starts = self.entry, {}
         words = ("YES", "YESA", "NO")
         # the places of stresses at the first end may be left out
@@ -142,13 +152,20 @@ class BeamProfiles:
         return start
 
     def _listed(self) -> dict[float, Station]:
+        """Stations of PBARL and PBEAML, which give a shape and its dimensions."""
         entry = self.entry
         kind = entry.text(3).upper()
-        entry.needs(kind in SHAPES, f"{entry.name} of the type {kind!r} is not supported; give its "
-                    f"constants by PBAR, or take one of {', '.join(SHAPES)}.")  # fmt: skip
+        entry.needs(
+            kind in SHAPES,
+            f"{entry.name} of the type {kind!r} is not supported; give its "
+            f"constants by PBAR, or take one of {', '.join(SHAPES)}.",
+        )
         centred = entry.name != "PBEAML" or kind not in LOPSIDED
-        entry.needs(centred, f"PBEAML of the type {kind!r} has its neutral axis off the shear "
-                    "centre, which is not supported; give its constants by PBAR.")  # fmt: skip
+        entry.needs(
+            centred,
+            f"PBEAML of the type {kind!r} has its neutral axis off the shear "
+            "centre, which is not supported; give its constants by PBAR.",
+        )
         count = len(signature(SHAPES[kind]).parameters)
         first = self._dimensions(8, [None] * count)
         if entry.name == "PBEAML" and kind == "L":
@@ -159,8 +176,8 @@ class BeamProfiles:
         start = 9 + count
         while entry.name == "PBEAML" and entry.words(start, start + 2):
             dimensions = self._dimensions(start + 2, first)
-            beside = entry.real(start + 2 + count, extra)
-            stations[entry.real(start + 1, 1.0)] = self._shape(kind, dimensions, beside)
+            extra_there = entry.real(start + 2 + count, extra)
+            stations[entry.real(start + 1, 1.0)] = self._shape(kind, dimensions, extra_there)
             start += 3 + count
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
             message = (
@@ -171,18 +188,22 @@ class BeamProfiles:
         return stations
 
     def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:
+        """The dimensions that begin at field `start`, with defaults for blank fields."""
         d = [self.entry.real(start + k, value) for k, value in enumerate(blank)]
         full = self.entry.text(3).upper() == "TUBE" and d[0] > 0 and d[1] == 0
         self.entry.needs(min(d) > 0 or full, f"{self.entry.name} needs dimensions above 0.")
         return d
 
     def _shape(self, kind: str, d: Sequence[float], extra: float) -> Station:
+        """The station of a shape with dimensions `d`."""
         try:
-            made = SHAPES[kind](*d)
-            if not isinstance(made, profiles.Profile):
-                made = profiles.walled(made, profiles.box_torsion(*d) if kind == "BOX1" else None)
-            self.form, mixed = made, made.mixed if kind in ("L", "Z") else 0.0
-            return [made.A, made.I, made.I_side, mixed, made.J, extra]
+            profile = SHAPES[kind](*d)
+            if not isinstance(profile, profiles.Profile):
+                profile = profiles.walled(
+                    profile, profiles.box_torsion(*d) if kind == "BOX1" else None
+                )
+            self.form, mixed = profile, profile.mixed if kind in ("L", "Z") else 0.0
+            return [profile.A, profile.I, profile.I_side, mixed, profile.J, extra]
         except ValueError as error:
             message = (
                 f"the dimensions of {self.entry.name} {self.entry.text(0)} do not fit into each"
@@ -194,28 +215,32 @@ Walls = list[profiles.Wall]
 
 
 def _pair(low: float, high: float, left: float, right: float) -> Walls:
-    """A wall and its mirror image."""
+    """A wall and its mirror image across the height."""
     return [(low, high, left, right), (low, high, -right, -left)]
 
 
 def _i(h: float, low: float, top: float, web: float, t_low: float, t_top: float) -> Walls:
+    """Walls of an I section."""
     middle = (t_low, h - t_top, -web / 2, web / 2)
     return [(0, t_low, -low / 2, low / 2), middle, (h - t_top, h, -top / 2, top / 2)]
 
 
 def _t(width: float, h: float, flange: float, web: float) -> Walls:
+    """Walls of a T section."""
     return [(h - flange, h, -width / 2, width / 2), (0, h - flange, -web / 2, web / 2)]
 
 
 def _chan(width: float, h: float, web: float, flange: float) -> Walls:
+    """Walls of a channel section."""
     return [(0, flange, 0, width), (flange, h - flange, 0, web), (h - flange, h, 0, width)]
 
 
 def _angle(width: float, h: float, base: float, leg: float) -> Walls:
+    """Walls of an L section."""
     return [(0, base, 0, width), (base, h, 0, leg)]
 
 
-#: Cross-sections by closed forms, or of walls, from their dimensions, plane 1 upright.
+#: Shape -> its cross-section, or its walls, as a function of its dimensions; plane 1 is upright.
 SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
     "ROD": lambda r: profiles.ellipse(2 * r, 2 * r),
     "TUBE": lambda outer, inner: profiles.tube(outer, outer - inner),
@@ -263,70 +288,73 @@ SHAPES: dict[str, Callable[..., profiles.Profile | Walls]] = {
 
 #: Pieces of a tapered or curved beam; the error of its stiffness falls with their number squared.
 PIECES = 16
-#: Sine below which a direction lies along the chord of a curved beam.
+#: Sine of the angle below which a direction counts as along the chord of a curved beam.
 ALONG = 1e-9
 
 
 class End(NamedTuple):
-    """An end of a beam away from its node: both rows, the motions that join them, their axes."""
+    """An end of a beam off its grid point: both rows, the motions that follow, the beam's axes."""
 
     row: int
     node: int
     held: tuple[int, ...]
     axes: Array
     entry: Entry
-    #: from the shear centre, about which the beam twists, to the end
+    #: vector from the shear centre, about which the beam twists, to the end
     beside: Array
 
 
-def divide(found: NastranDeck) -> list[End]:
-    """Give beams their own ends and tapered beams their pieces; the ends to be joined."""
-    along = {entry.number(0): BeamProfiles(entry) for entry in found.named(*BEAMS)}
-    tapered = {number for number, one in along.items() if one.tapered}
+def divide(deck: NastranDeck) -> list[End]:
+    """Divide tapered and curved beams and give offset or released beams ends of their own.
+
+    Returns the ends that are to be joined to grid points.
+    """
+    profiles_of = {entry.number(0): BeamProfiles(entry) for entry in deck.named(*BEAMS)}
+    tapered = {number for number, profile in profiles_of.items() if profile.tapered}
     ends: list[End] = []
-    points: list[Array] = list(found.deck.points)
+    points: list[Array] = list(deck.deck.points)
     elements: list[Entry] = []
-    for k, (block, numbers) in enumerate(found.deck.numbered()):
-        entries = [found.elements[number] for number in numbers]
+    for k, (block, numbers) in enumerate(deck.deck.numbered()):
+        entries = [deck.elements[number] for number in numbers]
         if block.role != "beam":
             elements += entries
             continue
         lines: list[tuple[int, int]] = []
         for entry, nodes in zip(entries, block.corners.tolist(), strict=True):
-            known = along.get(entry.property_number())
-            neutral = known.neutral if known else np.zeros((2, 2))
-            ends_moved = _own_ends(found, entry, nodes, neutral)
+            beam_profiles = profiles_of.get(entry.property_number())
+            neutral = beam_profiles.neutral if beam_profiles else np.zeros((2, 2))
+            ends_moved = _own_ends(deck, entry, nodes, neutral)
             rows = list(nodes)
             for end, (place, held, axes) in ends_moved.items():
                 rows[end] = len(points)
                 points.append(place)
                 ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
-            bend = known.entry if known and entry.name == "CBEND" else None
+            bend = beam_profiles.entry if beam_profiles and entry.name == "CBEND" else None
             pieces = PIECES if bend or entry.property_number() in tapered else 1
             heights: list[Array | None] = [None] * pieces
             x = np.array([points[row] for row in rows])
             shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
             inner = (1 - shares) * x[0] + shares * x[1]
             if bend:
-                inner, directions = arc(entry, bend, x, _vector(found, entry), pieces)
+                inner, directions = arc(entry, bend, x, _vector(deck, entry), pieces)
                 heights = list(directions)
             chain = [rows[0], *range(len(points), len(points) + len(inner)), rows[1]]
             points += list(inner)
             for piece in range(pieces):
                 middle = (piece + 0.5) / pieces if pieces > 1 else 0.0
-                found.beams[len(elements)] = Beam(middle, bool(ends_moved), heights[piece])
+                deck.beams[len(elements)] = Beam(middle, bool(ends_moved), heights[piece])
                 lines.append((chain[piece], chain[piece + 1]))
                 elements.append(entry)
-        none = np.zeros((len(lines), 0), dtype=np.int64)
+        no_nodes = np.zeros((len(lines), 0), dtype=np.int64)
         table: IntArray = np.array(lines, dtype=np.int64).reshape(-1, 2)
-        found.deck.blocks[k] = Block(block.shape, block.type, table, none, none, block.role)
-    found.elements = elements
-    found.deck.points = np.array(points)
+        deck.deck.blocks[k] = Block(block.shape, block.type, table, no_nodes, no_nodes, block.role)
+    deck.elements = elements
+    deck.deck.points = np.array(points)
     return ends
 
 
 def join(builder: ModelBuilder, ends: list[End]) -> None:
-    """Let the beams' own ends follow their nodes."""
+    """Let the beams' own ends follow their grid points."""
     for end in ends:
         builder.apart.append(end.row)
         leader = builder.joints.leader(end.node)
@@ -337,46 +365,51 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
 
 
 def _own_ends(
-    found: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
+    deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
-    """End 0 or 1 -> (place, motions that follow the node, axes of the beam)."""
+    """End (0 or 1) -> (place, motions that follow the grid point, axes of the beam)."""
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
-    offsets = offsets_of(found, entry)
+    offsets = offsets_of(deck, entry)
     if not any(pins) and not offsets.any() and not neutral.any():
         return {}
-    x = found.deck.points[nodes]
+    x = deck.deck.points[nodes]
     line = x[1] + offsets[1] - x[0] - offsets[0]
     length = float(np.linalg.norm(line))
     long = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
     entry.needs(long, f"{entry.name} {entry.text(0)} has no length.")
-    height = orientation(found, entry, line / length)
-    off = float(offsets[0] @ height)
-    rest = np.abs(np.vstack([offsets[0] - offsets[1], offsets[0] - off * height])).max()
-    if not any(pins) and not neutral.any() and rest <= 1e-6 * abs(off):
+    height = orientation(deck, entry, line / length)
+    common_offset = float(offsets[0] @ height)
+    residual = np.abs(
+        np.vstack([offsets[0] - offsets[1], offsets[0] - common_offset * height])
+    ).max()
+    if not any(pins) and not neutral.any() and residual <= 1e-6 * abs(common_offset):
         return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
-    moved = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
-    held = [tuple(c for c in range(6) if c not in some) for some in pins]
-    return {k: (places[k], held[k], axes) for k in moved}
+    own = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
+    following = [tuple(c for c in range(6) if c not in released) for released in pins]
+    return {k: (places[k], following[k], axes) for k in own}
 
 
-def offsets_of(found: NastranDeck, entry: Entry) -> Array:
+def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
     """Offsets (2, 3) of the ends from their nodes along the axes of the deck."""
     offsets = np.reshape(entry.reals(10, 16), (2, 3))
     if not offsets.any():
         return offsets
     kind = entry.text(7).upper()
     plain = not kind.isalpha() or not set(kind[1:]) & set("OE")
-    entry.needs(plain, f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
-                "not supported; give them in the displacement system (GGG).")  # fmt: skip
-    frames = [found.frame(found.at(entry, k), entry.place) for k in (2, 3)]
+    entry.needs(
+        plain,
+        f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
+        "not supported; give them in the displacement system (GGG).",
+    )
+    frames = [deck.frame(deck.at(entry, k), entry.place) for k in (2, 3)]
     return np.stack([w @ frame for w, frame in zip(offsets, frames, strict=True)])
 
 
-def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
-    """Direction of plane 1 across the axis."""
-    v = _vector(found, entry)
+def orientation(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
+    """Unit vector of plane 1 across the beam's axis `tangent`."""
+    v = _vector(deck, entry)
     across = v - (v @ tangent) * tangent
     size = float(np.linalg.norm(across))
     message = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
@@ -384,24 +417,28 @@ def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
     return np.asarray(across / size)
 
 
-def _vector(found: NastranDeck, entry: Entry) -> Array:
-    """The vector in fields 5 to 7 of an element, or from its first node to the node in field 5."""
-    a = found.at(entry, 2)
+def _vector(deck: NastranDeck, entry: Entry) -> Array:
+    """Orientation vector of an element: fields 5 to 7, or from its first node to that in
+    field 5.
+    """
+    a = deck.at(entry, 2)
     if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
-        return np.asarray(found.deck.points[found.at(entry, 4)] - found.deck.points[a])
+        return np.asarray(deck.deck.points[deck.at(entry, 4)] - deck.deck.points[a])
     v = np.array(entry.reals(4, 7))
-    return v if entry.text(7).upper()[:1] == "B" else np.asarray(v @ found.frame(a, entry.place))
+    if entry.text(7).upper()[:1] == "B":
+        return v
+    return np.asarray(v @ deck.frame(a, entry.place))
 
 
 def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Array, Array]:
-    """(points (pieces - 1, 3) within, directions of plane 1 (pieces, 3)) of a CBEND.
+    """(inner points (pieces − 1, 3), directions of plane 1 (pieces, 3)) of a CBEND.
 
-    `bend`: its PBEND; `x` (2, 3): its ends; `v`: the vector, or the arm of the node, that it gives.
+    `bend`: its PBEND; `x` (2, 3): its ends; `v`: its orientation vector.
     """
     chord = x[1] - x[0]
-    long = float(np.linalg.norm(chord))
+    chord_length = float(np.linalg.norm(chord))
     label = f"CBEND {entry.text(0)}"
-    up = v - (v @ chord) * chord / long**2
+    up = v - (v @ chord) * chord / chord_length**2
     across = np.linalg.norm(up) > ALONG * np.linalg.norm(v)
     entry.needs(across, f"the plane of {label} is not known: its vector lies along its chord.")
     up /= np.linalg.norm(up)
@@ -410,19 +447,20 @@ def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Arr
     if kind in (3, 4):  # radius or angle; the centre lies across the chord from the point
         radius = bend.real(6)
         if kind == 4:
-            radius = long / 2 / max(math.sin(math.radians(bend.real(7)) / 2), ALONG)
-        message = f"the radius of {label} is {radius:.4g}, its chord {long:.4g}: give RB or THETAB "
-        entry.needs(radius >= long / 2, message + "of its PBEND.")
-        centre = x.mean(axis=0) - math.sqrt(radius**2 - long**2 / 4) * up
+            radius = chord_length / 2 / max(math.sin(math.radians(bend.real(7)) / 2), ALONG)
+        message = f"the radius of {label} is {radius:.4g}, its chord {chord_length:.4g}: "
+        message += "give RB or THETAB "
+        entry.needs(radius >= chord_length / 2, message + "of its PBEND.")
+        centre = x.mean(axis=0) - math.sqrt(radius**2 - chord_length**2 / 4) * up
     else:  # the vector points to the centre, or along the arc
         w = v if kind == 1 else (v @ up) * chord - (v @ chord) * up
-        curved = abs(w @ chord) > ALONG * long * np.linalg.norm(w)
+        curved = abs(w @ chord) > ALONG * chord_length * np.linalg.norm(w)
         entry.needs(curved, f"{label} has no centre of curvature.")
-        centre = x[0] + w * long**2 / (2 * (w @ chord))
+        centre = x[0] + w * chord_length**2 / (2 * (w @ chord))
     first, last = x - centre
     angle = math.atan2(float(np.linalg.norm(np.cross(first, last))), float(first @ last))
     ahead = last - first * math.cos(angle)
     ahead *= np.linalg.norm(first) / np.linalg.norm(ahead)
-    at = np.arange(2 * pieces + 1)[1:-1, None] * angle / (2 * pieces)
-    arms = np.cos(at) * first + np.sin(at) * ahead
+    angles = np.arange(2 * pieces + 1)[1:-1, None] * angle / (2 * pieces)
+    arms = np.cos(angles) * first + np.sin(angles) * ahead
     return centre + arms[1::2], -arms[::2] / np.linalg.norm(first)

@@ -18,13 +18,13 @@ PROPERTY_NAMES = (
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
 )
-#: Entries of a text, whose lines have no fields.
+#: Entries with free text instead of fields.
 TEXTS = ("DEQATN",)
 LONG_LINE = """a line of free fields ends with the mark of the next line, and one of GRID has up to
 8 fields after its name; write the further ones in a line of their own.""".replace("\n", " ")
 #: Most copies of one entry.
 MOST_COPIES = 1_000_000
-#: A number; "+1" may mark a continuation.
+#: A number without "+", since "+1" may mark a continuation.
 _NUMBER = re.compile(r"-?\.?\d")
 _MARK = re.compile(r"[+*][A-Za-z]")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
@@ -35,68 +35,73 @@ _SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
 @dataclass
 class Entry(Placed):
-    """One entry: its name, and its fields without the name, eight per line."""
+    """One entry of bulk data: its name, and its fields without the name, eight for each line."""
 
     name: str
     place: Place
     fields: list[str] = field(default_factory=list)
-    #: what is wrong with its lines; an error where the entry is read
+    #: error of its lines; raised only if the entry is read
     fault: MeshError | None = None
 
     def text(self, k: int) -> str:
-        """Field k (from 0), "" where it is blank."""
-        return self.fields[k].strip() if k < len(self.fields) else ""
+        """Field `k` (from 0) as text; "" if it is blank."""
+        if k < len(self.fields):
+            return self.fields[k].strip()
+        return ""
 
     def words(self, first: int, stop: int | None = None) -> list[str]:
-        """The fields from `first` that are not blank."""
-        return [word for one in self.fields[first:stop] if (word := one.strip())]
+        """The fields from `first` to `stop` that are not blank."""
+        return [word for field_text in self.fields[first:stop] if (word := field_text.strip())]
 
     def _filled(self, k: int) -> str:
+        """Field `k` as text; MeshError if it is blank."""
         self.needs(self.text(k), f"field {k + 2} of {self.name} is empty.")
         return self.text(k)
 
     def whole(self, k: int, default: int | None = None) -> int:
-        """An integer; MeshError if it is none, or missing without a default."""
+        """Field `k` as an integer; MeshError if it is none, or blank without a default."""
         if default is not None and not self.text(k):
             return default
         return whole_number(self._filled(k), self.place)
 
     def number(self, k: int) -> int:
-        """The number of a node, a property, … in field k, as no other part of the deck has it."""
+        """Number of a node, property, … in field `k`, made unique among the parts of the deck."""
         return self.whole(k) + self.place.scope
 
     def property_number(self) -> int:
-        """Number of an element's property; by default that of the element."""
-        return 0 if self.name == "CONROD" else self.whole(1, self.whole(0)) + self.place.scope
+        """Number of an element's property; if blank, that of the element itself."""
+        if self.name == "CONROD":
+            return 0
+        return self.whole(1, self.whole(0)) + self.place.scope
 
     def its_property(self, name: str, known: dict[int, Entry]) -> Entry:
-        """An element's property, among some."""
+        """The property entry of an element, among those of the card `name`."""
         number = self.property_number()
         return self.place.found(known, number, f"{self.name} has no {name} {number}.")
 
     def real(self, k: int, default: float | None = 0.0) -> float:
-        """A number; MeshError if it is none, or missing without a default."""
+        """Field `k` as a number; MeshError if it is none, or blank without a default."""
         if default is not None and not self.text(k):
             return default
         return real_number("".join(self._filled(k).split()), self.place)
 
     def reals(self, first: int, stop: int) -> list[float]:
-        """The numbers of some fields; 0 where they are blank."""
+        """The numbers of fields `first` to `stop`; 0 if blank."""
         return [self.real(k) for k in range(first, stop)]
 
 
 def motions_of(text: str, place: Place) -> list[int]:
-    """Motions 0 to 5 of components such as "123" or "1 2 3"; none of 0 and of a blank."""
+    """Motions 0 to 5 of components such as "123" or "1 2 3"; none for "0" and ""."""
     digits = "".join(text.split())
     place.needs(set(digits) <= set("0123456"), f"{text!r} are not components from 1 to 6.")
     return sorted({int(c) - 1 for c in digits} - {-1})
 
 
 class Continuations:
-    """Which entry a continuation belongs to: by its mark (fields 10 and 1), else by order."""
+    """Finds the entry that a continuation line belongs to: by its mark, else by order."""
 
     def __init__(self) -> None:
-        #: mark -> entries (by identity) whose last line ends with it
+        #: mark -> entries whose last line ends with it, by identity
         self._open: dict[str, dict[int, Entry]] = {}
         #: identity of an entry -> the marks of its last line
         self._marks: dict[int, tuple[str, ...]] = {}
@@ -105,46 +110,48 @@ class Continuations:
         self._by_order: list[tuple[Entry, MeshError]] = []
 
     def ends(self, entry: Entry, mark: str) -> None:
-        """The last line is of this entry and ends with this mark."""
+        """Note that `entry` is the last one and that its last line ends with `mark`."""
         self._last = entry
         label = mark.strip().upper()
         # without a sign, the first letter stands for one
         marks = (label[1:].strip(),) if label[:1] in ("+", "*") else (label, label[1:])
         if any(marks):
             self._marks[id(entry)] = marks
-            for one in filter(None, marks):
-                self._open.setdefault(one, {})[id(entry)] = entry
+            for key in filter(None, marks):
+                self._open.setdefault(key, {})[id(entry)] = entry
 
     def entry_of(self, name: str, place: Place) -> Entry:
-        """The entry that a line with this first field continues."""
+        """The entry that a line with the first field `name` continues."""
         label = name[1:].strip().upper()
         entry = self._last
         if entry is None:
             raise place.error("a continuation without an entry before it.")
         before = self._marks.get(id(entry), ())
         if label and label not in before:
-            some = list(self._open.get(label, {}).values())
-            lost = place.error(f"the continuation {name[:20]!r} does not follow its entry; write "
-                               "it behind the line that ends with its mark.")  # fmt: skip
-            if len(some) == 1:
-                entry = some[0]
-            elif some or before:
-                entry.fault = lost
+            candidates = list(self._open.get(label, {}).values())
+            error = place.error(
+                f"the continuation {name[:20]!r} does not follow its entry; write "
+                "it behind the line that ends with its mark."
+            )
+            if len(candidates) == 1:
+                entry = candidates[0]
+            elif candidates or before:
+                entry.fault = error
             else:
-                self._by_order.append((entry, lost))
-        for one in filter(None, self._marks.pop(id(entry), ())):
-            del self._open[one][id(entry)]
+                self._by_order.append((entry, error))
+        for key in filter(None, self._marks.pop(id(entry), ())):
+            del self._open[key][id(entry)]
         return entry
 
     def find_lost(self) -> None:
-        """Note faults where a mark has no continuation, and a continuation no mark."""
+        """Set the faults of entries whose continuation was joined by order but not by mark."""
         waiting = any(len(lines) == 1 and lines[0] for lines in self._marks.values())
-        for entry, lost in self._by_order if waiting else ():
-            entry.fault = entry.fault or lost
+        for entry, error in self._by_order if waiting else ():
+            entry.fault = entry.fault or error
 
 
 class Bulk:
-    """The entries of a deck and of the files that it includes."""
+    """The entries of a deck and of its included files."""
 
     def __init__(self, sources: Sources) -> None:
         self.entries: list[Entry] = []
@@ -152,8 +159,8 @@ class Bulk:
         self.names: dict[int, str] = {}
         #: warnings, one sentence each
         self.told: list[str] = []
-        #: what the lines before the bulk data, if there are such, select: (what, number of the
-        #: subcase; 0: above all) -> set
+        #: selections of the case control, if there is one: (SPC, MPC or NSM, number of the subcase;
+        #: 0: above all subcases) -> set
         self.selected: dict[tuple[str, int], int] | None = None
         self._subcase = 0
         self._sources = sources
@@ -172,10 +179,12 @@ class Bulk:
         self._continuations.find_lost()
 
     def _read(self, lines: list[str], file: str) -> None:
+        """Read the lines of one file."""
         number = 0
         while number < len(lines) and not self._ended:
             number += 1
-            line, place = lines[number - 1], Place(file, number)
+            line = lines[number - 1]
+            place = Place(file, number)
             line, comment, text = line.partition("$")
             for pattern in PROPERTY_NAMES if comment else ():
                 if noted := pattern.match("$" + text):
@@ -205,6 +214,7 @@ class Bulk:
                 self._line(line.expandtabs(8), place)
 
     def _control(self, line: str) -> None:
+        """Read a line of case control."""
         if _begins(line):
             self._started = True
             return
@@ -214,6 +224,7 @@ class Bulk:
             self.selected[match[1].upper(), self._subcase] = int(match[2][:18])
 
     def _line(self, line: str, place: Place) -> None:
+        """Read a line of bulk data."""
         words = line.upper().split()
         if words[0].startswith("ENDDATA"):
             self._ended = True
@@ -254,11 +265,12 @@ class Bulk:
             self.entries[-1].fault = fault
 
     def _begin(self, entry: Entry, mark: str = "") -> None:
+        """Begin an entry."""
         self.entries.append(entry)
         self._continuations.ends(entry, mark)
 
     def _copy(self, name: str, fields: list[str], place: Place) -> None:
-        """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
+        """Copy the last entry: = repeats a field, == the remaining ones, *(2) adds 2."""
         place.needs(self.entries, "a copy (=) without an entry before it.")
         times = 1
         if name != "=":
@@ -275,10 +287,12 @@ class Bulk:
 
 
 def _begins(line: str) -> bool:
+    """Whether bulk data begins after this line."""
     return line.upper().split()[:2] == ["BEGIN", "BULK"]
 
 
 def _changed(old: str, change: str, place: Place) -> str:
+    """A field of a copied entry."""
     if not change.startswith("*"):
         return old if change == "=" else change
     step = change[1:].strip("() ")
@@ -288,7 +302,10 @@ def _changed(old: str, change: str, place: Place) -> str:
 
 
 def fields_of(line: str) -> tuple[str, list[str], bool, str]:
-    """(name, 4, 8, or if free more fields, whether they are large, mark of the continuation)."""
+    """(name, fields, whether they are large, mark of the continuation) of a line.
+
+    There are 4 large or 8 small fields; free format may have more.
+    """
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         first, *more = first.split() if first[:1].isalpha() else [first]
@@ -321,24 +338,25 @@ def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:
 
 
 class Cell(NamedTuple):
-    """An element that is a cell of a mesh, and the places of its fields (from 0)."""
+    """How an element that is a cell of a mesh is read; fields are counted from 0."""
 
     #: a key of `antiosc.io.neutral.EDGES`
     shape: str
     role: str
-    #: those that give its section
+    #: property cards that may give its section
     properties: tuple[str, ...]
-    #: which of its middle nodes lies on each edge; () without such
+    #: index of the middle node on each edge; () if it has none
     middles: tuple[int, ...] = ()
-    #: of its first node
+    #: field of its first node
     first: int = 2
-    #: of a shell: THETA or MCID, ZOFFS, TFLAG
+    #: fields of THETA or MCID, ZOFFS and TFLAG of a shell
     theta: int = 0
     offset: int = 0
     flag: int = 9
 
 
-_SOLID, _SHELL = ("solid", ("PSOLID", "PCOMPS")), ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
+_SOLID = ("solid", ("PSOLID", "PCOMPS"))
+_SHELL = ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
 #: Properties of beams.
 BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PBEND")
 _BEAM = Cell("line", "beam", BEAMS[:4])
@@ -362,14 +380,15 @@ CELLS = {
     "CONROD": _ROD._replace(properties=("PROD",), first=1),
     "CSHEAR": Cell("quad", "panel", ("PSHEAR",)),
 }
-#: Entries that are read as the nearest that is here -> what of them is not taken.
+#: Entries that are read as a similar one -> what of them is ignored.
 NEAREST = {
     **dict.fromkeys(("CTRIA3K", "CQUAD4K"), "rigidity in transverse shear"),
     "BEGIN SUPER": "reduction of superelements (the whole that they divide is read)",
 }
-_PLATE, _MEMBRANE = (0, 1, 2, 1, None, 1, None, 3), (0, 1, 2, None, None, None, None, 3)
-#: Entries of older versions -> those that they are now, and which of the older fields is in each of
-#: the newer ones; () where they are the same, and for those that `renew` names.
+_PLATE = (0, 1, 2, 1, None, 1, None, 3)
+_MEMBRANE = (0, 1, 2, None, None, None, None, 3)
+#: Entries of older versions -> (current entry, index of the older field for each current field;
+#: () if the fields are the same, or `renew` converts them).
 OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
     **dict.fromkeys(("CQUAD1", "CQUAD2", "CQDMEM", "CQDMEM1", "CQDMEM2"), ("CQUAD4", ())),
     **dict.fromkeys(("CTRIA1", "CTRIA2", "CTRMEM"), ("CTRIA3", ())),
@@ -380,7 +399,7 @@ OLDER: dict[str, tuple[str, tuple[int | None, ...]]] = {
     **{"CWEDGE": ("CPENTA", ()), "PIHEX": ("PSOLID", (0, 1, 2)), "CRIGD1": ("RBE2", ())},
     "CRIGD2": ("CRIGD2", ()),
 }
-#: Entries that define several of their kind in one line -> the number of fields of one.
+#: Entries that define several items in one line -> number of fields of each item.
 SEVERAL = {
     **dict.fromkeys(("CORD1R", "CORD1C", "CORD1S", "PELAS", "PVISC", "PQUAD2", "PTRIA2"), 4),
     **dict.fromkeys(("PQDMEM", "PQDMEM1", "PQDMEM2", "PTRMEM"), 4),
@@ -388,24 +407,24 @@ SEVERAL = {
 }
 #: Fields of CBAR and CBEAM that are blank together: property, orientation, offsets' axes.
 _OF_BARS = ((1,), (4, 5, 6), (7,))
-#: Entry -> the one that gives defaults, of which fields that are blank together.
+#: Entry -> (entry with its defaults, groups of fields that take them if all of a group are blank).
 DEFAULTS = {
     "GRID": ("GRDSET", ((1,), (5,), (6,))),
     "CBAR": ("BAROR", _OF_BARS),
     "CBEAM": ("BEAMOR", _OF_BARS),
 }
-#: Of the older ones, elements that name their material.
+#: Older elements that name a material instead of a property.
 OF_MATERIAL = ("CHEXA1", "CHEXA2", "CWEDGE")
 #: Properties that give sections.
 PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
-#: Elements that are read, but are no cells of a mesh.
+#: Elements that are read but are not cells of a mesh.
 BESIDE = (
     *(f"{kind}{k}" for kind in ("CELAS", "CDAMP", "CMASS") for k in (1, 2, 3, 4)),
     *("CONM1", "CONM2", "CVISC", "CBUSH", "CBUSH1D", "CGAP", "RBE2", "RBE3", "RBAR"),
 )
 #: Material, element or property -> the field (from 0) of its damping GE.
 DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
-#: Elements without a counterpart; names that begin with C and are in no list are such, too.
+#: Elements without a counterpart here, as are those that begin with C and are in no list.
 NO_COUNTERPART = """
 RBE1 RBAR1 RROD RTRPLT RTRPLT1 RSPLINE RJOINT RSSCON CFAST CWELD CSEAM CBEAM3 CBUSH2D CDAMP5 CTRIAX
 CTRIAX6 CTRAX3 CTRAX6 CQUADX CQUADX4 CQUADX8 CQUAD CPLSTN3 CPLSTN4 CPLSTN6 CPLSTN8 CPLSTS3 CPLSTS4
@@ -453,7 +472,7 @@ _REFUSED = {
     "a support of edges or surfaces": "SPCAX GMSPC GMBC GMBNDC FEEDGE FEFACE",
     "a generator of nodes or elements": "CGEN GRIDG EGRID",
 }
-#: Properties and materials of elements that are refused; one that is read and names them says so.
+#: Properties and materials of refused elements; an element that is read and names one is an error.
 _OF_OTHERS = """
 PFAST PWELD PSEAM PBEAM3 PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE PLSOLID PCOMPLS PBCOMP PBMSECT
 PBRSECT PCONEAX PMIC PACABS PAABSF PACBAR PGPLSN MAT3 MAT10 MAT3D MATG MATHE MATHP MATEV MATPOR
@@ -474,12 +493,12 @@ def fate_of(name: str) -> Fate:
 
 
 def is_other(name: str) -> bool:
-    """Whether an entry is an element, but not a cell of a mesh."""
+    """Whether an entry is an element but not a cell of a mesh."""
     return name in BESIDE or name.startswith("CHBDY") or fate_of(name) == Fate("refused")
 
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
-    """What becomes of the entries of a deck."""
+    """What becomes of each entry of a deck."""
     account = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
     for entry in entries:
         if entry.name in NEAREST:
@@ -489,7 +508,7 @@ def account_for(entries: Sequence[Entry], name: str) -> Account:
 
 
 def separated(entries: Sequence[Entry]) -> list[Entry]:
-    """The entries, each with one definition."""
+    """The entries, each split so that it defines one item."""
     separate = []
     for entry in entries:
         if (width := SEVERAL.get(entry.name)) is None:
@@ -501,24 +520,24 @@ def separated(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def fill(entries: Sequence[Entry]) -> None:
-    """Fill blank fields from the entry of defaults (BAROR, GRDSET, …) in the same part."""
+    """Fill blank fields with the defaults (BAROR, GRDSET, …) of the same part."""
     names = {name for name, _ in DEFAULTS.values()}
     defaults = {(entry.name, entry.place.scope): entry for entry in entries if entry.name in names}
     for entry in entries if defaults else ():
         name, groups = DEFAULTS.get(entry.name, ("", ()))
         if default := defaults.get((name, entry.place.scope)):
             entry.fields += [""] * (8 - len(entry.fields))
-            for some in groups:
-                if not any(entry.text(k) for k in some):
-                    if some in ((1,), (5,)):  # numbers of properties and systems
-                        default.whole(some[0], 0)
-                    entry.fields[some[0] : some[-1] + 1] = [default.text(k) for k in some]
+            for group in groups:
+                if not any(entry.text(k) for k in group):
+                    if group in ((1,), (5,)):  # numbers of properties and systems
+                        default.whole(group[0], 0)
+                    entry.fields[group[0] : group[-1] + 1] = [default.text(k) for k in group]
 
 
 def renew(entries: Sequence[Entry]) -> list[Entry]:
-    """Rewrite entries of old versions as current ones; returns entries to be added."""
-    made: dict[str, Entry] = {}
-    more: list[Entry] = []
+    """Rewrite entries of old versions as current ones; returns the entries to be added."""
+    solids: dict[str, Entry] = {}
+    links: list[Entry] = []
     known = {entry.text(0) for entry in entries if entry.name == "PSOLID"}
     for entry in entries:
         if entry.name not in OLDER:
@@ -526,23 +545,23 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
         old, (entry.name, order) = entry.name, OLDER[entry.name]
         if old in OF_MATERIAL:
             material = entry.text(1)
-            made.setdefault(material, Entry("PSOLID", entry.place, [material, material]))
+            solids.setdefault(material, Entry("PSOLID", entry.place, [material, material]))
         elif old == "CRIGD1":
             entry.fields[2:2] = ["123456"]
         elif old == "CRIGD2":  # pairs of a node and its components
             words = entry.words(0)
             pairs = zip(words[2::2], words[3::2], strict=False)
-            more += [Entry("RBE2", entry.place, [*words[:2], c, node]) for node, c in pairs]
+            links += [Entry("RBE2", entry.place, [*words[:2], c, node]) for node, c in pairs]
         elif old in ("PQUAD1", "PTRIA1"):
             entry.fields = _plate(entry)
         elif order:
             entry.fields = ["" if k is None else entry.text(k) for k in order]
         known.update([entry.text(0)] if entry.name == "PSOLID" else [])
-    return [entry for number, entry in made.items() if number not in known] + more
+    return [entry for number, entry in solids.items() if number not in known] + links
 
 
 def _plate(entry: Entry) -> list[str]:
-    """Fields of the PSHELL that a PQUAD1 or PTRIA1 is: I for 12I/T³, T3 for TS/T."""
+    """Fields of the PSHELL that equals a PQUAD1 or PTRIA1, with 12I/T³ for I and TS/T for T3."""
     second = entry.real(4)
     t = entry.real(2) or (12 * max(second, 0.0)) ** (1 / 3)
     entry.needs(t, f"{entry.name} needs a thickness, or I, above 0.")
@@ -553,7 +572,7 @@ def _plate(entry: Entry) -> list[str]:
 
 
 def tell_damping(account: Account, entries: Sequence[Entry]) -> None:
-    """Account for the damping of materials (GE) and of the structure (PARAM,G): ignored."""
+    """Report the damping of materials (GE) and of the structure (PARAM,G) as ignored."""
     for entry in entries:
         field = DAMPING.get(entry.name)
         if entry.name == "PARAM" and entry.text(0).upper() == "G":

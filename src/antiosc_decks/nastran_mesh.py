@@ -1,9 +1,9 @@
 """Nastran bulk data into nodes, elements and groups by property, with its coordinate systems.
 
-CORD1 and CORD2, rectangular, cylindrical, spherical. Parts (BEGIN SUPER) number their nodes,
-materials and properties anew: where they give one number to different things, or SELOC moves a
-part, each part has a scope, which is added to its numbers. Nodes of two such parts that coincide
-are one node, but for parts that SEBULK joins by SECONCT alone (MANUAL).
+Coordinate systems are CORD1 and CORD2, rectangular, cylindrical and spherical. Parts (BEGIN SUPER)
+may use the same numbers for different things: then, and if SELOC moves a part, each part has a
+scope, an offset that is added to its numbers. Coincident nodes of two such parts are one node,
+unless SEBULK says that SECONCT alone joins the part (MANUAL).
 """
 
 from __future__ import annotations
@@ -34,16 +34,20 @@ class System:
     kind: str = "R"
 
     def point(self, c: Array) -> Array:
-        """The point with coordinates `c`, in the basic system."""
+        """Position in the basic system of the point with coordinates `c`."""
         if self.kind != "R":
-            theta, phi = math.radians(c[1]), math.radians(c[2 if self.kind == "S" else 1])
-            across, up = (c[0], c[2]) if self.kind == "C" else (
-                c[0] * math.sin(theta), c[0] * math.cos(theta))  # fmt: skip
+            theta = math.radians(c[1])
+            phi = math.radians(c[2 if self.kind == "S" else 1])
+            across, up = (
+                (c[0], c[2])
+                if self.kind == "C"
+                else (c[0] * math.sin(theta), c[0] * math.cos(theta))
+            )
             c = np.array([across * math.cos(phi), across * math.sin(phi), up])
         return np.asarray(self.origin + c @ self.axes)
 
     def frame(self, x: Array) -> Array:
-        """Unit vectors (3, 3), as rows, of the system's directions at the point `x`."""
+        """Unit vectors of the system's directions at the point `x`, as rows (3, 3)."""
         if self.kind == "R":
             return self.axes
         a, b, c = self.axes @ (x - self.origin)
@@ -54,7 +58,8 @@ class System:
         rows = [outward, around, up]
         if self.kind == "S":
             theta = math.atan2(math.hypot(a, b), c)
-            sine, cosine = math.sin(theta), math.cos(theta)
+            sine = math.sin(theta)
+            cosine = math.cos(theta)
             rows = [sine * outward + cosine * up, cosine * outward - sine * up, around]
         return np.asarray(np.stack(rows) @ self.axes)
 
@@ -63,18 +68,21 @@ BASIC = System(np.zeros(3), np.eye(3))
 
 
 def axes_of(points: list[Array], entry: Entry) -> System:
-    """The system of three points: its origin, x to the second, z across all."""
+    """The system of three points: origin, point on x, point in the xy plane."""
     a = points[0]
-    x, arm = points[1] - a, points[2] - a
-    z, size = np.cross(x, arm), np.linalg.norm(x)
+    x = points[1] - a
+    arm = points[2] - a
+    z = np.cross(x, arm)
+    size = np.linalg.norm(x)
     apart = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
     entry.needs(apart, f"the three points of {entry.name} lie on one line.")
-    x, z = x / size, z / np.linalg.norm(z)
+    x = x / size
+    z = z / np.linalg.norm(z)
     return System(a, np.stack([x, np.cross(z, x), z]))
 
 
 class Systems:
-    """The coordinate systems of a deck, each computed when it is first used."""
+    """The coordinate systems of a deck; each is computed on first use."""
 
     def __init__(self, entries: list[Entry], node: Callable[[int, Place], Array]) -> None:
         self._node = node
@@ -85,7 +93,7 @@ class Systems:
         self._given = defined_once(definitions, "coordinate system")
 
     def move(self, moved: Mapping[int, System]) -> None:
-        """Parts of the deck lie elsewhere: scope -> where their basic system is."""
+        """Set the basic systems of parts that SELOC moves: scope -> system."""
         self._moved = moved
         self._placed.clear()
 
@@ -105,6 +113,7 @@ class Systems:
         return self._placed[number]
 
     def _place(self, entry: Entry) -> System:
+        """Compute the system of an entry."""
         if entry.name.startswith("CORD1"):
             points = [self._node(entry.whole(k), entry.place) for k in (1, 2, 3)]
         else:
@@ -117,16 +126,16 @@ class Systems:
 # --- Parts ----------------------------------------------------------------------------------------
 
 
-#: Above all numbers of a part.
+#: Offset between the numbers of two parts; larger than any number.
 SCOPE = 10**10
-#: Beginnings of the names of entries that define what others name.
+#: Beginnings of the names of entries that others refer to by number.
 DEFINED = ("GRID", "P", "MAT", "CORD")
-#: Nodes of two parts that are nearer are one, in the deck's unit.
+#: Nodes of two parts that are closer than this, in the deck's unit, are one node.
 NEAR = 1e-5
 
 
 def scope_parts(entries: list[Entry]) -> None:
-    """Set the scopes of the entries, where the parts need them."""
+    """Set the scopes of all entries if the parts use numbers for different things."""
     part, scopes = 0, []
     known: dict[tuple[str, str], tuple[int, list[str]]] = {}
     clash = any(entry.name == "SELOC" for entry in entries)
@@ -142,41 +151,41 @@ def scope_parts(entries: list[Entry]) -> None:
 
 
 def label_of(number: int) -> str:
-    """The name of a property of a part."""
+    """Name of a property, with its part."""
     part, label = divmod(number, SCOPE)
     return f"{label}" + (f" of part {part}" if part else "")
 
 
 def place_in(entries: list[Entry], entry: Entry, k: int) -> Place:
-    """The place of an entry as if it stood in the part that its field k names."""
-    scoped = any(one.place.scope for one in entries)
+    """The place of an entry with the scope of the part that its field `k` names."""
+    scoped = any(other.place.scope for other in entries)
     return replace(entry.place, scope=entry.whole(k, 0) * SCOPE * scoped)
 
 
 def moved_parts(
     entries: list[Entry], node: Callable[[int, Place], Array], systems: Systems
 ) -> dict[int, System]:
-    """Scope of a part -> where SELOC moves its basic system: three of its nodes to three others."""
+    """Scope of a part -> its basic system after SELOC, which moves three nodes to three points."""
     points = {entry.whole(0): entry for entry in entries if entry.name == "POINT"}
     moves = {}
 
     def aim(number: int, place: Place) -> Array:
         if number not in points:
             return node(number, place)
-        at = points[number]
-        return systems(at.whole(1, 0), at.place).point(np.array(at.reals(2, 5)))
+        point = points[number]
+        return systems(point.whole(1, 0), point.place).point(np.array(point.reals(2, 5)))
 
     for entry in entries:
         if entry.name == "SELOC":
             placement = place_in(entries, entry, 0)
             a = axes_of([node(entry.whole(k), placement) for k in (1, 2, 3)], entry)
             b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
-            turn = a.axes.T @ b.axes
-            moves[placement.scope] = System(b.origin - a.origin @ turn, turn)
+            rotation = a.axes.T @ b.axes
+            moves[placement.scope] = System(b.origin - a.origin @ rotation, rotation)
     return moves
 
 
-#: What the case control selects -> the entries of these sets; the one that adds them ends with ADD.
+#: Selection of the case control -> entries with such sets; the name of their sum ends with ADD.
 SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", "NSML1")}
 #: Elements between scalar motions, by the first letters of their names.
 SCALARS = ("CELAS", "CDAMP", "CMASS")
@@ -187,9 +196,9 @@ class Beam(NamedTuple):
 
     #: place of its middle, from 0 to 1
     middle: float = 0.0
-    #: whether its ends are its own
+    #: whether its ends are nodes of its own
     moved: bool = False
-    #: direction of plane 1, of a piece of a curved beam
+    #: direction of plane 1 of a piece of a curved beam
     height: Array | None = None
 
 
@@ -201,7 +210,7 @@ class NastranDeck:
     bulk: Bulk
     nodes: Numbering
     systems: Systems
-    #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
+    #: GRID entries in the order of rows; row -> number of scalar points, which follow them
     grids: list[Entry]
     scalar: dict[int, int]
     #: what becomes of each entry
@@ -210,21 +219,21 @@ class NastranDeck:
     elements: list[Entry] = field(default_factory=list)
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
-    #: what is special about elements that are beams, by their number
+    #: element -> its beam, if it was divided or has ends of its own
     beams: dict[int, Beam] = field(default_factory=dict)
 
     def named(self, *names: str) -> list[Entry]:
-        """All entries of these names."""
+        """All entries with one of these names."""
         return [entry for entry in self.bulk.entries if entry.name in names]
 
     def parameter(self, name: str) -> Entry | None:
-        """PARAM with a name."""
+        """The PARAM entry of this name."""
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects, or else all.
+        """Numbers of the SPC, MPC or NSM sets that the first subcase selects, else of all sets.
 
-        The choice is told; MeshError for supports that are not there.
+        The choice is reported; MeshError if a selected SPC set does not exist.
         """
         name = self.deck.name
         present = {entry.whole(0) for entry in self.named(*SETS[what])}
@@ -237,31 +246,35 @@ class NastranDeck:
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
         used = set() if first is None else {first}
         if first in sums:
-            words, place = sums[first].words(1), sums[first].place
+            words = sums[first].words(1)
+            place = sums[first].place
             used = {whole_number(word, place) for word in words} | used & present
-        lost, others = used - present, (present | set(sums)) - used - {first}
-        if lost == used and what == "SPC" and used:
+        missing = used - present
+        others = (present | set(sums)) - used - {first}
+        if missing == used and what == "SPC" and used:
             message = f"the case control of {name} selects SPC = {first}"
             raise MeshError(f"{message}, which is not there.")
-        if lost:
-            self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
+        if missing:
+            self.deck.told.append(
+                f"{what} = {first} of {name} needs the {_sets(missing)}, not there."
+            )
         if others:
             message = f"not used of {name}: {what} {_sets(others)}"
             self.deck.told.append(f"{message}, which the first subcase does not select.")
         return used & present
 
     def element_labels(self) -> IntArray:
-        """Numbers of the elements, in the order of the deck's."""
+        """Numbers of the elements in the deck's order."""
         return np.array([entry.whole(0) for entry in self.elements], dtype=np.int64)
 
     def row(self, label: int, place: Place) -> int:
-        """Row of the node `label`."""
+        """Row of the node numbered `label`."""
         row = int(self.nodes.rows(np.array([label + place.scope]))[0])
         place.needs(row >= 0, f"there is no GRID {label}.")
         return row
 
     def at(self, entry: Entry, k: int) -> int:
-        """Row of the node in field k of an entry."""
+        """Row of the node in field `k` of an entry."""
         return self.row(entry.whole(k), entry.place)
 
     def properties(self, name: str) -> dict[int, Entry]:
@@ -273,7 +286,7 @@ class NastranDeck:
         return np.array([entry.property_number() for entry in self.elements], dtype=np.int64)
 
     def set_groups(self) -> None:
-        """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
+        """Set element sets by property number (and name), and node sets by SPC."""
         numbers = self.property_numbers()
         for number in map(int, np.unique(numbers[numbers > 0])):
             for name in filter(None, (label_of(number), self.bulk.names.get(number))):
@@ -283,7 +296,7 @@ class NastranDeck:
                 self.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
 
     def constraints(self, number: int) -> Iterator[tuple[IntArray, str, Entry]]:
-        """(rows of nodes, components such as "123", entry) of one set of SPC and SPC1."""
+        """Yields (rows of nodes, components such as "123", entry) of one SPC set."""
         for entry in self.named("SPC", "SPC1"):
             if entry.whole(0) != number:
                 continue
@@ -296,31 +309,35 @@ class NastranDeck:
                 yield self.nodes.between(*ends), entry.text(1), entry
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
-        """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
+        """[(row, motion 0 to 5)] of the ends of CELAS, CDAMP or CMASS, without the ground."""
         two = entry.name[-1] in "12"
         ends = []
         for k in (2, 4) if two else (2, 3):
             if entry.whole(k, 0):
                 row = self.at(entry, k)
                 motion = entry.whole(k + 1, 0) - 1 if two else -1
-                there = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
-                entry.needs(there, f"{entry.name} acts on a component from 1 to 6 of a GRID, or a "
-                            "scalar point.")  # fmt: skip
+                exists = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
+                entry.needs(
+                    exists,
+                    f"{entry.name} acts on a component from 1 to 6 of a GRID, or a scalar point.",
+                )
                 ends.append((row, max(motion, 0)))
         entry.needs(ends, f"{entry.name} acts on no node.")
         return ends
 
     def frame(self, row: int, place: Place) -> Array:
-        """Directions of the displacements at a node, as rows."""
+        """Directions of the displacements at a node, as rows (3, 3)."""
         number = max(self.systems_of.get(row, 0), 0)
         place = self.grids[row].place if row < len(self.grids) else place
         return self.systems(number, place).frame(self.deck.points[row])
 
     def coincident(self) -> Iterator[tuple[int, int]]:
-        """Pairs (row, row of an earlier node) of nodes of two parts in one place."""
+        """Yields (row, row of an earlier node) of coincident nodes of two parts."""
         scopes = np.array([grid.place.scope for grid in self.grids])
-        apart = [one for one in self.named("SEBULK") if one.text(3).upper() == "MANUAL"]
-        manual = {one.whole(0) * SCOPE for one in apart}
+        manual_parts = [
+            entry for entry in self.named("SEBULK") if entry.text(3).upper() == "MANUAL"
+        ]
+        manual = {entry.whole(0) * SCOPE for entry in manual_parts}
         if not scopes.any():
             return
         from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
@@ -328,21 +345,24 @@ class NastranDeck:
         done: set[int] = set()
         pairs = cKDTree(self.deck.points[: len(scopes)]).query_pairs(NEAR)
         for first, second in sorted(pairs):
-            both = {scopes[first], scopes[second]}
-            if len(both) == 2 and second not in done and not both & manual:
+            pair_scopes = {scopes[first], scopes[second]}
+            if len(pair_scopes) == 2 and second not in done and not pair_scopes & manual:
                 done.add(second)
                 yield second, first
 
     def axes(self, entry: Entry, number: int) -> Array:
-        """The axes of a rectangular system as rows."""
+        """Axes of a rectangular system, as rows."""
         system = self.systems(number, entry.place)
-        entry.needs(system.kind == "R", f"{entry.name} is read in rectangular systems; give the "
-                    f"coordinate system {number} as CORD2R.")  # fmt: skip
+        entry.needs(
+            system.kind == "R",
+            f"{entry.name} is read in rectangular systems; give the "
+            f"coordinate system {number} as CORD2R.",
+        )
         return system.axes
 
 
 def read(sources: Sources) -> NastranDeck:
-    """The deck in some files."""
+    """Read a deck from its files."""
     bulk = Bulk(sources)
     for entry in bulk.entries:
         if entry.fault and cards.fate_of(entry.name).kind == "read":
@@ -353,31 +373,33 @@ def read(sources: Sources) -> NastranDeck:
     bulk.entries = cards.separated(bulk.entries)
     scope_parts(bulk.entries)
     cards.fill(bulk.entries)
-    found = _nodes(bulk, sources.name)
-    found.deck.told += [*bulk.told, *found.account.unknown()]
+    deck = _nodes(bulk, sources.name)
+    deck.deck.told += [*bulk.told, *deck.account.unknown()]
     bulk.entries += cards.renew(bulk.entries)
-    _rods_of_bars(found)
-    _without_fluids(found)
-    _elements(found)
-    found.set_groups()
-    return found
+    _rods_of_bars(deck)
+    _without_fluids(deck)
+    _elements(deck)
+    deck.set_groups()
+    return deck
 
 
 def _sets(numbers: set[int]) -> str:
+    """Text that names some sets."""
     shown = ", ".join(map(str, sorted(numbers)[:8])) + ", …" * (len(numbers) > 8)
     return f"set{'s' * (len(numbers) > 1)} {shown}"
 
 
 def _nodes(bulk: Bulk, name: str) -> NastranDeck:
+    """The deck with its nodes."""
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
     grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
-    both = np.intersect1d(labels, scalar)
-    if len(both):
-        raise MeshError(f"{name} defines {both[0]} as a GRID and as an SPOINT.")
+    twice = np.intersect1d(labels, scalar)
+    if len(twice):
+        raise MeshError(f"{name} defines {twice[0]} as a GRID and as an SPOINT.")
     nodes = Numbering(np.concatenate([labels, scalar]))
     placed: dict[int, Array] = {}
 
@@ -385,7 +407,8 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in placed:
-            number, c = grids[row].whole(1, 0), np.array(grids[row].reals(2, 5))
+            number = grids[row].whole(1, 0)
+            c = np.array(grids[row].reals(2, 5))
             placed[row] = systems(number, grids[row].place).point(c)
         return placed[row]
 
@@ -398,16 +421,16 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=numbers)
     rows = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     account = cards.account_for(bulk.entries, name)
-    found = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
+    deck_read = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
     for row, grid in enumerate(grids):
         number = grid.whole(5, 0)
         if number or grid.place.scope in moved:
-            found.systems_of[row] = number
-    return found
+            deck_read.systems_of[row] = number
+    return deck_read
 
 
 def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
-    """Number -> its entry; MeshError for two that differ."""
+    """Number -> its entry; MeshError if two entries of one number differ."""
     first: dict[int, Entry] = {}
     for entry in entries:
         known = first.setdefault(entry.number(0), entry)
@@ -419,7 +442,7 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
 
 
 def _scalar_points(bulk: Bulk) -> IntArray:
-    """Numbers of the scalar points: of SPOINT, and the ends of elements between such points."""
+    """Numbers of the scalar points: of SPOINT, and ends of scalar elements."""
     numbers: set[int] = set()
     for entry in bulk.entries:
         if entry.name[:-1] in SCALARS and entry.name[-1] in "34":
@@ -431,50 +454,52 @@ def _scalar_points(bulk: Bulk) -> IntArray:
     return np.array(sorted(numbers), dtype=np.int64)
 
 
-def _rods_of_bars(found: NastranDeck) -> None:
-    """CBAR of a PBAR without second moments are CROD; the model tells it."""
-    bars = found.named("PBAR")
-    some = [one for one in bars if not any(one.text(k).strip("+-.0") for k in (3, 4))]
-    bare = {entry.text(0): entry for entry in some}
-    for entry in found.named("CBAR"):
-        if (entry.text(1) or entry.text(0)) in bare:
+def _rods_of_bars(deck: NastranDeck) -> None:
+    """Turn CBAR whose PBAR has no second moments into CROD, and report it."""
+    bars = deck.named("PBAR")
+    without_bending = [bar for bar in bars if not any(bar.text(k).strip("+-.0") for k in (3, 4))]
+    rods = {entry.text(0): entry for entry in without_bending}
+    for entry in deck.named("CBAR"):
+        if (entry.text(1) or entry.text(0)) in rods:
             entry.name, entry.fields = "CROD", entry.fields[:4]
-    for entry in bare.values():
+    for entry in rods.values():
         area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
         entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
         message = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
-        found.account.options.append((message, entry.place, Fate("ignored")))
+        deck.account.options.append((message, entry.place, Fate("ignored")))
 
 
-def _without_fluids(found: NastranDeck) -> None:
-    """Leave out the elements of a PSOLID that is a fluid; the model tells it."""
-    fluids = {one.text(0): one for one in found.named("PSOLID")
-              if one.text(6) not in ("", "SMECH")}  # fmt: skip
+def _without_fluids(deck: NastranDeck) -> None:
+    """Drop the elements of a fluid PSOLID, and report it."""
+    fluids = {
+        solid.text(0): solid for solid in deck.named("PSOLID") if solid.text(6) not in ("", "SMECH")
+    }
     solids = {name for name, cell in CELLS.items() if "PSOLID" in cell.properties}
-    kept, count = [], Counter[str]()
-    for entry in found.bulk.entries:
+    kept = []
+    count = Counter[str]()
+    for entry in deck.bulk.entries:
         prop = entry.text(1) or entry.text(0)
         if entry.name in solids and prop in fluids:
             count[prop] += 1
         else:
             kept.append(entry)
-    found.bulk.entries = kept
-    for prop, many in count.items():
-        message = f"PSOLID of a fluid (FCTN={fluids[prop].text(6)}) with its {many} elements"
-        found.account.options.append((message, fluids[prop].place, Fate("ignored")))
+    deck.bulk.entries = kept
+    for prop, number in count.items():
+        message = f"PSOLID of a fluid (FCTN={fluids[prop].text(6)}) with its {number} elements"
+        deck.account.options.append((message, fluids[prop].place, Fate("ignored")))
 
 
-def _elements(found: NastranDeck) -> None:
-    """Blocks by type and number of nodes; elements keep the order of their blocks."""
-    sorted_out: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
+def _elements(deck: NastranDeck) -> None:
+    """Add blocks by type and number of nodes; elements keep the order of the blocks."""
+    groups: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
     seen: set[int] = set()
-    for entry in found.bulk.entries:
+    for entry in deck.bulk.entries:
         cell = CELLS.get(entry.name)
         if entry.name == "BEGIN SUPER":  # which numbers its elements anew
             seen = set()
         if cell is None:
             if cards.is_other(entry.name):
-                found.deck.left[entry.name] += 1
+                deck.deck.left[entry.name] += 1
             continue
         corners = CORNERS[cell.shape]
         blank = None if cell.role in ("beam", "rod") else 0  # 0: left out
@@ -483,17 +508,17 @@ def _elements(found: NastranDeck) -> None:
         label = entry.whole(0)
         entry.needs(label not in seen, f"the element {label} is defined more than once.")
         seen.add(label)
-        sorted_out.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
-    for (name, curved), some in sorted_out.items():
+        groups.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
+    for (name, curved), members in groups.items():
         cell = CELLS[name]
         corners = CORNERS[cell.shape]
-        table = np.array([nodes for _, nodes in some], dtype=np.int64)
-        rows = np.where(table > 0, found.nodes.rows(table), -1)
-        lost = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
-        for row, k in np.argwhere(lost):
-            message = f"{name} {some[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
-            raise some[row][0].place.error(f"{message}, for which there is no GRID.")
+        table = np.array([nodes for _, nodes in members], dtype=np.int64)
+        rows = np.where(table > 0, deck.nodes.rows(table), -1)
+        missing = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
+        for row, k in np.argwhere(missing):
+            message = f"{name} {members[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
+            raise members[row][0].place.error(f"{message}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]
         tables = rows[:, :corners], mids, mids[:, :0]
-        found.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
-        found.elements += [entry for entry, _ in some]
+        deck.deck.blocks.append(Block(cell.shape, name, *tables, cell.role))
+        deck.elements += [entry for entry, _ in members]

@@ -20,9 +20,9 @@ from antiosc_decks.properties import Material, symmetric, tube
 
 #: Material -> the field of its density.
 MATERIALS = {"MAT1": 4, "MAT2": 7, "MAT8": 7, "MAT9": 22, "MAT11": 10}
-#: Largest ν of a beam; a smaller G than it gives is in the section.
+#: Largest ν of a beam; if G is smaller than E/(2(1 + ν)), the section is reduced instead.
 NU_OF_BEAMS = 0.49
-#: Beginnings of properties of springs, dampers and masses, and of loads, which share numbers.
+#: Beginnings of entries that may share a number with a property of cells: springs, loads, …
 NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PVISC", "PBUSH", "PMASS", "PARAM", "PLOTEL")
 #: Field of the thickness of the first corner.
 OWN_THICKNESS = 10
@@ -32,7 +32,7 @@ NORMAL = 0.05
 
 @dataclass
 class Properties:
-    """Adds the properties of a deck to its builder; masses times `factor` (PARAM,WTMASS)."""
+    """Adds the property cards of a deck to its builder; masses are multiplied by `factor`."""
 
     found: NastranDeck
     builder: ModelBuilder
@@ -41,7 +41,9 @@ class Properties:
     def read(self) -> None:
         """Set the section of every element."""
         entries = defined_once(self.found.named(*MATERIALS), "material")
-        self._materials = {own: self._material_of(entry) for own, entry in entries.items()}
+        self._materials = {
+            material_number: self._material_of(entry) for material_number, entry in entries.items()
+        }
         known = defined_once(self.found.named(*PROPERTIES), "property")
         every = self.found.elements
         numbers = self.found.property_numbers()
@@ -61,9 +63,12 @@ class Properties:
             add(self, entry, label_of(int(number)), elements)
 
     def _unknown(self, element: Entry, number: int) -> MeshError:
-        """The error of an element without a property that is read."""
-        others = [entry.name for entry in self.found.bulk.entries
-                  if entry.name.startswith("P") and entry.text(0) == str(number)]  # fmt: skip
+        """The error of an element whose property is missing or not supported."""
+        others = [
+            entry.name
+            for entry in self.found.bulk.entries
+            if entry.name.startswith("P") and entry.text(0) == str(number)
+        ]
         kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), "")
         what = f"which is none of {', '.join(PROPERTIES)} in the deck."
         if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
@@ -73,6 +78,7 @@ class Properties:
         return element.place.error(f"{label} has the property {number}, {what}")
 
     def _material_of(self, entry: Entry) -> Material:
+        """The material of an entry."""
         number = entry.whole(0)
         material = Material(f"{entry.name} {number}", entry.place)
         density = entry.real(MATERIALS[entry.name])
@@ -104,72 +110,86 @@ class Properties:
         return material
 
     def _material(self, entry: Entry, k: int) -> Material:
-        """The material whose number is in field k (from 0)."""
+        """The material whose number is in field `k` (from 0)."""
         number = entry.number(k)
         message = "there is no MAT1, MAT2, MAT8, MAT9 or MAT11 with the number "
         return entry.place.found(self._materials, number, f"{message}{number % SCOPE}.")
 
-    def _beside(self, extra: float, size: float) -> float:
-        """Nonstructural mass per area or length, as density of the thickness or cross-section."""
-        return extra * self.factor / size * self.builder.units.density if size else 0.0
+    def _extra_density(self, extra: float, size: float) -> float:
+        """Nonstructural mass per area or length as additional density of the section, kg/m³."""
+        if size:
+            return extra * self.factor / size * self.builder.units.density
+        return 0.0
 
-    def _tell_beside(self, entry: Entry, extra: float) -> None:
+    def _tell_extra(self, entry: Entry, extra: float) -> None:
+        """Report that nonstructural mass is spread over the section."""
         if extra:
             message = f"where the nonstructural mass of {entry.name} {entry.text(0)} lies"
             self.builder.tell_once(f"{message}, it is spread over the section")
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """Add PSOLID."""
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
         if stiffness is None:
             family = Family("Solid", self.builder.isotropic(material, "solids"), entry.place)
         else:
-            entry.needs(number not in ("", "-1"), f"PSOLID with {material.name} has its directions "
-                        "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
-                        "system.")  # fmt: skip
+            entry.needs(
+                number not in ("", "-1"),
+                f"PSOLID with {material.name} has its directions "
+                "in each element's own system (CORDM); give CORDM = 0 or a rectangular "
+                "system.",
+            )
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
             arguments = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
             family = Family("AnisotropicSolid", arguments, entry.place)
         self.builder.add(name, elements, family)
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """PCOMPS: layers of one isotropic material are a solid of it."""
+        """Add PCOMPS, whose layers must be of one isotropic material: a solid."""
         numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
         plain = Entry("PCOMPS", entry.place, [name, *numbers])
-        alike = len(numbers) == 1 and self._material(plain, 1).isotropic is not None
-        entry.needs(alike, "PCOMPS is read with layers of one isotropic material alone.")
+        one_isotropic = len(numbers) == 1 and self._material(plain, 1).isotropic is not None
+        entry.needs(one_isotropic, "PCOMPS is read with layers of one isotropic material alone.")
         self._solid(plain, name, elements)
 
     def _rods(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """Add PROD, PTUBE or CONROD."""
         k = 3 if entry.name == "CONROD" else 1
         if entry.name == "PTUBE":
-            outer, t = entry.real(2, None), entry.real(3)
+            outer = entry.real(2, None)
+            t = entry.real(3)
             same = entry.real(5, outer) == outer
             entry.needs(same, "tapered tubes (PTUBE with OD2) are not supported.")
             pipe = tube(outer / 2, t or outer / 2)
-            area, torsion, extra = pipe.A, pipe.J, entry.real(4)
+            area = pipe.A
+            torsion = pipe.J
+            extra = entry.real(4)
         else:
-            area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
+            area = entry.real(k + 1)
+            torsion = entry.real(k + 2)
+            extra = entry.real(k + 4)
         entry.needs(area > 0, f"{entry.name} needs an area above 0.")
         length = self.builder.units.length
         arguments = self.builder.isotropic(self._material(entry, k), "rods")
         arguments |= {"area": area * length**2, "torsion": torsion * length**4}
-        arguments["rho"] += self._beside(extra, area)
+        arguments["rho"] += self._extra_density(extra, area)
         self.builder.add("rods", elements, Family("Truss", arguments, entry.place))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """Add PSHEAR."""
         t, extra, *sides = entry.real(2, None), *entry.reals(3, 6)
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
         arguments = self.builder.isotropic(self._material(entry, 1), "shear panels")
         arguments |= {"thickness": t * self.builder.units.length, "sides": sides}
-        arguments["rho"] += self._beside(extra, t)
+        arguments["rho"] += self._extra_density(extra, t)
         self.builder.add(name, elements, Family("Panel", arguments, entry.place))
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add the elements of one property, grouped by place, orientation and offset."""
-        along = BeamProfiles(entry)
-        for note in along.told:
+        """Add the beams of one property, grouped by place, orientation and offset."""
+        profiles = BeamProfiles(entry)
+        for note in profiles.told:
             self.builder.tell_once(note)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
@@ -178,7 +198,7 @@ class Properties:
         density = self.builder.rho(material)
         length = self.builder.units.length
         tangents = geometry.tangents_of(self.found.deck, elements)
-        apart: dict[tuple[float, ...], list[int]] = {}
+        groups: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
             beam = self.found.beams.get(int(element), Beam())
             entry_of = self.found.elements[element]
@@ -187,32 +207,36 @@ class Properties:
             )
             offset = 0.0 if beam.moved else float(offsets_of(self.found, entry_of)[0] @ height)
             key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
-            apart.setdefault(key, []).append(k)
-        for key, some in apart.items():
-            one = along.at(key[4])
-            self._tell_beside(entry, one.extra)
-            profile = one.profile
+            groups.setdefault(key, []).append(k)
+        for key, members in groups.items():
+            section = profiles.at(key[4])
+            self._tell_extra(entry, section.extra)
+            profile = section.profile
             height = np.array(key[:3])
-            if one.angle:
-                entry.needs(not key[3], f"{entry.name} with I12 and with offsets of its elements "
-                            "is not supported; rotate the section to its principal "
-                            "axes.")  # fmt: skip
-                side = np.cross(tangents[some[0]], height)
-                height = math.cos(one.angle) * height + math.sin(one.angle) * side
+            if section.angle:
+                entry.needs(
+                    not key[3],
+                    f"{entry.name} with I12 and with offsets of its elements "
+                    "is not supported; rotate the section to its principal "
+                    "axes.",
+                )
+                side = np.cross(tangents[members[0]], height)
+                height = math.cos(section.angle) * height + math.sin(section.angle) * side
             profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
             arguments: Json = {
                 "E": E,
                 "nu": min(nu, NU_OF_BEAMS),
-                "rho": density + self._beside(one.extra, profile.A),
+                "rho": density + self._extra_density(section.extra, profile.A),
                 "section": profile.section(length),
                 "orientation": height.tolist(),
                 "offset": key[3] * length,
-                "shear": one.sheared,
+                "shear": section.sheared,
             }
-            group = name if len(apart) == 1 else f"{name} along {key[:3]}"
-            self.builder.add(group, elements[some], Family("Beam", arguments, entry.place))
+            group = name if len(groups) == 1 else f"{name} along {key[:3]}"
+            self.builder.add(group, elements[members], Family("Beam", arguments, entry.place))
 
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """Add PSHELL."""
         number = entry.text(0)
         for k, other, what in ((1, 3, "stretching"), (3, 1, "bending")):
             if not entry.text(k) and entry.text(other):
@@ -223,42 +247,47 @@ class Properties:
                 self.builder.tell_once(message)
         strained = entry.whole(3) == -1
         entry.needs(not strained, "PSHELL in plane strain (MID2 = -1) is not supported.")
-        entry.needs(not entry.text(10), "PSHELL with MID4, which couples stretching with bending, "
-                    "is not supported; give the layers by PCOMP, or an offset.")  # fmt: skip
+        entry.needs(
+            not entry.text(10),
+            "PSHELL with MID4, which couples stretching with bending, "
+            "is not supported; give the layers by PCOMP, or an offset.",
+        )
         material = self._material(entry, 1)
         same = material.plane is None and entry.whole(3) == entry.whole(1)
         plain = same and entry.real(4, 1.0) == 1
         share = entry.real(6, 5 / 6)
         shear = entry.text(5) in ("", entry.text(1)) and abs(share - 5 / 6) <= 1e-3
         if not entry.text(5):
-            its = "its material's" if plain else "that of MID1 with 5/6"
-            message = f"the rigid transverse shear of PSHELL {number} (no MID3), {its} is taken"
+            taken = "its material's" if plain else "that of MID1 with 5/6"
+            message = f"the rigid transverse shear of PSHELL {number} (no MID3), {taken} is taken"
             self.builder.tell_once(message)
-        self._tell_beside(entry, entry.real(7))
+        self._tell_extra(entry, entry.real(7))
         length = self.builder.units.length
-        for thickness, offset, some in self._by_thickness(elements, entry.real(2), entry):
+        for thickness, offset, members in self._by_thickness(elements, entry.real(2), entry):
             offset += entry.real(12)
-            extra = self._beside(entry.real(7), thickness)
+            extra = self._extra_density(entry.real(7), thickness)
             if not plain or not shear:
                 self._directed(
-                    entry, name, some, "GivenSheet", self._given(entry, thickness), offset
+                    entry, name, members, "GivenSheet", self._given(entry, thickness), offset
                 )
             elif material.isotropic is None:
                 layer = self.builder.layer(material, thickness, 0.0)
                 layer["rho"] += extra
-                self._directed(entry, name, some, "Laminate", {"layers": [layer]}, offset)
+                self._directed(entry, name, members, "Laminate", {"layers": [layer]}, offset)
             else:
                 arguments = self.builder.isotropic(material, "shells") | {
                     "thickness": thickness * length
                 }
                 arguments["rho"] += extra
-                self.builder.add_shells(name, some, Family("Shell", arguments, entry.place), offset)
+                self.builder.add_shells(
+                    name, members, Family("Shell", arguments, entry.place), offset
+                )
 
     def _by_thickness(
         self, elements: IntArray, thickness: float, entry: Entry
     ) -> Iterator[tuple[float, float, IntArray]]:
-        """(thickness, offset, elements) of elements that are alike."""
-        apart: dict[tuple[float, float], list[int]] = {}
+        """Yields (thickness, offset, elements) for elements with equal thickness and offset."""
+        groups: dict[tuple[float, float], list[int]] = {}
         varying = 0
         label = f"{entry.name} {entry.text(0)}"
         for element in elements:
@@ -277,21 +306,27 @@ class Properties:
             )
             varying += max(values) - min(values) > 1e-9 * max(values)
             key = (float(np.round(np.mean(values), 12)), element_entry.real(cell.offset))
-            apart.setdefault(key, []).append(int(element))
+            groups.setdefault(key, []).append(int(element))
         if varying:
             message = f"the variation of the thickness within {varying} elements of {label}"
             self.builder.tell_once(f"{message}, the mean of the corners is taken in each")
-        return ((t, offset, np.array(some)) for (t, offset), some in apart.items())
+        return ((t, offset, np.array(members)) for (t, offset), members in groups.items())
 
     def _given(self, entry: Entry, thickness: float) -> Json:
-        """PSHELL by its stiffnesses: A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3."""
-        ratio, share = entry.real(4, 1.0), entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
+        """Arguments of `GivenSheet` for a PSHELL with separate materials.
+
+        A = T Q1, D = (12I/T³) T³/12 Q2, S = TS G3, Q being the plane-stress stiffness.
+        """
+        ratio = entry.real(4, 1.0)
+        share = entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
         fields = (k if entry.text(k) else 1 for k in (1, 3, 5))
         membrane, bending, across = (self._material(entry, k) for k in fields)
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
-        mass = self.builder.rho(membrane) * t + self._beside(entry.real(7), 1.0) * units.length
+        mass = (
+            self.builder.rho(membrane) * t + self._extra_density(entry.real(7), 1.0) * units.length
+        )
         return {
             "A": (_plane(membrane) * units.stress * t).tolist(),
             "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
@@ -300,6 +335,7 @@ class Properties:
         }
 
     def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
+        """Add PCOMP or PCOMPG."""
         plies = []
         material, thickness = "", ""
         step, first = (8, 9) if entry.name == "PCOMPG" else (4, 8)
@@ -307,7 +343,8 @@ class Properties:
             if not entry.words(start, start + 4):
                 continue
             k = start + first - 8
-            material, thickness = entry.text(k) or material, entry.text(k + 1) or thickness
+            material = entry.text(k) or material
+            thickness = entry.text(k + 1) or thickness
             ply = Entry(entry.name, entry.place, [material, thickness, entry.text(k + 2)])
             plies.append((self._material(ply, 0), ply.real(1, None), ply.real(2)))
         how = entry.text(7).upper()
@@ -316,40 +353,48 @@ class Properties:
         entry.needs(read, f"{entry.name} with {what} is not supported.")
         plies += plies[::-1] if how == "SYM" else []
         total = sum(thickness for _, thickness, _ in plies)
-        off = entry.real(1) + total / 2 if entry.text(1) else 0.0
+        own_offset = entry.real(1) + total / 2 if entry.text(1) else 0.0
         layers = [self._ply(*ply) for ply in plies]
-        extra = self._beside(entry.real(2), total)
-        self._tell_beside(entry, extra)
+        extra = self._extra_density(entry.real(2), total)
+        self._tell_extra(entry, extra)
         for layer in layers:
             layer["rho"] += extra
-        for own, offset, some in self._by_thickness(elements, total, entry):
-            one = self.found.elements[some[0]]
-            alike = math.isclose(own, total, rel_tol=1e-9)
-            one.needs(alike, f"{one.name} {one.text(0)} has thicknesses of its own, which do not "
-                      f"apply to the plies of {entry.name}.")  # fmt: skip
-            offset += off if abs(off) > 1e-9 * total else 0.0
-            self._directed(entry, name, some, "Laminate", {"layers": layers}, offset)
+        for thickness_there, offset, members in self._by_thickness(elements, total, entry):
+            element = self.found.elements[members[0]]
+            unchanged = math.isclose(thickness_there, total, rel_tol=1e-9)
+            element.needs(
+                unchanged,
+                f"{element.name} {element.text(0)} has thicknesses of its own, which do not "
+                f"apply to the plies of {entry.name}.",
+            )
+            offset += own_offset if abs(own_offset) > 1e-9 * total else 0.0
+            self._directed(entry, name, members, "Laminate", {"layers": layers}, offset)
 
     def _ply(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
+        """Arguments of a layer."""
         if material.plane is not None:
             Q = _plane(material)
             plain = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
-            material.needs(plain, f"{material.name} couples stretching with shear, which plies "
-                           "here do not; give the ply along its fibres by MAT8.")  # fmt: skip
+            material.needs(
+                plain,
+                f"{material.name} couples stretching with shear, which plies "
+                "here do not; give the ply along its fibres by MAT8.",
+            )
             S = np.linalg.inv(Q)
-            G, nan = Q[2, 2], np.nan
+            G = Q[2, 2]
+            nan = np.nan
             constants = [1 / S[0, 0], 1 / S[1, 1], nan, -S[0, 1] / S[0, 0], nan, nan, G, G, G]
             self.builder.tell_once(f"transverse shear of {material.name}, whose G33 is taken")
             material = replace(material, constants=np.array(constants), plane=None)
         return self.builder.layer(material, thickness, angle)
 
     def _directed(
-        self, entry: Entry, name: str, elements: IntArray, kind: str, own: Json, offset: float
+        self, entry: Entry, name: str, elements: IntArray, kind: str, arguments: Json, offset: float
     ) -> None:
-        """Add a family with directions: one axis, or one in each element."""
+        """Add shells with a direction of 0°: one for all, or one for each element."""
         normals = geometry.normals_of(self.found.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        self.builder.add_shells(name, elements, Family(kind, own, entry.place), offset, axes)
+        self.builder.add_shells(name, elements, Family(kind, arguments, entry.place), offset, axes)
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
@@ -360,8 +405,9 @@ class Properties:
             x, y, _ = self.found.systems(int(word), entry.place).axes
             if np.linalg.norm(np.cross(x, normal)) > NORMAL:
                 return np.asarray(x)
-            self.builder.tell_once(f"x of the system {word} (MCID) where it is normal to elements, "
-                                   "its y is taken")  # fmt: skip
+            self.builder.tell_once(
+                f"x of the system {word} (MCID) where it is normal to elements, its y is taken"
+            )
             return np.asarray(y)
         nodes = [self.found.at(entry, k) for k in (2, 3)]
         side = np.diff(self.found.deck.points[nodes], axis=0)[0]
@@ -370,7 +416,7 @@ class Properties:
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
 
-#: Property -> what reads it; others are of beams.
+#: Property -> the method that reads it; all others are of beams.
 OF_PROPERTY = {
     **{"PSOLID": Properties._solid, "PCOMPS": Properties._layered, "PSHELL": Properties._shell},
     **dict.fromkeys(("PCOMP", "PCOMPG"), Properties._laminate),
@@ -380,7 +426,7 @@ OF_PROPERTY = {
 
 
 def _moduli(entry: Entry) -> tuple[float, float | None, float]:
-    """(E, G as given, nu); one of the three may be left out."""
+    """(E, G as given, nu) of MAT1; one of the three may be blank."""
     E, G, nu = (entry.real(k) if entry.text(k) else None for k in (1, 2, 3))
     if E is None and G is not None and nu is not None:
         E = 2 * G * (1 + nu)
@@ -391,7 +437,7 @@ def _moduli(entry: Entry) -> tuple[float, float | None, float]:
 
 
 def _plane(material: Material) -> Array:
-    """Stresses (σ1, σ2, τ12) of plane strains (3, 3)."""
+    """Plane-stress stiffness (3, 3): stresses (σ1, σ2, τ12) from strains."""
     if material.plane is not None:
         sound = np.linalg.eigvalsh(material.plane).min() > 0
         material.needs(sound, f"the stiffness of {material.name} is not positive definite.")
@@ -403,7 +449,7 @@ def _plane(material: Material) -> Array:
 
 
 def _across(material: Material) -> Array:
-    """Stresses (τ13, τ23) of transverse shear strains (2, 2)."""
+    """Transverse shear stiffness (2, 2): stresses (τ13, τ23) from strains."""
     if material.plane is not None:  # G11, G12, G22 of a MAT2
         return np.asarray(material.plane[:2, :2])
     return np.diag(material.elasticity()[7:9])

@@ -22,7 +22,7 @@ F = TypeVar("F", abaqus_assembly.Whole, nastran_mesh.NastranDeck)
 def _reader(
     read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, float | None], Model]
 ) -> Callable[[Request], FileMesh]:
-    """The reader of a dialect, from that of its mesh and that of its model."""
+    """A file reader from the functions that read a dialect's mesh and its model."""
 
     def reader(ask: Request) -> FileMesh:
         def allow(size: int) -> None:  # the time limit grows with the files that a deck includes
@@ -50,16 +50,18 @@ def _reader(
 
 ABAQUS = FileReader(_reader(abaqus_assembly.read, abaqus_model.model_of), model=True)
 NASTRAN = FileReader(_reader(nastran_mesh.read, nastran_model.model_of), model=True)
-#: What the first lines of an input of Ansys Mechanical APDL are known by.
+#: Pattern of the first lines of an input of Ansys Mechanical APDL.
 _APDL = re.compile(r"(?im)^\s*(/prep7|nblock,)")
 
 
 def _start(path: str) -> str:
+    """The first bytes of a file as text."""
     with Path(path).open("rb") as file:
         return file.read(FIRST_BYTES).decode("latin-1")
 
 
 def _by_content(ask: Request) -> FileMesh:
+    """Read a file by Ansys or Nastran, as its first lines show."""
     return (ansys.ANSYS if _APDL.search(_start(ask.path)) else NASTRAN).read(ask)
 
 

@@ -1,11 +1,10 @@
 """Meshes that share nodes, numbered nodes of decks, and constraints between them.
 
-Between nodes: the displacements here are richer than those of a deck's elements. Where constraints
-determine all nodes of an edge or a face of a cell, the dofs between these nodes follow by the
-functions of the cell's map, by which the deck's own elements move there; where all nodes slide
-across one direction, so do the dofs between them; where all lie on one cell to which they are tied,
-the dofs between them follow that cell. Beams bend between their nodes: they follow where both nodes
-are of one rigid body.
+The elements here have more dofs than a deck's, at places between the deck's nodes. If constraints
+determine all nodes of an edge or a face of a cell, the dofs between these nodes follow by the shape
+functions of the deck's element; if all nodes can only slide across one direction, so can the dofs
+between them; if all lie on one cell to which they are tied, the dofs between them follow that cell.
+A beam bends between its nodes: its dofs follow only if both nodes belong to one rigid body.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ class NumberedMesh:
 
     @property
     def cell_map(self) -> basix.finite_element.FiniteElement:
-        """The functions of the nodes of a cell, by which its points are mapped."""
+        """The shape functions of a cell's geometry."""
         mesh = self.member.part.mesh
         return basix.create_element(basix.ElementFamily.P, self.cell_type, mesh.order)
 
@@ -70,39 +69,40 @@ class NumberedMesh:
 
     @cached_property
     def at_cell(self) -> dict[int, tuple[int, int]]:
-        """Number of a node -> (cell, node of the cell)."""
+        """Number of a node -> (a cell, index of the node in that cell)."""
         _, first = np.unique(self.numbers, return_index=True)
-        flat, width = self.numbers.ravel(), self.numbers.shape[1]
+        flat = self.numbers.ravel()
+        width = self.numbers.shape[1]
         return {int(flat[k]): divmod(int(k), width) for k in first}
 
     @cached_property
     def places(self) -> tuple[IntArray, Array]:
-        """(numbers (n,), coordinates (n, 3) in the assembly [m]) of the vertices."""
+        """(numbers (n,), coordinates (n, 3) in the assembly's axes [m]) of the vertices."""
         numbers, first = np.unique(self.vertices, return_index=True)
         rows = self._rows[:, : self.vertices.shape[1]]
         return numbers, self.member.vertices[rows.ravel()[first]]
 
     def position(self, number: int) -> Array:
-        """Coordinates (3,) of a node in the axes of the part [m]."""
+        """Coordinates (3,) of a node in the part's axes [m]."""
         return np.asarray(
             self.member.part.mesh.dolfinx.geometry.x[self._rows[self.at_cell[number]]]
         )
 
     def motion(self, layout: Layout, number: int, names: tuple[str, ...]) -> Sparse:
-        """Displacement, or rotation, (3, n) of a node in the axes of the assembly."""
+        """Displacement or rotation (3, n) of a node in the assembly's axes, by n dofs."""
         cell, local = self.at_cell[number]
         X = self.reference_points[[local]]
         return layout.at_points(self.member, np.array([cell]), X, names)
 
     @cached_property
     def edges(self) -> set[tuple[int, int]]:
-        """Pairs of vertices with an edge between them."""
+        """Pairs (sorted) of vertices that an edge joins."""
         pairs = np.vstack([self.vertices[:, edge] for edge in basix.topology(self.cell_type)[1]])
         return {(int(a), int(b)) for a, b in np.unique(np.sort(pairs, axis=1), axis=0)}
 
     @cached_property
     def around(self) -> dict[int, set[int]]:
-        """Number of a vertex -> the cells around it."""
+        """Number of a vertex -> cells around it."""
         neighbours: dict[int, set[int]] = {}
         for cell, row in enumerate(self.vertices):
             for number in row:
@@ -110,7 +110,7 @@ class NumberedMesh:
         return neighbours
 
     def cell_with(self, numbers: Sequence[int], follower_dim: int) -> int | None:
-        """A cell with all these vertices; for lines, if they are an edge of it."""
+        """A cell with all these vertices; two vertices of a line must be an edge of it."""
         if len(numbers) == 2 and follower_dim == 1:
             first, second = sorted(numbers)
             if (first, second) not in self.edges:
@@ -120,7 +120,7 @@ class NumberedMesh:
 
 
 class Nodes:
-    """Where the numbered nodes of an assembly are: part, cell, and place in the cell."""
+    """Finds the numbered nodes of an assembly: part, cell and place in the cell."""
 
     def __init__(
         self, layout: Layout, points: Sequence[str], numbers: Mapping[str, IntArray]
@@ -133,20 +133,25 @@ class Nodes:
         self.fixed = np.zeros(layout.count, dtype=bool)
 
     def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
-        """(part, cell, node of the cell) of a node; of rotations a part that has them."""
-        for k, mesh in enumerate(self.meshes):
+        """(part, cell, index in the cell) of a node; a part with rotations if these are asked
+        for.
+        """
+        for index, mesh in enumerate(self.meshes):
             if number in mesh.at_cell and (mesh.member.has_rotations or not rotations):
-                return k, *mesh.at_cell[number]
+                return index, *mesh.at_cell[number]
         what = "rotation of the node" if rotations else "node"
         raise InputError(f"a constraint acts on the {what} {number}, which no part has.")
 
     def functionals(self, equations: Sequence[Sequence[Term]]) -> Sparse:
-        """Σ coefficient × motion, one row for each list of terms."""
-        count, layout = len(equations), self.layout
+        """Σ coefficient × motion as a matrix over the dofs, one row for each list of terms."""
+        count = len(equations)
+        layout = self.layout
         flat = [(row, *term) for row, terms in enumerate(equations) for term in terms]
         result = layout.nothing(count)
         groups: dict[tuple[int, bool], list[tuple[int, int, int, int, float]]] = {}
-        rows, columns, values = [], [], []
+        rows = []
+        columns = []
+        values = []
         for row, number, motion, coefficient in flat:
             if number < 0:
                 rows.append(row)
@@ -161,78 +166,81 @@ class Nodes:
         if rows:
             result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
         for (k, rotations), terms in groups.items():
-            whole = np.array([t[:4] for t in terms])
-            X = self.meshes[k].reference_points[whole[:, 2]]
+            table = np.array([t[:4] for t in terms])
+            X = self.meshes[k].reference_points[table[:, 2]]
             names = ROTATIONS if rotations else DISPLACEMENTS
-            three = layout.at_points(self.meshes[k].member, whole[:, 1], X, names)
-            rows_of_points = 3 * np.arange(len(terms)) + whole[:, 3]
-            pick = scipy.sparse.csr_matrix(
-                (np.array([t[4] for t in terms]), (whole[:, 0], rows_of_points)),
+            motions = layout.at_points(self.meshes[k].member, table[:, 1], X, names)
+            rows_of_points = 3 * np.arange(len(terms)) + table[:, 3]
+            selection = scipy.sparse.csr_matrix(
+                (np.array([t[4] for t in terms]), (table[:, 0], rows_of_points)),
                 shape=(count, 3 * len(terms)),
             )
-            result = result + pick @ three
+            result = result + selection @ motions
         return result.tocsr()
 
     def dof(self, term: Term) -> int:
-        """The dof that a motion of a node is; -1 if it is no single one."""
+        """The dof that a node's motion is; -1 if it depends on several dofs."""
         columns, _ = self.single(term[0], term[1])
-        return int(columns[0]) if len(columns) == 1 else -1
+        if len(columns) == 1:
+            return int(columns[0])
+        return -1
 
     def is_fixed(self, number: int, motion: int) -> bool:
-        """Whether a motion of a node is zero."""
+        """Whether a node's motion is zero."""
         return bool(self.fixed[self.single(number, motion)[0]].all())
 
     def single(self, number: int, motion: int) -> Row:
-        """One motion of one node."""
+        """Row of dofs of one motion of one node."""
         if (number, motion) not in self._single:
             self.prepare([(number, motion)])
         return self._single[number, motion]
 
     def prepare(self, wanted: Iterable[tuple[int, int]]) -> None:
-        """Find motions of nodes at once, which is faster than one after the other."""
-        new = [one for one in dict.fromkeys(wanted) if one not in self._single]
-        functionals = self.functionals([[(*one, 1.0)] for one in new])
-        self._single.update((one, row_of(functionals, k)) for k, one in enumerate(new))
+        """Compute several motions of nodes together, which is faster than one by one."""
+        new = [motion for motion in dict.fromkeys(wanted) if motion not in self._single]
+        functionals = self.functionals([[(*motion, 1.0)] for motion in new])
+        self._single.update((motion, row_of(functionals, k)) for k, motion in enumerate(new))
 
 
 def row_of(matrix: Sparse, k: int) -> Row:
-    """One row of a matrix."""
+    """Columns and values of row `k` of a matrix."""
     span = slice(matrix.indptr[k], matrix.indptr[k + 1])
     return matrix.indices[span], matrix.data[span]
 
 
-# -- Nodes that constraints tie to the place of a cell where they lie.
+# -- Nodes that constraints tie to a cell at their own place.
 #
-# Where all nodes of an edge or a face are tied in this way to one cell, as *TIE and equations
-# between coincident nodes do it, what lies between them follows the displacement of that cell at
-# its own place. Meshes that fit are then joined as if they had common nodes.
+# *TIE, and equations between coincident nodes, may tie all nodes of an edge or a face to one cell
+# at their own place. The dofs between them then follow that cell's displacement at their places, so
+# that meshes which fit are joined as if they shared nodes.
 
 
-#: Distance from the tied place, as a share of the distance between the tied nodes.
+#: Largest distance of a node from the place to which it is tied, as a share of the tied nodes'
+#: size.
 TIED_NEAR = 1e-3
 LEAST_WEIGHT = 1e-9  # smaller shares are rounding of the shape functions
 
 
 class CoincidentNodes:
-    """The constraints of this kind among those of a deck."""
+    """The constraints of a deck that tie nodes to a cell at their own place."""
 
     def __init__(self, nodes: Nodes, equations: Sequence[Sequence[Term]]) -> None:
         self.nodes = nodes
         self.equations = equations
         leaders = {n for terms in equations for n, _, _ in terms[1:] if n >= 0}
-        some = np.fromiter(leaders, dtype=int, count=len(leaders))
-        #: node -> (part, cell) of the cells around it, of nodes that others follow
+        leading = np.fromiter(leaders, dtype=int, count=len(leaders))
+        #: node that others follow -> (part, cell) of the cells around it
         self.cells: dict[int, set[tuple[int, int]]] = {}
         for k, mesh in enumerate(nodes.meshes):
-            for cell, local in zip(*np.nonzero(np.isin(mesh.numbers, some)), strict=True):
+            for cell, local in zip(*np.nonzero(np.isin(mesh.numbers, leading)), strict=True):
                 self.cells.setdefault(int(mesh.numbers[cell, local]), set()).add((k, int(cell)))
 
     def displacement(
         self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
     ) -> Sparse | None:
-        """One motion at the place `weights` of these nodes, in the cell that all are tied to.
+        """One motion at the weighted mean place of some nodes, by the cell to which all are tied.
 
-        `rows`: node -> number of its constraint. None if they are not all tied to one cell.
+        `rows`: node -> index of its constraint. None if they are not all tied to one cell.
         """
         if not all(number in rows for number in numbers):
             return None
@@ -265,19 +273,21 @@ class CoincidentNodes:
         return None
 
     def _position(self, number: int) -> Array:
-        """Coordinates of a node of the deck."""
-        there = [mesh for mesh in self.nodes.meshes if number in mesh.at_cell]
-        return there[-1].position(number) if there else np.full(3, np.nan)
+        """Coordinates (3,) of a node of the deck [m]; nan if no part has it."""
+        owners = [mesh for mesh in self.nodes.meshes if number in mesh.at_cell]
+        if owners:
+            return owners[-1].position(number)
+        return np.full(3, np.nan)
 
 
-#: node that the deck does not have -> (node of the deck, weight) of those among which it lies
+#: node added here, in the middle of a face -> (node of the deck, weight) that give its place
 Among = Mapping[int, Sequence[tuple[int, float]]]
 
 
 def between_nodes(
-    nodes: Nodes, equations: Sequence[Sequence[Term]], own: Sparse, among: Among
+    nodes: Nodes, equations: Sequence[Sequence[Term]], functionals: Sparse, among: Among
 ) -> Sparse:
-    """Constraints of the dofs between nodes; `own` are the functionals of the equations."""
+    """Constraints of the dofs between nodes; `own` holds the equations as functionals."""
     dependent: dict[int, dict[int, int]] = {}  # motion -> node -> its constraint
     sliding: dict[int, dict[int, list[Array]]] = {}  # 0 or 3 -> node -> directions held
     for row, terms in enumerate(equations):
@@ -291,32 +301,35 @@ def between_nodes(
             sliding.setdefault(3 * (motion // 3), {}).setdefault(number, []).append(direction)
         else:
             dependent.setdefault(motion, {}).setdefault(number, row)
-    found: list[Row] = []
+    rows_found: list[Row] = []
     tied = CoincidentNodes(nodes, equations)
     for mesh in nodes.meshes:
         for motion in dependent:
-            found += _followers(nodes, mesh, motion, dependent, equations, own, among, tied)
+            rows_found += _followers(
+                nodes, mesh, motion, dependent, equations, functionals, among, tied
+            )
         for first, directions in sliding.items():
-            found += _sliders(nodes, mesh, first, directions, among)
-    if not found:
+            rows_found += _sliders(nodes, mesh, first, directions, among)
+    if not rows_found:
         return nodes.layout.nothing(0)
-    rows = np.repeat(np.arange(len(found)), [len(columns) for columns, _ in found])
-    result = nodes.layout.matrix(rows, *_sum(found), len(found))
+    rows = np.repeat(np.arange(len(rows_found)), [len(columns) for columns, _ in rows_found])
+    result = nodes.layout.matrix(rows, *_sum(rows_found), len(rows_found))
     result.eliminate_zeros()
     return result
 
 
 def _dofs(
-    mesh: NumberedMesh, motion: int, some: Mapping[int, object], among: Among
+    mesh: NumberedMesh, motion: int, selected: Mapping[int, object], among: Among
 ) -> Iterator[tuple[int, list[int], Array]]:
-    """(dof, nodes of its entity, their weights) of the dofs of one motion near `some` nodes.
+    """Yields (dof, nodes of its entity, their weights) of one motion near the nodes `some`.
 
-    A dof in the place of a node of the deck is that node's own, and is left out.
+    A dof at the place of a deck's node belongs to that node, and is left out.
     """
-    member, numbers = mesh.member, mesh.numbers
+    member = mesh.member
+    numbers = mesh.numbers
     name = (ROTATIONS if motion >= 3 else DISPLACEMENTS)[motion % 3]
     path = member.part.form.components.get(name)
-    touching = np.flatnonzero(np.isin(numbers, np.fromiter(some, dtype=int)).any(axis=1))
+    touching = np.flatnonzero(np.isin(numbers, np.fromiter(selected, dtype=int)).any(axis=1))
     if path is None or not len(touching):
         return
     space = member.part.form.space
@@ -325,22 +338,22 @@ def _dofs(
     needed = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
     dofs = compat.cell_dofs(space, path, touching)
     done: set[int] = set()
-    for at, cell in enumerate(touching):
-        for d, near in enumerate(needed):
-            column = member.first + int(dofs[at, d])
+    for position, cell in enumerate(touching):
+        for d, members in enumerate(needed):
+            column = member.first + int(dofs[position, d])
             if column not in done:
                 done.add(column)
-                functional = _of_the_deck(numbers[cell, near], weights[d, near], among)
-                if len(functional) > 1 and any(n in some for n in functional):
+                functional = _of_the_deck(numbers[cell, members], weights[d, members], among)
+                if len(functional) > 1 and any(n in selected for n in functional):
                     yield column, list(functional), np.array(list(functional.values()))
 
 
 def _of_the_deck(numbers: IntArray, weights: Array, among: Among) -> dict[int, float]:
-    """Weights of the deck's own nodes."""
+    """Node of the deck -> weight, with nodes added here replaced by those of the deck."""
     result: dict[int, float] = {}
     for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
-        for one, share in among.get(number, ((number, 1.0),)):
-            result[one] = result.get(one, 0.0) + weight * share
+        for node, share in among.get(number, ((number, 1.0),)):
+            result[node] = result.get(node, 0.0) + weight * share
     return result
 
 
@@ -350,11 +363,11 @@ def _followers(
     motion: int,
     dependent: Mapping[int, Mapping[int, int]],
     equations: Sequence[Sequence[Term]],
-    own: Sparse,
+    functionals: Sparse,
     among: Among,
     tied: CoincidentNodes,
 ) -> Iterator[Row]:
-    """Dofs that are the weighted sum of what their nodes are by their constraints."""
+    """Yields a constraint for each dof that is a weighted sum of constrained nodes."""
     rows = dependent[motion]
     beam = mesh.member.part.mesh.tdim == 1
     dofs = list(_dofs(mesh, motion, rows, among))
@@ -365,21 +378,21 @@ def _followers(
         if not _determined(nodes, numbers, motion, rows, equations):
             continue
         terms = [(np.array([column]), np.ones(1))]
-        there = None if beam else tied.displacement(numbers, weights, motion, rows)
-        if there is not None:
-            yield _sum([*terms, (there.indices, -there.data)])
+        tied_motion = None if beam else tied.displacement(numbers, weights, motion, rows)
+        if tied_motion is not None:
+            yield _sum([*terms, (tied_motion.indices, -tied_motion.data)])
             continue
         for node, weight in zip(numbers, weights, strict=True):
             columns, values = nodes.single(node, motion)
             terms.append((columns, -weight * values))
             if node in rows:  # by its constraint without its own term
-                columns, values = row_of(own, rows[node])
+                columns, values = row_of(functionals, rows[node])
                 terms.append((columns, weight * values / equations[rows[node]][0][2]))
         yield _sum(terms)
 
 
 def _sum(terms: Sequence[Row]) -> Row:
-    """The sum of rows, as columns and values of a sparse matrix."""
+    """The sum of rows."""
     columns, values = (np.concatenate(both) for both in zip(*terms, strict=True))
     return columns, values
 
@@ -390,15 +403,15 @@ def _in_one_body(
     equations: Sequence[Sequence[Term]],
     plane: bool,
 ) -> bool:
-    """Whether all motions of nodes follow those of one point, which may be one of them."""
+    """Whether all motions of the nodes follow one point, which may be one of them."""
     leaders: set[int] = set()
     followers: list[set[int]] = []
     for motion in (0, 1, 5) if plane else range(6):
-        own = dependent.get(motion, {})
-        followers.append({n for n in numbers if n in own})
-        leaders |= {term[0] for n in followers[-1] for term in equations[own[n]][1:]}
-    alike = all(follower == followers[0] for follower in followers)
-    return alike and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
+        rows = dependent.get(motion, {})
+        followers.append({n for n in numbers if n in rows})
+        leaders |= {term[0] for n in followers[-1] for term in equations[rows[n]][1:]}
+    same_followers = all(follower == followers[0] for follower in followers)
+    return same_followers and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
 
 
 def _determined(
@@ -408,7 +421,10 @@ def _determined(
     rows: Mapping[int, int],
     equations: Sequence[Sequence[Term]],
 ) -> bool:
-    """Whether each node is dependent, fixed, or leads all that are dependent."""
+    """Whether constraints or supports determine a motion of all these nodes.
+
+    Each node is dependent or fixed, or all dependent ones follow it.
+    """
     dependent = [n for n in numbers if n in rows]
     others = set(numbers) - set(dependent)
     if dependent and all(
@@ -425,7 +441,7 @@ def _sliders(
     directions: Mapping[int, list[Array]],
     among: Among,
 ) -> Iterator[Row]:
-    """Dofs between nodes that slide across a direction, or are fixed."""
+    """Yields constraints for the dofs between nodes that slide across a direction or are fixed."""
     axes = range(2 if nodes.layout.plane else 3)
     by_motion = [list(_dofs(mesh, first + c, directions, among)) for c in axes]
     near = {n for _, numbers, _ in by_motion[0] for n in numbers}
@@ -446,20 +462,20 @@ def _sliders(
             yield np.array(columns), np.asarray(mean)[axes]
 
 
-#: Nodes with one number lie in one place, up to this share of the size of the assembly.
+#: Nodes of the same number must coincide up to this share of the size of the assembly.
 SAME_PLACE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class SharedNodes(Joint):
-    """A joint of all parts at the nodes that have the same number."""
+    """Joins all parts at the nodes that have the same number."""
 
     #: part -> number of each node of its mesh, in the order in which they were read
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
 
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
-        """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
+        """Constraints by which the shared dofs of a part follow those of an earlier part."""
         ordered = sorted(
             layout.members.values(), key=lambda m: (m.part.form.degree, -m.part.mesh.tdim)
         )
@@ -473,12 +489,13 @@ class SharedNodes(Joint):
 
 
 def _check_places(layout: Layout, meshes: Sequence[NumberedMesh]) -> None:
-    """InputError where nodes with one number lie apart."""
+    """Raise InputError if nodes of the same number lie apart."""
     numbers = np.concatenate([mesh.places[0] for mesh in meshes])
     positions = np.vstack([mesh.places[1] for mesh in meshes])
     order = np.argsort(numbers, kind="stable")
     same = np.flatnonzero(np.diff(numbers[order]) == 0)
-    first, second = order[same], order[same + 1]
+    first = order[same]
+    second = order[same + 1]
     apart = np.linalg.norm(positions[first] - positions[second], axis=1)
     if len(apart) and apart.max() > SAME_PLACE * layout.size:
         k = int(np.argmax(apart))
@@ -490,13 +507,17 @@ def _check_places(layout: Layout, meshes: Sequence[NumberedMesh]) -> None:
 def _following(
     layout: Layout, follower: NumberedMesh, leaders: Sequence[NumberedMesh]
 ) -> list[Rows]:
-    """Constraints of the dofs of one part on what it shares with earlier ones."""
+    """Constraints by which a part follows earlier parts at shared nodes."""
     constraints: list[Rows] = []
     for names in (DISPLACEMENTS, ROTATIONS):
         done: set[int] = set()
         for leader in leaders:
-            both = [one.member.part.form.components.keys() for one in (follower, leader)]
-            where = _shared(follower, leader, done) if both[0] & both[1] & set(names) else {}
+            components = [mesh.member.part.form.components.keys() for mesh in (follower, leader)]
+            where = (
+                _shared(follower, leader, done)
+                if components[0] & components[1] & set(names)
+                else {}
+            )
             done |= set(where)
             if where:
                 constraints.append(_tied(layout, follower.member, leader.member, where, names))
@@ -504,7 +525,7 @@ def _following(
 
 
 def _shared(follower: NumberedMesh, leader: NumberedMesh, done: set[int]) -> dict[int, int]:
-    """Node of the follower -> a cell of the leader that holds it, of nodes not in `done`."""
+    """Node of the follower -> a cell of the leader that contains it, for nodes not in `done`."""
     member = follower.member
     space = member.part.form.space
     (path, *_) = member.part.form.components.values()
@@ -520,13 +541,13 @@ def _shared(follower: NumberedMesh, leader: NumberedMesh, done: set[int]) -> dic
                 local = layout.entity_dofs(dim, number)
                 if not len(local) or not common[cell, corners].all():
                     continue
-                own = [int(n) for n in nodes[row, local]]
-                if all(n in done or n in where for n in own):
+                dofs_here = [int(n) for n in nodes[row, local]]
+                if all(n in done or n in where for n in dofs_here):
                     continue
                 vertices = [int(n) for n in follower.vertices[cell, corners]]
-                holds = leader.cell_with(vertices, member.part.mesh.tdim)
-                if holds is not None:
-                    where |= {n: holds for n in own if n not in done}
+                holder = leader.cell_with(vertices, member.part.mesh.tdim)
+                if holder is not None:
+                    where |= {n: holder for n in dofs_here if n not in done}
     return where
 
 
@@ -537,21 +558,22 @@ def _tied(
     where: Mapping[int, int],
     names: tuple[str, ...],
 ) -> Rows:
-    """Nodes of one part follow the cells of another in which they lie."""
-    nodes, cells = np.array(list(where)), np.array(list(where.values()))
+    """Constraints by which nodes of one part follow the cells of another that contain them."""
+    nodes = np.array(list(where))
+    cells = np.array(list(where.values()))
     geometry = leader.part.mesh.geometry
     points = leader.at.own(follower.nodes[nodes])
     start = np.tile(geometry.centre(), (len(nodes), 1))
     X = projected(lambda k, X: geometry.at(cells[k], X), points, start, affine=geometry.affine)
     for exact in (0.0, 1.0):
         X = np.where(np.abs(X - exact) < 1e-12, exact, X)
-    led = layout.at_points(leader, cells, X, names)
-    return following(layout, follower, nodes, [(names, led)], "shared nodes")
+    motions = layout.at_points(leader, cells, X, names)
+    return following(layout, follower, nodes, [(names, motions)], "shared nodes")
 
 
 @dataclass(frozen=True, eq=False)
 class NodeConstraints(Joint):
-    """Constraints Σ coefficient × motion = 0, springs and dampers of nodes and reference points."""
+    """Constraints Σ coefficient × motion = 0, springs, dampers and masses on nodes of a deck."""
 
     #: terms of each constraint; the first is the dependent motion
     equations: Sequence[Sequence[Term]]
@@ -562,14 +584,14 @@ class NodeConstraints(Joint):
     numbers: Mapping[str, IntArray]
     #: (terms of each of k motions, their mass matrix (k, k), kg)
     masses: Sequence[tuple[Sequence[Sequence[Term]], ArrayLike, float]] = ()
-    #: node that the deck does not have, in the middle of a face -> (node, weight) of its own
+    #: node added here, in the middle of a face -> (node of the deck, weight) that give its place
     among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
     #: (terms of a relative motion, damping in N s/m)
     dampers: Sequence[tuple[Sequence[Term], float]] = ()
     name: str | None = "constraints of the deck"
 
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
-        """One row for each constraint, those between its nodes, and of middle nodes."""
+        """Rows of the constraints, of the dofs between their nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
         equations = nodes.functionals(self.equations)
         nodes.prepare((number, motion) for (number, motion, _), *_ in self.equations)
@@ -588,22 +610,23 @@ class NodeConstraints(Joint):
         return rows
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
-        """The springs, the dampers and the masses."""
+        """The springs, dampers and masses as stiffness contributions."""
         nodes = Nodes(layout, self.points, self.numbers)
         flat = [terms for terms, _ in (*self.springs, *self.dampers)]
         functionals = nodes.functionals(
             [*flat, *(terms for rows, _, _ in self.masses for terms in rows)]
         )
-        none = np.zeros((1, 1))
+        nothing = np.zeros((1, 1))
         springs = [
-            Stiffness(functionals[k], np.array([[stiffness]]), none)
+            Stiffness(functionals[k], np.array([[stiffness]]), nothing)
             for k, (_, stiffness) in enumerate(self.springs)
         ]
         dampers = [
-            Stiffness(functionals[len(springs) + k], none, none, c=np.array([[damping]]))
+            Stiffness(functionals[len(springs) + k], nothing, nothing, c=np.array([[damping]]))
             for k, (_, damping) in enumerate(self.dampers)
         ]
-        masses, start = [], len(flat)
+        masses = []
+        start = len(flat)
         for rows, M, mass in self.masses:
             rows_of_mass = functionals[start : start + len(rows)]
             masses.append(Stiffness(rows_of_mass, np.zeros((len(rows),) * 2), np.array(M), mass))
@@ -612,7 +635,7 @@ class NodeConstraints(Joint):
 
 
 def _on_middles(nodes: Nodes) -> Sparse:
-    """A vertex of one part that is a middle node of another follows it."""
+    """Constraints by which a vertex of one part follows the part whose middle node it is."""
     layout = nodes.layout
     rows = [layout.nothing(0)]
     for mesh in nodes.meshes:
