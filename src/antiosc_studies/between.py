@@ -36,8 +36,8 @@ def contact_between(
     ----------
     part : Structure, or a model with its surface
     other : Sphere, RigidMass, a model, a material or its name, Floor or Structure, optional
-        What touches it: of a material the flat face of a half-space, of a structure its surface
-        next to the point. None: a rigid plane.
+        The body that touches the part. A material stands for the flat face of a half-space, a
+        structure for its surface next to the point. None: a rigid plane.
     at : Site or array_like (3,)
         Where a Structure is touched [m].
     radius : float, optional
@@ -51,29 +51,29 @@ def contact_between(
     Raises
     ------
     InputError
-        Surfaces that are not known, that fit into each other, or that are both rigid.
+        Surfaces that are unknown, that fit into each other, or that are both rigid.
     """
-    own = _surface_of(part, at)
+    surface = _surface_of(part, at)
     if radius is not None:
         bent = 1 / checks.positive("radius", radius, "m")
-        own = replace(own, curvatures=(bent, bent), error=0.0, kind=CURVED, along=None)
-    elif own.kind in SHARP:
+        surface = replace(surface, curvatures=(bent, bent), error=0.0, kind=CURVED, along=None)
+    elif surface.kind in SHARP:
         point = checks.point_text(np.asarray(getattr(at, "point", at)))
-        raise InputError(f"the part has a sharp {own.kind} at {point}: give radius=.")
+        raise InputError(f"the part has a sharp {surface.kind} at {point}: give radius=.")
     if not isinstance(other, Floor):
-        return choose(own, _other(other, at)).law
+        return choose(surface, _other(other, at)).law
     if other.law is not None:
         return other.law
     if other.layer is not None:
-        material = np.array([own.matter.E, own.matter.nu])
-        return law_of(other, Curvature.of_radii(*_radii(own)), material)
+        material = np.array([surface.matter.E, surface.matter.nu])
+        return law_of(other, Curvature.of_radii(*_radii(surface)), material)
     face = Surface(RIGID) if other.material is None else _other(other.material, None)
-    return choose(own, face, other.restitution).law
+    return choose(surface, face, other.restitution).law
 
 
 def _radii(surface: Surface) -> list[float]:
-    """Principal radii [m]; inf: flat."""
-    return [1 / bent if bent else inf for bent in surface.curvatures]
+    """Principal radii [m]; inf where it is flat."""
+    return [1 / curvature if curvature else inf for curvature in surface.curvatures]
 
 
 def _other(other: Any, at: object) -> Surface:
@@ -88,26 +88,26 @@ def _other(other: Any, at: object) -> Surface:
 
 
 def _surface_of(body: Structure | Body, at: object) -> Surface:
-    """The surface of a structure at a place, or of an impactor."""
+    """The surface of a structure at a point, or of an impactor."""
     if isinstance(body, Structure):
         return surface_at(body, *_place(body, at))
     kinds = "a Structure, a Sphere, a RigidMass with a tip, or a model"
-    found = checks.instance("part", body, Body, kinds).surface()
-    if found is None:
+    surface = checks.instance("part", body, Body, kinds).surface()
+    if surface is None:
         raise InputError(
             f"the material and the curvature of {checks.shown(body)} are not known there: give the "
             "law of the contact."
         )
-    return found
+    return surface
 
 
 def _place(part: Structure, at: object) -> tuple[Array, Array | None, float | None]:
-    """Point, direction and patch radius of a place on a structure."""
+    """Point, direction and patch radius of `at` on a structure."""
     if isinstance(at, Site):
-        found = functional(part, at)
-        if found.point is None:
+        load = functional(part, at)
+        if load.point is None:
             raise InputError("at= needs a Site with a point; a dof or a vector has no surface.")
-        return found.point, found.direction, found.radius
+        return load.point, load.direction, load.radius
     if at is None:
         raise InputError("at= says where the part is touched: a Site, or a point in m.")
     return checks.array("at", at, (3,)), None, None

@@ -1,1 +1,1 @@
-"""What chance does: results of runs whose inputs are uncertain."""
+"""Studies of runs whose inputs are uncertain."""

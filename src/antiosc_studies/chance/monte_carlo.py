@@ -30,12 +30,12 @@ from antiosc.base.texts import STOPPED
 from antiosc.extension import check_executor, completed_calls, rows_of
 from antiosc_studies.chance.sample import Sample
 
-#: Least number of runs that are made, stored and, with an executor, sent together; and the largest
-#: number of such parts.
+#: Runs are chunk_results and stored (and sent to an executor) in chunks: least size, largest number
+#: of chunks.
 TOGETHER, PARTS = 100, 100
 #: Most runs of a study.
 MOST = 10_000_000
-#: What is kept of an impact.
+#: Results of an impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
 #: Columns of a stored campaign: number of the run, and why it failed.
 NUMBER, ERROR = "run", "error"
@@ -60,7 +60,8 @@ def lognormal(mean: float, variation: float) -> Any:
     """
     from scipy.stats import lognorm
 
-    mean, variation = checks.positive("mean", mean), checks.positive("variation", variation)
+    mean = checks.positive("mean", mean)
+    variation = checks.positive("variation", variation)
     spread = np.sqrt(np.log1p(variation**2))
     return lognorm(spread, scale=mean * np.exp(-(spread**2) / 2))
 
@@ -69,72 +70,85 @@ def uniform(low: float, high: float) -> Any:
     """The uniform distribution between `low` and `high`."""
     from scipy.stats import uniform as between
 
-    low, high = checks.number("low", low), checks.number("high", high)
+    low = checks.number("low", low)
+    high = checks.number("high", high)
     if not low < high:
         raise InputError(f"low must be below high; got {low:g} and {high:g}.")
     return between(low, high - low)
 
 
 def is_name(name: object) -> bool:
-    """Whether the text can name an argument: "mass", "impactor.mass"."""
+    """Whether `name` can name an argument: "mass", "impactor.mass"."""
     return isinstance(name, str) and all(part.isidentifier() for part in name.split("."))
 
 
 def checked(inputs: object) -> dict[str, Any]:
-    """The inputs of a study, each a distribution or a sequence of values; InputError if not."""
+    """The inputs of a study by name, each a distribution or a sequence of values; InputError if
+    not.
+    """
     kind = 'a dict, such as {"velocity": normal(2.0, 0.1)}'
-    given = dict(checks.instance("inputs", inputs, Mapping, kind))
-    if not given:
+    by_name = dict(checks.instance("inputs", inputs, Mapping, kind))
+    if not by_name:
         raise InputError("inputs is empty: name at least one input and its distribution.")
-    for name, what in given.items():
+    for name, distribution in by_name.items():
         if not is_name(name):
             raise InputError(f"{checks.shown(name)} is no name of an argument.")
-        many = isinstance(what, Sequence | np.ndarray | ImpactMap) and not isinstance(what, str)
-        if not (many and len(what)) and not hasattr(what, "ppf"):
+        is_sequence = isinstance(
+            distribution, Sequence | np.ndarray | ImpactMap
+        ) and not isinstance(distribution, str)
+        if not (is_sequence and len(distribution)) and not hasattr(distribution, "ppf"):
             raise InputError(
                 f"{name} must be a distribution with `ppf`, such as normal(2.0, 0.1) or one of"
                 " scipy.stats, a sequence of values, or an ImpactMap; got"
-                f" {checks.shown(what)}."
+                f" {checks.shown(distribution)}."
             )
-    return given
+    return by_name
 
 
 def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]:
-    """`n` independent draws of each input: numbers, or indices of values (of sites, by area).
+    """`n` independent draws of each input: numbers, or indices into a sequence of values.
 
-    Draw i of an input depends on `seed`, on i and on the place of the input alone, so that a
-    larger `n` begins with the draws of a smaller one.
+    Sites of an `ImpactMap` are drawn by their areas. Draw i of an input depends only on `seed`, on
+    i and on the position of the input, so that a larger `n` begins with the draws of a smaller one.
     """
-    found = {}
+    drawn = {}
     streams = np.random.SeedSequence(seed).spawn(len(inputs))
-    for stream, (name, what) in zip(streams, inputs.items(), strict=True):
+    for stream, (name, distribution) in zip(streams, inputs.items(), strict=True):
         shares = np.random.default_rng(stream).random(n)
-        if hasattr(what, "ppf"):
-            found[name] = quantiles(name, what, shares)
+        if hasattr(distribution, "ppf"):
+            drawn[name] = quantiles(name, distribution, shares)
         else:
-            weights = what.areas if isinstance(what, ImpactMap) else np.ones(len(what))
+            weights = (
+                distribution.areas
+                if isinstance(distribution, ImpactMap)
+                else np.ones(len(distribution))
+            )
             ends = np.cumsum(weights) / np.sum(weights)
-            found[name] = np.searchsorted(ends[:-1], shares, side="right")
-    return found
+            drawn[name] = np.searchsorted(ends[:-1], shares, side="right")
+    return drawn
 
 
-def quantiles(name: str, what: Any, shares: np.ndarray) -> np.ndarray:
-    """The quantiles of an input at shares (n,), checked; InputError for invalid ones."""
+def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
+    """Quantiles (n,) of an input at probabilities `shares`; InputError if `ppf` returns invalid
+    ones.
+    """
     try:
-        found = what.ppf(shares)
+        values = distribution.ppf(shares)
     except Exception as error:  # of any package
-        said = f"{type(error).__name__}: {error}"
+        cause = f"{type(error).__name__}: {error}"
         raise InputError(
-            f"ppf of {name} must take an array of shares; it failed ({said})."
+            f"ppf of {name} must take an array of shares; it failed ({cause})."
         ) from error
-    return checks.array(f"what ppf of {name} returns", found, shares.shape)
+    return checks.array(f"what ppf of {name} returns", values, shares.shape)
 
 
-def value(what: Any, drawn: Any) -> Any:
-    """The value passed to the function of a study for a draw of an input."""
-    if hasattr(what, "ppf"):
+def value(distribution: Any, drawn: Any) -> Any:
+    """The argument of the run function for one draw of an input."""
+    if hasattr(distribution, "ppf"):
         return float(drawn)
-    return what.model(int(drawn)) if isinstance(what, ImpactMap) else what[int(drawn)]
+    if isinstance(distribution, ImpactMap):
+        return distribution.model(int(drawn))
+    return distribution[int(drawn)]
 
 
 def monte_carlo(
@@ -146,15 +160,15 @@ def monte_carlo(
     executor: Executor | None = None,
     store: str | os.PathLike[str] | None = None,
 ) -> Sample:
-    """Runs with independent random inputs: the distribution of what comes out.
+    """Repeat a run with independent random inputs: the distribution of its results.
 
     Parameters
     ----------
     run : callable
         A function of the inputs' names. It returns the arguments of `simulate`, (model, impactor,
         contact, duration), and the impacts are then simulated in batches; or a `History`; or
-        numbers by name; or one number. Make once, outside, what no input changes: a model above
-        all. AntioscErrors that it raises are kept as the failure of that run.
+        numbers by name; or one number. Create what no input changes, such as a model, once and
+        outside of it. An AntioscError that it raises is stored as the failure of that run.
     inputs : dict
         Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats; a
         sequence of values that are equally probable (points, models, laws); or an `ImpactMap`: the
@@ -162,14 +176,15 @@ def monte_carlo(
     n : int
         Number of runs.
     seed : int
-        Of the draws; more runs of the same seed begin with those of fewer.
+        Seed of the draws; more runs of the same seed begin with those of fewer.
     executor : concurrent.futures.Executor, optional
-        What makes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
-        `Client.get_executor()`. What it loses is recorded as failed.
+        Computes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
+        `Client.get_executor()`. Runs that it loses count as failed.
     store : path, optional
-        A CSV file to which finished runs are added as they come. If it exists, its runs are taken
-        and only the others are made, those that failed included: a broken campaign goes on. Not on
-        several MPI ranks that all make the same calls: give an executor on one of them.
+        A CSV file to which finished runs are added as they come. If it exists, its runs are reused
+        and only the missing and failed ones are computed, so that an interrupted campaign
+        continues. On several MPI ranks that all make the same calls it is refused: give an
+        executor on one of them.
 
     Returns
     -------
@@ -189,10 +204,11 @@ def monte_carlo(
         If all runs fail.
     """
     checks.function("run", run, "a function of the inputs")
-    given, size = checked(inputs), checks.whole("n", n, most=MOST)
-    check_signature("run", run, given)
+    by_name = checked(inputs)
+    size = checks.whole("n", n, most=MOST)
+    check_signature("run", run, by_name)
     check_executor(executor)
-    drawn = draws(given, size, checks.whole("seed", seed, least=0))
+    drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
     mpi = sys.modules.get("mpi4py.MPI")
     if store is not None and executor is None and mpi is not None and mpi.COMM_WORLD.size > 1:
         raise InputError(
@@ -202,54 +218,63 @@ def monte_carlo(
     path = None if store is None else checks.new_file("store", store)
     rows = {} if path is None else _stored(path, drawn)
     todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
-    together = max(TOGETHER, -(-len(todo) // PARTS))
-    parts = [todo[k : k + together] for k in range(0, len(todo), together)]
-    given_of = [[_values(given, drawn, i) for i in part] for part in parts]
+    chunk_size = max(TOGETHER, -(-len(todo) // PARTS))
+    chunks = [todo[k : k + chunk_size] for k in range(0, len(todo), chunk_size)]
+    arguments_of_chunks = [[_values(by_name, drawn, i) for i in part] for part in chunks]
     with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as keep:
         done = 0
-        for k, found in made(run, given_of, executor):
-            part = dict(zip(parts[k], found, strict=True))
+        for k, chunk_rows in chunk_results(run, arguments_of_chunks, executor):
+            part = dict(zip(chunks[k], chunk_rows, strict=True))
             rows.update(part)
             keep(part)
-            done += len(found)
+            done += len(chunk_rows)
             ready(done)
     return sample_of("runs", drawn, [rows[i] for i in range(size)])
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:
-    """The arguments of run `i`."""
-    return {name: value(what, drawn[name][i]) for name, what in inputs.items()}
+    """The arguments of run `i` by name."""
+    return {name: value(distribution, drawn[name][i]) for name, distribution in inputs.items()}
 
 
-def made(
-    run: Callable[..., Any], given: list[list[dict[str, Any]]], executor: Executor | None
+def chunk_results(
+    run: Callable[..., Any],
+    arguments_of_chunks: list[list[dict[str, Any]]],
+    executor: Executor | None,
 ) -> Iterator[tuple[int, list[Row]]]:
-    """(numbers of the runs, their rows) chunk by chunk; lost chunks are failures."""
+    """Yields (number of a chunk, results of its runs); all runs of a lost chunk count as failed."""
     if executor is None:
-        yield from ((k, _rows(run, part)) for k, part in enumerate(given))
+        yield from ((k, _rows(run, part)) for k, part in enumerate(arguments_of_chunks))
         return
-    for k, found in completed_calls(executor, _rows, [((run, part), {}) for part in given]):
-        rows = rows_of(found, len(given[k]))
+    for k, returned in completed_calls(
+        executor, _rows, [((run, part), {}) for part in arguments_of_chunks]
+    ):
+        rows = rows_of(returned, len(arguments_of_chunks[k]))
         if isinstance(rows, InputError):
             raise rows
-        yield k, [str(rows)] * len(given[k]) if isinstance(rows, AntioscError) else rows
+        yield (
+            k,
+            [str(rows)] * len(arguments_of_chunks[k]) if isinstance(rows, AntioscError) else rows,
+        )
 
 
-def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
-    """Rows of one chunk of runs; impacts that `run` only describes are simulated as one batch."""
-    rows: list[Row] = [""] * len(given)
+def _rows(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[Row]:
+    """Results of one chunk of runs; impacts that `run` only describes are simulated as one
+    batch.
+    """
+    rows: list[Row] = [""] * len(arguments)
     scenes: dict[int, tuple[object, ...]] = {}
     with without_warnings():
-        for i, values in enumerate(given):
+        for i, values in enumerate(arguments):
             try:
-                found = run(**values)
+                outcome = run(**values)
             except AntioscError as error:
                 rows[i] = f"{type(error).__name__}: {error}"
                 continue
-            if isinstance(found, tuple):
-                scenes[i] = found
+            if isinstance(outcome, tuple):
+                scenes[i] = outcome
             else:
-                rows[i] = _numbers(found)
+                rows[i] = _numbers(outcome)
         if scenes:
             rows_of_scenes = _simulated(list(scenes.values()))
             for i, row in zip(scenes, rows_of_scenes, strict=True):
@@ -258,14 +283,16 @@ def _rows(run: Callable[..., Any], given: list[dict[str, Any]]) -> list[Row]:
 
 
 def _simulated(scenes: list[tuple[object, ...]]) -> list[Row]:
-    """The impacts of (model, impactor, contact, duration) in one batch."""
+    """Results of impacts (model, impactor, contact, duration), simulated as one batch."""
     if any(len(scene) != 4 for scene in scenes):
         raise InputError("a tuple that `run` returns must be (model, impactor, contact, duration).")
     models, impactors, contacts, durations = map(list, zip(*scenes, strict=True))
     try:
         batch = simulate_many(models, impactors, contacts, durations)
     except AntioscError as error:  # of one scene, or of all
-        return [str(error)] if len(scenes) == 1 else [r for s in scenes for r in _simulated([s])]
+        if len(scenes) == 1:
+            return [str(error)]
+        return [r for s in scenes for r in _simulated([s])]
     return [
         {name: float(getattr(batch, name)[i]) for name in QUANTITIES}
         if batch.status[i] != STOPPED
@@ -274,25 +301,25 @@ def _simulated(scenes: list[tuple[object, ...]]) -> list[Row]:
     ]
 
 
-def _numbers(found: object) -> Row:
+def _numbers(outcome: object) -> Row:
     """The results of one run by name."""
-    if isinstance(found, Mapping):
-        return {str(name): _result(str(name), value) for name, value in found.items()}
-    if all(hasattr(found, name) for name in QUANTITIES):
-        values = {name: getattr(found, name) for name in QUANTITIES}
+    if isinstance(outcome, Mapping):
+        return {str(name): _result(str(name), value) for name, value in outcome.items()}
+    if all(hasattr(outcome, name) for name in QUANTITIES):
+        values = {name: getattr(outcome, name) for name in QUANTITIES}
         return {name: np.nan if v is None else float(v) for name, v in values.items()}
-    return {"value": _result("what `run` returns", found)}
+    return {"value": _result("what `run` returns", outcome)}
 
 
 def _result(name: str, value: object) -> float:
-    """A result as a float, NaN for None and what is not finite."""
+    """A result as a float; NaN for None and for numbers that are not finite."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return np.nan
     return checks.number(name, value)
 
 
 def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Sample:
-    """The sample of the rows of all runs or falls (`what`), with the number of failures."""
+    """The sample of all runs (or falls: `what`); warns of failures, AntioscError if all failed."""
     failed = {i: row for i, row in enumerate(rows) if isinstance(row, str)}
     if len(failed) == len(rows):
         raise AntioscError(f"all {len(rows)} {what} failed, the first one so: {failed[0]}")
@@ -315,13 +342,14 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     if not os.path.lexists(path):
         return {}
     check_readable(path, "a campaign")
-    shown, rows = checks.shown(str(path)), dict[int, Row]()
+    shown = checks.shown(str(path))
+    rows = dict[int, Row]()
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
     except OSError as error:
         raise InputError(f"{shown} cannot be read ({error.strerror}): name a new file.") from error
-    whole = [line for line in lines if line.endswith("\n")]  # the last may be cut
-    table = csv.DictReader(whole, strict=True)
+    complete_lines = [line for line in lines if line.endswith("\n")]  # the last may be cut
+    table = csv.DictReader(complete_lines, strict=True)
     try:
         lacking = {NUMBER, *drawn, ERROR} - set(table.fieldnames or ())
         if lines and lacking:
@@ -333,16 +361,19 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     except (ValueError, csv.Error) as error:
         raise InputError(
             f"line {table.line_num} of {shown} is no run of this campaign ({error}): remove the"
-            " line, and its run is made again, or name a new file."
+            " line, and its run is chunk_results again, or name a new file."
         ) from error
     return rows
 
 
 def _run_of(line: dict[Any, Any], drawn: Mapping[str, Array]) -> tuple[int, Row]:
-    """(number of a run, its results) from a line; ValueError for other inputs."""
+    """(number of a run, its results) from one line; ValueError if its inputs differ from
+    `drawn`.
+    """
     if None in line or None in line.values():
         raise ValueError("it has not as many cells as the first line")
-    i, failure = int(line.pop(NUMBER)), line.pop(ERROR)
+    i = int(line.pop(NUMBER))
+    failure = line.pop(ERROR)
     for name, draw in drawn.items():
         text = line.pop(name)
         if not 0 <= i < len(draw):
@@ -356,16 +387,16 @@ def _run_of(line: dict[Any, Any], drawn: Mapping[str, Array]) -> tuple[int, Row]
 def _storing(
     path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
 ) -> Iterator[Callable[[dict[int, Row]], None]]:
-    """Context with a function that appends runs to the file; at the end all are sorted."""
+    """Context that gives a function to append runs to the file; on exit the file is sorted."""
     if path is None:
         yield lambda _: None
         return
     columns: list[str] = []
 
-    def store(part: dict[int, Row]) -> None:
-        if set(_columns(drawn, part)) <= set(columns):
+    def store(chunk: dict[int, Row]) -> None:
+        if set(_columns(drawn, chunk)) <= set(columns):
             with path.open("a", encoding="utf-8", newline="") as file:
-                _write(file, columns, drawn, part)
+                _write(file, columns, drawn, chunk)
         else:
             columns[:] = _stored_anew(path, drawn, rows)
 
@@ -383,7 +414,7 @@ def _columns(drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
 
 
 def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
-    """The columns of the file, replaced by one with all runs."""
+    """Write the file again with all runs; returns its columns."""
     columns = _columns(drawn, rows)
     if len(set(columns)) < len(columns):
         raise InputError(
@@ -402,13 +433,12 @@ def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]
 def _write(
     file: TextIO, columns: list[str], drawn: Mapping[str, Array], rows: Mapping[int, Row]
 ) -> None:
-    """Write a line for each run.
+    """Write one line for each run.
 
-    Messages are written without line ends, so that a truncated line is recognised by its missing
-    end.
+    Messages are written without line breaks, so that a line without its end is a truncated one.
     """
     table = csv.DictWriter(file, columns, restval="")
     for i, row in sorted(rows.items()):
         results = {ERROR: " ".join(row.split())} if isinstance(row, str) else row
-        given = {name: draw[i].item() for name, draw in drawn.items()}
-        table.writerow({NUMBER: i, **given, **results})
+        inputs = {name: draw[i].item() for name, draw in drawn.items()}
+        table.writerow({NUMBER: i, **inputs, **results})

@@ -1,10 +1,11 @@
 """`nearby`: models of structures whose parameters change a little, from a few extractions.
 
-The shapes of a few extractions span a space V in which every structure of the family is projected,
-K(p) → VᵀKV, M(p) → VᵀMV (a Galerkin model, whose frequencies have the square of the error of the
-shapes: R. L. Fox, M. P. Kapoor, AIAA J. 6 (1968) 2426; C. Prud'homme et al., J. Fluids Eng. 124
-(2002) 70). The small matrices are polynomials of p between a few assembled structures, so that a
-model of the family costs an eigenproblem of the size of V, and neither assembly nor factorization.
+The shapes of a few extractions span a space V onto which every structure of the family is
+projected, K(p) → VᵀKV, M(p) → VᵀMV (a Galerkin model, whose frequencies have the square of the
+error of the shapes: R. L. Fox, M. P. Kapoor, AIAA J. 6 (1968) 2426; C. Prud'homme et al., J. Fluids
+Eng. 124 (2002) 70). The small matrices are polynomials of p between a few assembled structures, so
+that a model of the family costs an eigenproblem of the size of V, and neither assembly nor
+factorization.
 """
 
 from __future__ import annotations
@@ -28,30 +29,31 @@ from antiosc.fem.linalg.algebra import dot, multiply, rows
 from antiosc.reduce.site import functional
 from antiosc_studies.chance.monte_carlo import is_name, quantiles
 
-#: Squared length of a direction over that of the shapes, below which it adds nothing to the space.
+#: Shapes whose squared independent part is below this share of the largest do not extend the space.
 DEPENDENT = 1e-10
-#: Places on an axis of the box [-1, 1]^d at which structures are assembled, in their order.
+#: Positions on an axis of the box [-1, 1]^d at which structures are assembled, in this order.
 PLACES = (0.0, 1.0, -1.0, 0.6, -0.6)
 #: Least degree of the polynomials.
 LEAST_DEGREE = 2
-#: How far from the centre of the box the pairs of places lie at which the space is tried.
+#: Distances from the centre of the box at which pairs of trial structures are extracted.
 TRIED = (0.9, 0.8, 0.7)
-#: Successive structures that the space must describe before it is taken as complete.
+#: Number of successive trial structures that the space must describe before it counts as complete.
 IN_A_ROW = 3
-#: Share of a range of a distribution that lies within the range of the models.
+#: Probability that a draw of a distribution lies within the range of the models.
 COVERED = 0.998
-#: Growth rates at which models are compared: of the lowest frequency, and how many.
+#: Growth rates s at which models are compared: the smallest over the lowest frequency; their
+#: number.
 FROM, RATES = 0.1, 40
 
 
 @dataclass(eq=False)
 class Family:
-    """Structures and sites that `build` and `site` make from values of `names`.
+    """The family of structures and sites that `build` and `site` make from values of `names`.
 
     Attributes
     ----------
-    rigid, shift : number of rigid-body modes of all structures, and the first one's shift of K.
-    basis : (rows of this rank, r) shapes of extracted structures, independent of each other.
+    rigid, shift : number of rigid-body modes of all structures; shift of K of the first one.
+    basis : (rows of this rank, r) linearly independent shapes of the extracted structures.
     """
 
     build: Callable[..., Any]
@@ -62,58 +64,64 @@ class Family:
     basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def made(self, values: Array) -> tuple[Structure, Site]:
-        """The structure for these values, and its site; InputError for a different mesh.
+        """The structure for these values, and its site.
 
-        InputError where it is none, or of another mesh.
+        Raises InputError if `build` returns no structure, or one with another mesh.
         """
-        given = dict(zip(self.names, values.tolist(), strict=True))
-        found = self.build(**given)
-        structure = checks.instance("what build returns", found, Structure, "a Structure")
+        arguments = dict(zip(self.names, values.tolist(), strict=True))
+        built = self.build(**arguments)
+        structure = checks.instance("what build returns", built, Structure, "a Structure")
         refuse_dampers(structure, "nearby")
-        size, modes = rows(structure.K), structure.rigid_modes.shape[1]
+        size = rows(structure.K)
+        modes = structure.rigid_modes.shape[1]
         if self.basis.size and (size, modes) != (len(self.basis), self.rigid):
             raise InputError(
                 f"build must return structures of one mesh and one set of supports; got {size} rows"
                 f" and {modes} rigid-body modes after {len(self.basis)} and {self.rigid}."
             )
         fixed = isinstance(self.site, Site) or not callable(self.site)
-        site = self.site if fixed else self.site(**given)
+        site = self.site if fixed else self.site(**arguments)
         what = "a Site, or a function that returns one"
         return structure, checks.instance("site", site, Site, what)
 
     def extend(self, structure: Structure, model: AntiOscillators) -> None:
-        """Add the shapes of a structure to the space."""
+        """Add the shapes of a structure's model to the space."""
         assert model.shapes is not None
         if not self.basis.size:
             self.rigid, self.shift = structure.rigid_modes.shape[1], structure.shift
             self.basis = np.zeros((rows(structure.K), 0))
         new = np.column_stack([structure.rigid_modes, model.shapes])
-        comm, M = structure.comm, structure.M
-        every = np.column_stack([self.basis, new])
-        gram = dot(comm, every, multiply(M, every))
+        comm = structure.comm
+        M = structure.M
+        shapes = np.column_stack([self.basis, new])
+        gram = dot(comm, shapes, multiply(M, shapes))
         scale = 1 / np.sqrt(gram.diagonal())
-        lengths, turn = np.linalg.eigh(gram * scale * scale[:, None])
-        kept = lengths > DEPENDENT * lengths[-1]
-        self.basis = every @ (scale[:, None] * turn[:, kept] / np.sqrt(lengths[kept]))
+        lengths, vectors = np.linalg.eigh(gram * scale * scale[:, None])
+        independent = lengths > DEPENDENT * lengths[-1]
+        self.basis = shapes @ (
+            scale[:, None] * vectors[:, independent] / np.sqrt(lengths[independent])
+        )
 
     def projected(self, structure: Structure, site: Site) -> Array:
-        """K, M and the load of the site on the space, 1/compliance of its patch."""
-        V, comm, load = self.basis, structure.comm, functional(structure, site)
+        """K, M and the load of the site on the space, and 1/compliance of its patch, in one row."""
+        V = self.basis
+        comm = structure.comm
+        load = functional(structure, site)
         K, M = (dot(comm, V, multiply(matrix, V)) for matrix in (structure.K, structure.M))
         local = load.local_compliance
-        own = 1 / local if local else 0.0
-        return np.concatenate([K.ravel(), M.ravel(), dot(comm, V, load.b), [own]])
+        patch_stiffness = 1 / local if local else 0.0
+        return np.concatenate([K.ravel(), M.ravel(), dot(comm, V, load.b), [patch_stiffness]])
 
 
 @dataclass(eq=False, repr=False)
 class NearbyModels(ReprMixin):
-    """Models of a family of structures; called with its parameters it returns one.
+    """Models of a family of structures; calling it with parameters returns a model.
 
     Attributes
     ----------
-    ranges : name -> (low, high) of each parameter; outside of them the model is extracted anew.
+    ranges : name -> (low, high) of each parameter; outside them the model is extracted anew.
     error : largest relative error of the dynamic stiffness, measured against extractions.
-    extractions, assemblies : structures that were reduced, and that were only assembled.
+    extractions, assemblies : number of structures that were reduced, and only assembled.
     """
 
     ranges: dict[str, tuple[float, float]]
@@ -135,18 +143,19 @@ class NearbyModels(ReprMixin):
                 f"the models have the parameters {', '.join(self.ranges)}; got"
                 f" {', '.join(values) or 'none'}."
             )
-        at = np.array([checks.number(name, values[name]) for name in self.ranges])
+        parameters = np.array([checks.number(name, values[name]) for name in self.ranges])
         low, high = np.array(list(self.ranges.values())).T
-        x = (2 * at - low - high) / (high - low)
+        x = (2 * parameters - low - high) / (high - low)
         if np.any(np.abs(x) > 1 + 1e-9):
             self.extractions += 1
             assert self._family is not None
-            structure, site = self._family.made(at)
+            structure, site = self._family.made(parameters)
             model = extract(structure, site, self._made[2])
             return replace(model, shapes=None, hidden=None)
         return self._at(x)
 
     def _at(self, x: Array) -> AntiOscillators:
+        """The model at a point of the box [-1, 1]^d."""
         return _model(_powers(x, self._terms) @ self._coefficients, *self._made)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -163,10 +172,10 @@ def nearby(
     *,
     tol: float = 1e-3,
 ) -> NearbyModels:
-    """Models of structures whose parameters vary within ranges, for about a millisecond each.
+    """Models of structures whose parameters vary within ranges, in about a millisecond each.
 
-    A few structures are extracted and some more assembled; all others are projected on the shapes
-    of these. The models are checked against extractions.
+    A few structures are extracted and some more assembled; all others are projected onto the
+    shapes of these. The models are checked against extractions.
 
     Parameters
     ----------
@@ -174,20 +183,20 @@ def nearby(
         A function of the parameters' names that returns a `Structure`; all its structures have the
         same mesh, up to the places of the nodes.
     site : Site, or callable
-        Where they are struck; a function of the same names where it moves with the nodes.
+        Where they are struck; a function of the same names if the site moves with the nodes.
     ranges : dict
         Name -> (low, high), or a distribution: between its quantiles of 0.1 and 99.9 %.
     n : int
         Number of anti-oscillators.
     tol : float
         Largest relative error of the dynamic stiffness Z(is), measured at extracted structures
-        within the ranges, at rates of growth s up to the last anti-oscillator that has converged
-        (`info.converged`): a larger n takes in more.
+        within the ranges, at growth rates s up to the last anti-oscillator that has converged
+        (`info.converged`); a larger n includes more of them.
 
     Returns
     -------
     NearbyModels
-        Outside of the ranges it extracts.
+        Called outside the ranges, it extracts the model.
 
     Raises
     ------
@@ -199,54 +208,58 @@ def nearby(
     checks.function("build", build, "a function of the parameters")
     limits = {name: _range(name, given) for name, given in _named(ranges).items()}
     check_signature("build", build, limits)
-    tol, n = checks.tolerance(tol), checks.whole("n", n)
+    tol = checks.tolerance(tol)
+    n = checks.whole("n", n)
     family = Family(build, site, tuple(limits))
     low, high = np.array(list(limits.values())).T
 
     def at(x: Array) -> Array:
         return np.asarray((low + high) / 2 + (high - low) / 2 * x)
 
-    tried = [np.zeros(low.size), *_trials(low.size)]
-    known: list[tuple[Array, AntiOscillators]] = []
-    good, error = 0, np.inf
-    for x in tried:
-        structure, where = family.made(at(x))
-        model = extract(structure, where, n)
-        if known:
-            row = family.projected(structure, where)
+    trial_points = [np.zeros(low.size), *_trials(low.size)]
+    extracted: list[tuple[Array, AntiOscillators]] = []
+    described, error = 0, np.inf
+    for x in trial_points:
+        structure, struck = family.made(at(x))
+        model = extract(structure, struck, n)
+        if extracted:
+            row = family.projected(structure, struck)
             error = _misfit(_model(row, family.rigid, family.shift, n), model)
-        known.append((x, replace(model, shapes=None, hidden=None)))
-        good = good + 1 if error < tol / 2 else 0
-        if good == IN_A_ROW:
+        extracted.append((x, replace(model, shapes=None, hidden=None)))
+        described = described + 1 if error < tol / 2 else 0
+        if described == IN_A_ROW:
             break
         family.extend(structure, model)
-    found = NearbyModels(limits, extractions=len(known), _family=family)
-    found._made = family.rigid, family.shift, n
+    models = NearbyModels(limits, extractions=len(extracted), _family=family)
+    models._made = family.rigid, family.shift, n
     rows: list[Array] = []
     for degree in range(LEAST_DEGREE, len(PLACES)):
         terms = _terms(low.size, degree)
         for term in terms[len(rows) :]:
             rows.append(family.projected(*family.made(at(np.array([PLACES[k] for k in term])))))
         nodes = np.array([[PLACES[k] for k in term] for term in terms])
-        found._coefficients = np.linalg.solve(_powers(nodes, terms), np.array(rows))
-        found._terms, found.assemblies = terms, len(rows)
+        models._coefficients = np.linalg.solve(_powers(nodes, terms), np.array(rows))
+        models._terms, models.assemblies = terms, len(rows)
         with suppress(np.linalg.LinAlgError):  # a mass that is not positive
-            found.error = max(_misfit(found._at(x), model) for x, model in known)
-            if found.error <= tol:
+            models.error = max(_misfit(models._at(x), model) for x, model in extracted)
+            if models.error <= tol:
                 family.basis = np.zeros((0, 0))  # as large as many models
-                return found
+                return models
     raise AccuracyError(
-        f"models between {found.extractions} extractions and {found.assemblies} assemblies differ"
-        f" from extracted ones by {found.error:.1e} > tol = {tol:g}: give narrower ranges, or a"
+        f"models between {models.extractions} extractions and {models.assemblies} assemblies differ"
+        f" from extracted ones by {models.error:.1e} > tol = {tol:g}: give narrower ranges, or a"
         " larger tol."
     )
 
 
 def _named(ranges: object) -> dict[str, Any]:
-    given = dict(checks.instance("ranges", ranges, Mapping, 'a dict, as {"E": (60e9, 80e9)}'))
-    if not given or not all(map(is_name, given)):
-        raise InputError(f"ranges must have names of arguments; got {', '.join(map(str, given))}.")
-    return given
+    """The ranges by name; InputError if it is not a dict of names."""
+    by_name = dict(checks.instance("ranges", ranges, Mapping, 'a dict, as {"E": (60e9, 80e9)}'))
+    if not by_name or not all(map(is_name, by_name)):
+        raise InputError(
+            f"ranges must have names of arguments; got {', '.join(map(str, by_name))}."
+        )
+    return by_name
 
 
 def _range(name: str, given: object) -> tuple[float, float]:
@@ -260,46 +273,51 @@ def _range(name: str, given: object) -> tuple[float, float]:
 
 
 def _trials(d: int) -> list[Array]:
-    """Pairs of opposite places, any two parameters once together and once against, then axes."""
+    """Trial points: pairs of opposite points where parameters vary together or against, then
+    axes.
+    """
     signs = [np.where(np.arange(d) // period % 2, -1.0, 1.0) for period in (1, d, 2)]
     pairs = [share * sign for share, sign in zip(TRIED, signs, strict=True)]
     return [*(way * place for place in pairs for way in (1, -1)), *np.eye(d), *-np.eye(d)]
 
 
 def _terms(d: int, degree: int) -> list[tuple[int, ...]]:
-    """The exponents of all monomials up to a degree, in the order of their degree."""
-    every = product(range(degree + 1), repeat=d)
-    return sorted((term for term in every if sum(term) <= degree), key=lambda term: sum(term))
+    """The exponents of all monomials up to a degree, sorted by degree."""
+    exponents = product(range(degree + 1), repeat=d)
+    return sorted((term for term in exponents if sum(term) <= degree), key=lambda term: sum(term))
 
 
 def _powers(x: Array, terms: list[tuple[int, ...]]) -> Array:
-    """The monomials (…, terms) at x (…, d)."""
+    """Values (…, terms) of the monomials at x (…, d)."""
     return np.asarray(np.prod(np.asarray(x)[..., None, :] ** np.array(terms), axis=-1))
 
 
 def _model(row: Array, rigid: int, shift: float, n: int) -> AntiOscillators:
-    """The model of a row of `Family.projected`, of which `rigid` modes are rigid-body motions."""
+    """The model of a row of `Family.projected`; the first `rigid` modes are rigid-body modes."""
     size = int(np.sqrt(row.size / 2))  # 2 size² + size + 1 entries
     K, M = (each.reshape(size, size) for each in row[: 2 * size**2].reshape(2, -1))
-    b, stiffness = row[2 * size**2 : -1], row[-1]
+    b = row[2 * size**2 : -1]
+    stiffness = row[-1]
     x, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)
     x[:rigid], x[rigid:] = 0.0, np.maximum(x[rigid:], np.finfo(float).eps * x[-1])
     weights = shapes.T @ b
     C, G = (float(weights**2 @ (x + shift) ** -k) for k in (1.0, 2.0))
-    found = from_free_modes(np.sqrt(x), weights, C, G, min(n, size), shift, "krylov")
-    return replace(found, local_compliance=1 / stiffness if stiffness else 0.0)
+    model = from_free_modes(np.sqrt(x), weights, C, G, min(n, size), shift, "krylov")
+    return replace(model, local_compliance=1 / stiffness if stiffness else 0.0)
 
 
 def _misfit(model: AntiOscillators, known: AntiOscillators) -> float:
-    """Largest relative difference of Z(ω = i s), s up to the last converged frequency.
+    """Largest relative difference of Z(ω = i s), for s up to the last converged frequency.
 
-    Such growing motions meet no poles of Z and weight each anti-oscillator by its mass. Those that
-    have not converged represent all higher ones, and are not the same in two reductions.
+    At imaginary frequencies (growing motions) Z has no poles, and each anti-oscillator counts by
+    its mass. Those that have not converged represent all higher modes and differ between two
+    reductions.
     """
     if not known.n:
         return abs(model.m_st / known.m_st - 1)
     last = min(max(known.info.converged or 1, 1), known.n)
     s = 1j * np.geomspace(FROM * known.omega[0], known.omega[last - 1], RATES)
-    Z, Z_known = model.dynamic_stiffness(s), known.dynamic_stiffness(s)
+    Z = model.dynamic_stiffness(s)
+    Z_known = known.dynamic_stiffness(s)
     local = abs(model.local_compliance - known.local_compliance) * float(abs(Z_known[0]))
     return float(np.max(np.abs(Z / Z_known - 1))) + local

@@ -1,4 +1,4 @@
-"""`Sample`: the runs of a Monte Carlo study, and what they say."""
+"""`Sample`: the runs of a Monte Carlo study and their statistics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from antiosc.plot.charts import figure_or_path, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Samples of a bootstrap, and the share of them within a bar.
+#: Number of bootstrap samples, and the share of them within a confidence interval.
 RESAMPLES, CONFIDENCE = 200, 0.95
 #: Least number of runs for indices of sensitivity.
 LEAST = 50
@@ -28,10 +28,10 @@ LEAST = 50
 
 @dataclass(frozen=True)
 class Quantile(FieldsRepr):
-    """A quantile or a probability with the bar (low, high) of its sampling.
+    """A quantile or a probability with its confidence interval (low, high).
 
-    An end is infinite where the sample is too small for it; `note` says how many results have one,
-    and how many runs have no such result and are left out.
+    An end is infinite if the sample is too small for it; `note` then says how many results it
+    takes, and how many runs lack the result.
     """
 
     value: float
@@ -44,31 +44,36 @@ class Quantile(FieldsRepr):
 
 
 def quantile(sample: ArrayLike, q: float, confidence: float = 0.95) -> Quantile:
-    """The quantile `q` of a sample, with the bar between its order statistics.
+    """The quantile `q` of a sample, with its confidence interval between order statistics.
 
-    The number of samples below the quantile is binomial, so that the bar holds for any
+    The number of samples below the quantile is binomial, so that the interval holds for any
     distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., section 7.1).
     """
     from scipy.stats import binom
 
-    share, level = _share("q", q), _share("confidence", confidence)
-    found, tail = np.sort(np.asarray(sample, dtype=float)), (1 - level) / 2
-    low, high = binom.ppf([tail, 1 - tail], len(found), share)
-    # one of the sample beyond each end, or infinity where there is none
-    lower = found[int(low) - 1] if low >= 1 else -np.inf
-    upper = found[int(high)] if high < len(found) else np.inf
+    share = _share("q", q)
+    level = _share("confidence", confidence)
+    ordered = np.sort(np.asarray(sample, dtype=float))
+    tail = (1 - level) / 2
+    low, high = binom.ppf([tail, 1 - tail], len(ordered), share)
+    # the order statistic beyond each end, or infinity if there is none
+    lower = ordered[int(low) - 1] if low >= 1 else -np.inf
+    upper = ordered[int(high)] if high < len(ordered) else np.inf
     lacking = [
-        f"{len(found)} results are too few for the {end} end of the bar, {ceil(log(tail) / log(p))}"
+        f"{len(ordered)} results are too few for the {end} end of the bar, "
+        f"{ceil(log(tail) / log(p))}"
         " have one"
         for end, p, bound in (("lower", 1 - share, lower), ("upper", share, upper))
         if np.isinf(bound)
     ]
-    value = float(np.quantile(found, share))
+    value = float(np.quantile(ordered, share))
     return Quantile(value, float(lower), float(upper), "; ".join(lacking))
 
 
 def probability(count: int, size: int, confidence: float = 0.95) -> Quantile:
-    """The probability count/size with its bar (Clopper and Pearson, Biometrika 26 (1934) 404)."""
+    """The probability count/size with its interval (Clopper and Pearson, Biometrika 26 (1934)
+    404).
+    """
     from scipy.stats import binomtest
 
     level = _share("confidence", confidence)
@@ -89,9 +94,9 @@ class Sample(Result):
 
     Attributes
     ----------
-    inputs : name -> (n,) draws of each input; of a sequence of values the indices into it.
-    values : name -> (n,) results in SI units, NaN where a run failed or has no such result.
-    failed : message of each run that failed, by its number.
+    inputs : name -> (n,) draws of each input; indices into it, if it is a sequence of values.
+    values : name -> (n,) results in SI units, NaN where a run failed or lacks the result.
+    failed : number of each run that failed -> its message.
     """
 
     inputs: dict[str, Array]
@@ -112,54 +117,57 @@ class Sample(Result):
         return f"{len(self.failed)} of {len(self)} runs failed." if self.failed else "Completed."
 
     def numbers(self) -> dict[str, object]:
-        """Quantiles of each quantity that any run returned: name -> JSON value."""
+        """Quantiles of each quantity with a finite result: name -> JSON value."""
         levels = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
-        known = [name for name, found in self.values.items() if np.isfinite(found).any()]
+        available = [name for name, results in self.values.items() if np.isfinite(results).any()]
         return {
             "runs": len(self),
             **{
                 name: {text: self.quantile(name, q).value for text, q in levels.items()}
-                for name in known
+                for name in available
             },
             "status": self.status,
             "message": self.message,
         }
 
     def finite(self, quantity: str) -> Array:
-        """(k,) finite results of a quantity; InputError if it is unknown or has none."""
-        found = self._of(quantity)
-        found = found[np.isfinite(found)]
-        if not len(found):
+        """(k,) finite results of a quantity; InputError if it is unknown or there are none."""
+        results = self._of(quantity)
+        results = results[np.isfinite(results)]
+        if not len(results):
             raise InputError(f"no run has a finite {quantity}.")
-        return found
+        return results
 
     def quantile(self, quantity: str, q: float, confidence: float = CONFIDENCE) -> Quantile:
-        """The quantile `q` of a quantity with the bar of its sampling; see `quantiles.quantile`."""
+        """The quantile `q` of a quantity with its confidence interval; see `sample.quantile`."""
         return self._noted(quantity, quantile(self.finite(quantity), q, confidence))
 
     def exceedance(self, quantity: str, limit: float, confidence: float = CONFIDENCE) -> Quantile:
-        """The probability that a quantity exceeds `limit`, with its bar."""
-        found, limit = self.finite(quantity), checks.number("limit", limit)
-        share = probability(int(np.sum(found > limit)), len(found), confidence)
+        """The probability that a quantity exceeds `limit`, with its confidence interval."""
+        results = self.finite(quantity)
+        limit = checks.number("limit", limit)
+        share = probability(int(np.sum(results > limit)), len(results), confidence)
         return self._noted(quantity, share)
 
-    def _noted(self, quantity: str, found: Quantile) -> Quantile:
-        """The quantile with a note on excluded runs."""
-        lost = len(self) - len(self.finite(quantity))
-        message = f"{lost} of {len(self)} runs have no {quantity} and are left out" if lost else ""
-        return replace(found, note="; ".join(filter(None, (found.note, message))))
+    def _noted(self, quantity: str, estimate: Quantile) -> Quantile:
+        """The quantile with a note on the runs that lack the quantity."""
+        lacking = len(self) - len(self.finite(quantity))
+        message = (
+            f"{lacking} of {len(self)} runs have no {quantity} and are left out" if lacking else ""
+        )
+        return replace(estimate, note="; ".join(filter(None, (estimate.note, message))))
 
     def sensitivity(self, quantity: str | None = None) -> Sensitivity:
-        """Sobol's first-order index of each input: its share of the variance of the quantity.
+        """Sobol's first-order index of each input: its share of the variance of a quantity.
 
-        Of the first quantity without a name. Estimated from the means in bins of the
-        input (one bin for each value of a sequence). What their sum lacks of 1 is due to several
-        inputs together. InputError for fewer than 50 runs or a constant quantity.
+        The default is the first quantity. The index is estimated from the means in bins of the
+        input (one bin for each value of a sequence). The sum of the indices falls short of 1 by the
+        interactions of inputs. InputError for fewer than 50 runs or a constant quantity.
         """
         quantity = next(iter(self.values)) if quantity is None else quantity
-        found = self._of(quantity)
-        good = np.isfinite(found)
-        y = found[good]
+        results = self._of(quantity)
+        finite = np.isfinite(results)
+        y = results[finite]
         if len(y) < LEAST:
             raise InputError(f"sensitivity needs {LEAST} runs at least; {len(y)} have {quantity}.")
         if np.ptp(y) == 0:
@@ -169,44 +177,50 @@ class Sample(Result):
         ends = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
         first, bars = [], []
         for x in self.inputs.values():
-            groups = _groups(x[good])
+            groups = _groups(x[finite])
             first.append(_share_of_variance(groups, y))
-            again = [_share_of_variance(groups[p], y[p]) for p in picks]
-            # a resample has the noise of the sample twice in its bins: its bias is that of the mean
-            centred = np.array(again) - (np.mean(again) - first[-1])
+            resampled = [_share_of_variance(groups[p], y[p]) for p in picks]
+            # the bins of a resample hold the noise of the sample twice: subtract the mean's bias
+            centred = np.array(resampled) - (np.mean(resampled) - first[-1])
             bars.append(np.quantile(centred, ends))
         return Sensitivity(quantity, list(self.inputs), np.array(first), np.array(bars))
 
     def plot(
         self, path: str | os.PathLike[str] | None = None, quantity: str | None = None
     ) -> Figure | Path:
-        """The distribution of a quantity (of the first without a name): histogram, and quantiles.
+        """Histogram and quantiles of a quantity (default: the first).
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
         name = next(iter(self.values)) if quantity is None else quantity
-        found = self.finite(name)
+        results = self.finite(name)
         figure, ((axes,),) = panels(1, 1, (6.4, 4.0), shown=path is None)
-        axes.hist(found, bins="auto", color="tab:blue", alpha=0.6)
+        axes.hist(results, bins="auto", color="tab:blue", alpha=0.6)
         for q in (0.05, 0.5, 0.95):
-            at = self.quantile(name, q)
-            line = axes.axvline(at.value, color="black", linestyle="--" if q != 0.5 else "-")
-            line.set_label(f"{100 * q:g} %: {at.value:.4g}")
-            axes.axvspan(max(at.low, found.min()), min(at.high, found.max()), alpha=0.15, color="k")
+            estimate = self.quantile(name, q)
+            line = axes.axvline(estimate.value, color="black", linestyle="--" if q != 0.5 else "-")
+            line.set_label(f"{100 * q:g} %: {estimate.value:.4g}")
+            axes.axvspan(
+                max(estimate.low, results.min()),
+                min(estimate.high, results.max()),
+                alpha=0.15,
+                color="k",
+            )
         axes.set(xlabel=name.replace("_", " "), ylabel="runs")
         axes.legend()
         return figure_or_path(figure, path)
 
     def _of(self, quantity: str) -> Array:
+        """Results (n,) of a quantity."""
         return self.values[checks.choice("quantity", quantity, tuple(self.values))]
 
     def _facts(self) -> list[tuple[str, str]]:
         facts = [("runs", f"{len(self)} of {', '.join(self.inputs)}; {len(self.failed)} failed")]
         for name in list(self.values)[:3]:
             q = [self.quantile(name, s).value for s in (0.05, 0.5, 0.95)]
-            lost = len(self) - len(self.finite(name))
-            of = f", without {lost} runs" if lost else ""
-            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q) + of))
+            lacking = len(self) - len(self.finite(name))
+            without = f", without {lacking} runs" if lacking else ""
+            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q) + without))
         return facts
 
 
@@ -216,10 +230,10 @@ class Sensitivity(Completed):
 
     Attributes
     ----------
-    quantity : whose variance is shared.
+    quantity : the quantity whose variance is shared.
     inputs : names of the inputs.
     first : (inputs,) Sobol's first-order indices.
-    bars : (inputs, 2) of 95 %, by bootstrap.
+    bars : (inputs, 2) confidence intervals of 95 %, by bootstrap.
     """
 
     quantity: str
@@ -248,11 +262,11 @@ class Sensitivity(Completed):
 
 
 def _groups(x: Array) -> Array:
-    """(n,) number of the bin of each draw: of a repeated value, or of one of √n equal parts.
+    """(n,) bin number of each draw: one bin for each repeated value, or √n bins of equal size.
 
-    What the result varies within a part is lost: of 1000 runs of Ishigami's function 2 n^⅓ parts
-    take 0.013 from an index of 0.44, √n parts 0.004. Numbers of values have no order: these are
-    never binned.
+    Variation of the result within a bin is lost: for 1000 runs of Ishigami's function 2 n^⅓ bins
+    take 0.013 from an index of 0.44, √n bins 0.004. Indices of values have no order and are never
+    merged.
     """
     different, number = np.unique(x, return_inverse=True)
     bins = max(2, round(len(x) ** 0.5))
@@ -262,12 +276,14 @@ def _groups(x: Array) -> Array:
 
 
 def _share_of_variance(groups: Array, y: Array) -> float:
-    """Share of the variance of y between groups (one-way analysis of variance, unbiased: ω²)."""
+    """Share of the variance of y between groups (one-way analysis of variance, unbiased ω²)."""
     count = np.bincount(groups)
     total = np.bincount(groups, weights=y)
     k = int(np.sum(count > 0))
     mean = y.mean()
     between = np.sum((total[count > 0] / count[count > 0] - mean) ** 2 * count[count > 0])
-    whole = np.sum((y - mean) ** 2)
-    within = (whole - between) / max(len(y) - k, 1)
-    return float((between - (k - 1) * within) / (whole + within)) if whole > 0 else 0.0
+    total_squares = np.sum((y - mean) ** 2)
+    within = (total_squares - between) / max(len(y) - k, 1)
+    if total_squares > 0:
+        return float((between - (k - 1) * within) / (total_squares + within))
+    return 0.0

@@ -1,1 +1,1 @@
-"""Drops: free flight with large rotations, impacts on a floor, and what comes after."""
+"""Drops: free flight with large rotations, impacts on a floor, and the motion until rest."""

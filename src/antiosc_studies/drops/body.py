@@ -1,13 +1,13 @@
 """A free body as a drop needs it: rigid inertia, free modes, and the points that may touch.
 
-All is given in axes fixed to the body whose origin is its centre of mass. The elastic displacement
-of a point is sum_j phi_j q_j with mass-normalised free modes, to which a point of contact adds the
-residual compliance r of the modes that are left out,
+All vectors are in axes fixed to the body whose origin is its centre of mass. The elastic
+displacement of a point is sum_j phi_j q_j with mass-normalised free modes, to which a point of
+contact adds the residual compliance r of the omitted modes,
 
     r = B'(K + sM)^-1 B - sum_j phi_j phi_j'/(omega_j^2 + s),
 
-B the loads of its patch along three directions and s the shift of the structure. What the patch of
-a smooth solid gives way as a part of a half-space is taken out of r: Hertz's law has it.
+B the loads of its patch along three directions and s the shift of the structure. The compliance of
+a smooth solid's patch as part of a half-space is subtracted from r, since Hertz's law contains it.
 """
 
 from __future__ import annotations
@@ -36,21 +36,22 @@ if TYPE_CHECKING:
     from antiosc import Site, Structure
 
 
-#: Radius [m] of a sharp corner where none is given, at most a quarter of the least dimension.
+#: Default radius [m] of a sharp corner; at most a quarter of the least dimension is used.
 CORNER = 1e-3
-#: Free elastic modes where none are asked for, and most: their shapes and forces fill the memory.
+#: Default and largest number of free elastic modes; their shapes and forces fill the memory.
 MODES: int = 60
 MOST_MODES = 5000  # 8 bytes × dofs × modes: 0.4 GB at 10 000 dofs
-#: Damping ratio of the free modes where none is given.
+#: Default damping ratio of the free modes.
 RATIO = 0.01
-#: Vertices of the hull up to which the patches of all of them are made with the modes.
+#: If the hull has at most so many vertices, the patches of all are computed together with the
+#: modes.
 FEW = 16
-#: Poisson's ratio of a material without one, for the tangential compliance of its patch.
+#: Poisson's ratio for the tangential compliance of a patch, if the material's is unknown.
 UNKNOWN_NU = 0.3
 
 
 def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
-    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for others."""
+    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for anything else."""
     model_damping = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
@@ -59,12 +60,13 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
     if isinstance(part, Sphere):
         tensor = 0.4 * part.mass * part.radius**2 * np.eye(3)
         matter = part.material if isinstance(part.material, Matter) else None
-        alike = part.radius, part.radius, matter
-        return _rigid(part.mass, tensor, np.zeros((1, 3)), np.zeros(3), *alike)
+        radii_and_material = part.radius, part.radius, matter
+        return _rigid(part.mass, tensor, np.zeros((1, 3)), np.zeros(3), *radii_and_material)
     if isinstance(part, RigidBody):
         if not part.sites:
             raise InputError("a RigidBody that is dropped needs sites: the points that may touch.")
-        points, centre = np.array([x for x, _ in part.sites.values()]), np.asarray(part.centre)
+        points = np.array([x for x, _ in part.sites.values()])
+        centre = np.asarray(part.centre)
         radius = CORNER if corner is None else corner
         return _rigid(part.mass, part.inertia, points - centre, centre, radius)
     with finite_element_packages():
@@ -82,23 +84,24 @@ def _rigid(
     ball: float = 0.0,
     matter: Matter | None = None,
 ) -> FreeBody:
-    """A body without modes, of points with a radius [m]; no matter: rigid."""
-    count, none = len(points), np.zeros(0)
+    """A body without modes whose points have a radius [m]; without a material it is rigid."""
+    count = len(points)
+    empty = np.zeros(0)
     material = (np.nan, np.nan) if matter is None else (matter.E, matter.nu)
     strength = None if matter is None else matter.yield_strength
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) or float(np.abs(points).max())
-    alike = np.full(count, ball), np.full((count, 2), radius), np.full((count, 2), material)
-    modes = none, none, np.zeros((count, 0, 3))
-    body = FreeBody(mass, tensor, points, centre, *alike, *modes, extent or 2 * radius)
+    points_data = np.full(count, ball), np.full((count, 2), radius), np.full((count, 2), material)
+    modes = empty, empty, np.zeros((count, 0, 3))
+    body = FreeBody(mass, tensor, points, centre, *points_data, *modes, extent or 2 * radius)
     body.strengths = np.full(count, strength) if strength else None
     body.matters = () if matter is None else (matter,)
     return body
 
 
 def _elastic(
-    structure: Structure, count: int, given: Damping | None, corner: float | None
+    structure: Structure, count: int, model_damping: Damping | None, corner: float | None
 ) -> FreeBody:
-    """The free body of a structure: its free modes and the points of its hull."""
+    """The free body of a structure: its free modes and the vertices of its hull."""
     from scipy.spatial import cKDTree
 
     from antiosc.extension import ModeSolver, refuse_dampers, source
@@ -112,23 +115,27 @@ def _elastic(
             f"a part that is dropped is free in space, with six rigid-body modes; this one has "
             f"{structure.rigid_modes.shape[1]}: leave its supports out."
         )
-    whole, modes = inertia[0], ModeSolver(structure).lowest(count)
-    omega, phi = modes.omega[:count], modes.phi[:, :count]
-    points, _, moved = source(structure).at_nodes(structure, phi)
+    rigid = inertia[0]
+    modes = ModeSolver(structure).lowest(count)
+    omega = modes.omega[:count]
+    phi = modes.phi[:, :count]
+    points, _, displacements = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     hull_points = hull(skin.points)
-    at, balls = cKDTree(points).query(skin.points[hull_points])[1], skin.balls_within(hull_points)
+    nodes_of_hull = cKDTree(points).query(skin.points[hull_points])[1]
+    balls = skin.balls_within(hull_points)
     notes = []
     rounded = min(CORNER, _least(structure, skin) / 4) if corner is None else corner
     if corner is None and (skin.sharp[hull_points] & (skin.half[hull_points] == 0)).any():
         notes += [f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)"]
-    if given is None:
+    if model_damping is None:
         notes += [f"the modes have a damping ratio of {RATIO:g} (damping)"]
-    centre, arm = whole.centre, whole.point - whole.centre
-    tensor = whole.matrix[3:, 3:] - whole.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    centre = rigid.centre
+    arm = rigid.point - rigid.centre
+    tensor = rigid.matrix[3:, 3:] - rigid.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     strengths = skin.strengths[hull_points]
     body = FreeBody(
-        mass=whole.mass,
+        mass=rigid.mass,
         centre=centre,
         tensor=(tensor + tensor.T) / 2,
         points=skin.points[hull_points] - balls[:, None] * skin.normals[hull_points] - centre,
@@ -138,8 +145,8 @@ def _elastic(
         strengths=strengths if np.isfinite(strengths).any() else None,
         matters=tuple(_matters(structure)),
         omega=omega,
-        decay=(Damping(ratio=RATIO) if given is None else given).decay(omega),
-        shapes=np.moveaxis(moved[at], 1, 2).copy(),
+        decay=(Damping(ratio=RATIO) if model_damping is None else model_damping).decay(omega),
+        shapes=np.moveaxis(displacements[nodes_of_hull], 1, 2).copy(),
         extent=skin.size,
         notes=tuple(notes),
         facing=None if skin.half.any() else skin.normals[hull_points],
@@ -149,16 +156,18 @@ def _elastic(
         lines=skin.points[skin.lines] - centre,
     )
     body.cylinders = cylinders(body, skin, hull_points)
-    many = skin.sharp[hull_points] & (skin.half[hull_points] == 0)  # which take a finer mesh each
+    sharp_solid = skin.sharp[hull_points] & (
+        skin.half[hull_points] == 0
+    )  # which take a finer mesh each
     if (
-        len(hull_points) <= FEW and not many.any()
+        len(hull_points) <= FEW and not sharp_solid.any()
     ):  # all of them will touch: together they cost less
         body.sites(np.arange(len(hull_points)))
     return body
 
 
 def _matters(structure: Structure) -> Iterator[Matter]:
-    """The known materials of a part, without those of directions."""
+    """The known isotropic materials of a part."""
     from antiosc.extension import with_parts
 
     with suppress(InputError):  # of matrices, which have no material
@@ -170,7 +179,9 @@ def _matters(structure: Structure) -> Iterator[Matter]:
 
 
 def _least(structure: Structure, skin: Skin) -> float:
-    """Least dimension of a part [m]; for nodes alone, the least nonzero side of their box."""
+    """Least dimension of a part [m]; of nodes alone, the least nonzero side of their bounding
+    box.
+    """
     matrices: Any = structure.matrices
     if not matrices.located:
         return structure.dimensions[2]
@@ -184,31 +195,42 @@ def _residual(
     phi: Array,
     omega: Array,
     skin: Skin,
-    own: IntArray,
+    hull_points: IntArray,
     corner: float,
     which: IntArray,
 ) -> tuple[Array, Array, Array]:
-    """Shapes, residual compliances and radii of patches at vertices of the hull `own`."""
+    """Shapes, residual compliances and radii of patches at some vertices of the hull.
+
+    `own` are the hull's points in the skin, of which `which` are chosen.
+    """
     from antiosc.reduce.site import functionals
 
-    chosen = own[which]
+    chosen = hull_points[which]
     sites = [_site(skin, k, corner) for k in chosen.tolist()]
     with without_warnings():
         loads = functionals(structure, sites)
-    B = np.column_stack([columns(one) for one in loads])
+    B = np.column_stack([columns(load) for load in loads])
     Y = structure.factorize().solve_block(B)
-    lacks = _lacking(structure, corners, skin, chosen, sites)
-    x, shapes, residual = omega**2 + structure.shift, [], []
-    for n, (k, one) in enumerate(zip(chosen, loads, strict=True)):
-        b, y = (each[:, 3 * n : 3 * n + 3] for each in (B, Y))
-        axes = np.array([one.direction, *(a.direction for a in one.across)])
-        moved, rigid = b.T @ phi, b.T @ structure.rigid_modes
-        r = b.T @ y - (moved / x) @ moved.T - rigid @ rigid.T / structure.shift + lacks[n]
+    missing = _lacking(structure, corners, skin, chosen, sites)
+    x = omega**2 + structure.shift
+    shapes = []
+    residual = []
+    for n, (k, load) in enumerate(zip(chosen, loads, strict=True)):
+        b, y = (columns_of[:, 3 * n : 3 * n + 3] for columns_of in (B, Y))
+        axes = np.array([load.direction, *(side.direction for side in load.across)])
+        displacements = b.T @ phi
+        rigid = b.T @ structure.rigid_modes
+        r = (
+            b.T @ y
+            - (displacements / x) @ displacements.T
+            - rigid @ rigid.T / structure.shift
+            + missing[n]
+        )
         nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
-        aside = (2 - nu) / (2 * (1 - nu))
-        r = r - one.local_compliance * np.diag([1.0, aside, aside])
+        tangential = (2 - nu) / (2 * (1 - nu))
+        r = r - load.local_compliance * np.diag([1.0, tangential, tangential])
         residual.append(axes.T @ _positive(r) @ axes)
-        shapes.append((axes.T @ moved).T)
+        shapes.append((axes.T @ displacements).T)
     radii = [_radii(structure, skin, k, corner) for k in chosen.tolist()]
     return np.array(shapes), np.array(residual), np.array(radii)
 
@@ -227,21 +249,23 @@ def _radii(structure: Structure, skin: Skin, which: int, corner: float) -> tuple
 
 
 def _site(skin: Skin, which: int, corner: float) -> Site:
-    """The site of a vertex; on solids a patch, whose size on edges and corners is their radius."""
+    """The site of a vertex; on a solid a patch, with the edge's or corner's radius at sharp
+    vertices.
+    """
     from antiosc import Site
 
     normal = skin.normals[which]
-    push = -normal if normal.any() else np.array([0.0, 0.0, 1.0])
+    inward = -normal if normal.any() else np.array([0.0, 0.0, 1.0])
     solid = skin.half[which] == 0 and skin.sizes[which] > 0 and len(skin.triangles)
     radius = corner if skin.sharp[which] else float(skin.sizes[which])
     place = tuple(skin.points[which].tolist())
-    return Site(place, tuple(push.tolist()), radius if solid else None, tangential=True)
+    return Site(place, tuple(inward.tolist()), radius if solid else None, tangential=True)
 
 
 def _lacking(
     structure: Structure, corners: Corners, skin: Skin, chosen: IntArray, sites: list[Site]
 ) -> Array:
-    """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
+    """Compliances (n, 3, 3) [m/N] of sites on edges and corners that the mesh does not contain."""
     compliance = np.zeros((len(sites), 3, 3))
     sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
     matrices: Any = structure.matrices
@@ -251,11 +275,11 @@ def _lacking(
     points = skin.points[chosen[sharp]]
     nearest = np.argmin([member.closest(points).distance for member in members], axis=0)
     for number, member in enumerate(members):
-        those = sharp[nearest == number]
-        sites_of_part = [_in_part(sites[i], member) for i in those]
-        lacks = corners.missing(member.part, sites_of_part) if len(those) else None
-        if lacks is not None:
-            compliance[those] = lacks
+        indices = sharp[nearest == number]
+        sites_of_part = [_in_part(sites[i], member) for i in indices]
+        missing = corners.missing(member.part, sites_of_part) if len(indices) else None
+        if missing is not None:
+            compliance[indices] = missing
     return compliance
 
 
@@ -267,6 +291,6 @@ def _in_part(site: Site, member: Any) -> Site:
 
 
 def _positive(matrix: Array) -> Array:
-    """The symmetric matrix without its negative eigenvalues."""
+    """The symmetric part of a matrix with negative eigenvalues set to 0."""
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)

@@ -1,8 +1,9 @@
-"""What a mesh lacks of the compliance of sharp edges and corners with a radius.
+"""Compliance of sharp edges and corners with a radius, as far as the mesh does not contain it.
 
-A load on a corner has no limit in the mesh, for a point of a cone gives way without bound. The
-radius of the corner bounds it. Meshes of parts seldom resolve it: the compliance of the patch is
-that of the mesh, and what a mesh with cells of a share of the radius at the corner adds to it.
+Under mesh refinement the compliance of a point load on a corner grows without bound; the radius of
+the corner bounds it. Meshes of parts seldom resolve that radius. The compliance of the patch is
+therefore that of the mesh, plus the difference to a mesh whose cells at the corner are a share of
+the radius.
 """
 
 from __future__ import annotations
@@ -20,52 +21,55 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.reduce.site import Functional
 
-#: Edges of the cells at a corner over its radius: the force of a plastic block changes by 1.2 %
-#: from 1 to 0.5, and by 0.3 % from 0.5 to 0.25.
+#: Edge length of the cells at a corner over its radius: the impact force of a plastic block changes
+#: by 1.2 % from 1 to 0.5, and by 0.3 % from 0.5 to 0.25.
 FINE = 0.5
 #: Vertices around the sides of a hexahedron, whose vertices are numbered along x, then y, then z.
 SIDES = np.array(
     [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
 )
-#: Corners that are looked at together.
+#: Number of corners that share a refined mesh.
 TOGETHER = 8
 
 
 class Corners:
-    """What the meshes of the parts of one body lack at corners; each is factorized once."""
+    """Missing compliances at the corners of one body's parts; each part is factorized once."""
 
     def __init__(self) -> None:
         self._known: dict[MeshedStructure, tuple[Mesh, Structure]] = {}
 
     def missing(self, part: MeshedStructure, sites: list[Site]) -> Array | None:
-        """Compliances (n, 3, 3) [m/N] that the mesh of a part lacks at sites with a patch.
+        """Compliances (n, 3, 3) [m/N] that a part's mesh lacks at sites with a patch.
 
-        Along the direction of each and across it, in the order of `Functional`. None for meshes
-        of other cells than tetrahedra and hexahedra.
+        The rows are along and across each site's direction, in the order of `Functional`. None for
+        meshes of other cells than tetrahedra and hexahedra.
         """
         if part.mesh.cell not in ("tetrahedron", "hexahedron"):
             return None
         simplices, coarse = self._of(part)
         compliances = []
         for first in range(0, len(sites), TOGETHER):
-            some = sites[first : first + TOGETHER]
-            fine = _free(part, _finer(simplices, some))
-            compliances.append(_compliance(fine, some) - _compliance(coarse, some))
+            group = sites[first : first + TOGETHER]
+            fine = _free(part, _finer(simplices, group))
+            compliances.append(_compliance(fine, group) - _compliance(coarse, group))
         return np.concatenate(compliances)
 
     def _of(self, part: MeshedStructure) -> tuple[Mesh, Structure]:
-        """A mesh of straight tetrahedra, and the free part on its own mesh with straight edges."""
+        """The part's mesh as straight tetrahedra, and the free part on its own mesh with straight
+        edges.
+        """
         if part not in self._known:
             if part.mesh.cell == "tetrahedron":
                 coarse = simplices = straightened(part.mesh)
             else:
-                coarse, simplices = part.mesh, tetrahedra(part.mesh)
+                coarse = part.mesh
+                simplices = tetrahedra(part.mesh)
             self._known[part] = simplices, _free(part, coarse)
         return self._known[part]
 
 
 def tetrahedra(mesh: Mesh) -> Mesh:
-    """A mesh of hexahedra with 24 straight tetrahedra in each, and its groups of cells."""
+    """A mesh of hexahedra, each divided into 24 straight tetrahedra, with its groups of cells."""
     from antiosc.extension import distributed, gathered
     from antiosc.io.neutral import KINDS, RawMesh
     from antiosc.io.reading import compact
@@ -114,6 +118,7 @@ def straightened(mesh: Mesh) -> Mesh:
 
 
 def _finer(mesh: Mesh, sites: list[Site]) -> Mesh:
+    """The mesh refined at the sites to a share of their radii."""
     from antiosc.extension import OfMesh
 
     refine: list[Any] = [(site.point, FINE * float(site.radius or 0.0)) for site in sites]
@@ -131,7 +136,7 @@ def _free(part: MeshedStructure, mesh: Mesh) -> Structure:
 
 
 def _compliance(structure: Structure, sites: list[Site]) -> Array:
-    """Elastic compliance (n, 3, 3) of a free part."""
+    """Elastic compliances (n, 3, 3) [m/N] of a free part at sites."""
     from antiosc.reduce.site import functionals
 
     with without_warnings():
@@ -147,5 +152,5 @@ def _compliance(structure: Structure, sites: list[Site]) -> Array:
 
 
 def columns(site: Functional) -> Array:
-    """b along the direction of a site and across it (rows, 3)."""
+    """Loads (rows, 3) along a site's direction and across it."""
     return np.column_stack([site.b, *(side.b for side in site.across)])

@@ -1,4 +1,4 @@
-"""A cylindrical part of the surface of a body, on the straight line of which it may land."""
+"""A straight line of a cylindrical surface, along which a body may land."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from antiosc.base._types import Array, BoolArray, IntArray
 
 #: Number of stations of a line.
 STATIONS = 7
-#: Sine of the inclination of the axis up to which a cylinder lands along its line.
+#: Largest sine of the axis's inclination with which a cylinder lands along its line.
 LEVEL = 0.02
-#: Nodes from which the shapes of the modes at a station are taken.
+#: Number of nodes from which the mode shapes at a station are interpolated.
 NEAREST = 3
 
 
@@ -26,11 +26,11 @@ class Cylinder:
     ----------
     centre : (3,) of its axis, relative to the centre of mass [m]; axis : (3,) its direction.
     radius, length : [m].
-    down, spread : (3,) direction of the middle of its arc, and half the angle of it [rad].
-    compliance : of the whole line without modes and half-space [m/N].
+    down, spread : (3,) direction to the middle of its arc, and half the angle of the arc [rad].
+    compliance : of the whole line, without the modes' and the half-space's part [m/N].
     material : (2,) Young's modulus [Pa] and Poisson's ratio.
-    members : numbers of the points of the body on it.
-    nodes, shapes : (M, 3) nodes relative to the centre of mass [m], and (M, J, 3) the modes there.
+    members : numbers of the body's points that lie on it.
+    nodes, shapes : (M, 3) nodes relative to the centre of mass [m]; (M, J, 3) mode shapes there.
     """
 
     centre: Array
@@ -47,25 +47,25 @@ class Cylinder:
 
     @property
     def points(self) -> Array:
-        """(STATIONS, 3) of the axis [m]."""
+        """(STATIONS, 3) positions of the stations on the axis [m]."""
         return self.centre + np.outer(rule()[0] * self.length / 2, self.axis)
 
     def lands(self, up: Array) -> BoolArray:
-        """Whether a body with verticals up (..., 3), in its axes, lands along this line."""
+        """Whether a body lands along this line; up (..., 3): the vertical in its axes."""
         level = np.abs(up @ self.axis) <= LEVEL
         inside = -up @ self.down >= np.cos(max(self.spread - LEVEL, 0.0))
         return np.asarray(level & (inside | (self.spread >= pi)))
 
     def shapes_at(self, up: Array) -> Array:
         """Mode shapes (STATIONS, J, 3) at the stations of the line for a vertical up (3,)."""
-        away, number = cKDTree(self.nodes).query(self.points - self.radius * up, NEAREST)
-        weights = 1 / np.maximum(away, 1e-9 * self.radius)
+        distances, number = cKDTree(self.nodes).query(self.points - self.radius * up, NEAREST)
+        weights = 1 / np.maximum(distances, 1e-9 * self.radius)
         weights /= weights.sum(axis=1, keepdims=True)
         return np.asarray(np.einsum("sn,snjd->sjd", weights, self.shapes[number]))
 
 
 def rule() -> tuple[Array, Array]:
-    """Nodes and weights (STATIONS,) of the Gauss-Lobatto rule; the weights add up to 1."""
+    """Nodes in [-1, 1] and weights (STATIONS,) of the Gauss-Lobatto rule; the weights sum to 1."""
     last = np.polynomial.legendre.Legendre.basis(STATIONS - 1)
     x = np.concatenate(([-1.0], np.sort(last.deriv().roots().real), [1.0]))
     return x, 1 / (STATIONS * (STATIONS - 1) * last(x) ** 2)

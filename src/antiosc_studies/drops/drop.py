@@ -1,4 +1,4 @@
-"""`drop`: a part falls from a height onto a floor, and what comes after."""
+"""`drop`: the fall of a part from a height onto a floor, with all its impacts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from antiosc.base.texts import FieldsRepr, Result
 from antiosc.extension import check_executor
 from antiosc.models.body import GRAVITY
 from antiosc.models.motion import unit_vector
-from antiosc_studies.chance.monte_carlo import made, sample_of
+from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
 from antiosc_studies.chance.sample import Quantile, Sample, quantile
 from antiosc_studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
 from antiosc_studies.drops.fall import Fall, fall_of
@@ -53,11 +53,11 @@ def orientation(
 ) -> Array:
     """Rotation (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
     options = {"face": face, "edge": edge, "corner": corner, "toward": toward}
-    asked = {name: value for name, value in options.items() if value is not None}
-    if len(asked) > 1:
-        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(asked)}.")
+    given = {name: value for name, value in options.items() if value is not None}
+    if len(given) > 1:
+        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(given)}.")
     R = np.eye(3)
-    for name, value in asked.items():
+    for name, value in given.items():
         down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
         R = onto(down, DOWN)
     angles = checks.array("tilt", tilt, None)
@@ -75,18 +75,18 @@ def tilted(angles: Array) -> Array:
 
 
 def onto(direction: Array, other: Array) -> Array:
-    """The smallest rotation (3, 3) of one unit vector onto another."""
+    """The smallest rotation (3, 3) that turns one unit vector into another."""
     middle = direction + other
     if middle @ middle < 1e-12:  # half a turn about an axis across
         axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
         return np.asarray(2 * np.outer(axis, axis) / (axis @ axis) - np.eye(3))
-    turn = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
-    return np.asarray(np.eye(3) + turn)
+    rotation = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
+    return np.asarray(np.eye(3) + rotation)
 
 
-def _named(body: FreeBody, kind: str, given: object) -> Array:
-    """The unit direction in the body that points down when a face, edge or corner is lowest."""
-    name = checks.text(kind, given)
+def _named(body: FreeBody, kind: str, argument: object) -> Array:
+    """The body direction (unit vector) that points down when a face, edge or corner is lowest."""
+    name = checks.text(kind, argument)
     components = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
     if not len(name) / 2 == len(components) == FACES[kind]:
         if kind == "face" and body.structure is not None:
@@ -96,12 +96,13 @@ def _named(body: FreeBody, kind: str, given: object) -> Array:
     signs = np.array([components.get(axis, 0.0) for axis in "xyz"])
     if kind == "face":
         return signs
-    # next to the corner of the box may be none of the part: the point that lies farthest along it
-    at = body.points[np.argmax(body.points @ signs)]
+    # the part may have no corner near that of the box: take its farthest point in that direction
+    extreme = body.points[np.argmax(body.points @ signs)]
     if kind == "edge":
-        low, high = body.points.min(axis=0), body.points.max(axis=0)
-        at = np.where(signs > 0, high, low) * (signs != 0)
-    return np.asarray(at / np.linalg.norm(at))
+        low = body.points.min(axis=0)
+        high = body.points.max(axis=0)
+        extreme = np.where(signs > 0, high, low) * (signs != 0)
+    return np.asarray(extreme / np.linalg.norm(extreme))
 
 
 def _group(body: FreeBody, name: str) -> Array:
@@ -118,15 +119,15 @@ def _group(body: FreeBody, name: str) -> Array:
     return np.asarray(normal / size)
 
 
-#: Falls that one call of an executor computes.
+#: Number of falls in one call of an executor.
 AT_ONCE = 20
-#: What is kept of each impact.
+#: Results of each impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
 
 
 @dataclass(frozen=True)
 class Tilts(FieldsRepr):
-    """What varies in an ensemble of falls.
+    """Random variation in an ensemble of falls.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ class Tilts(FieldsRepr):
     height : float
         Standard deviation of the height over the height.
     friction : float
-        Standard deviation of the coefficient of friction; draws below 0 are 0.
+        Standard deviation of the coefficient of friction; draws below 0 become 0.
     spin : float
         Standard deviation of the spin about each axis [rad/s].
     """
@@ -161,13 +162,14 @@ class Drops(Result):
 
     Attributes
     ----------
-    values : name -> (n, k) of each fall and its impacts, NaN beyond its last: "peak_force" [N],
+    values : name -> (n, k) results of each fall's impacts, NaN after its last impact: "peak_force"
+    [N],
         "impulse" [N s], "contact_time" [s], "lost" [J].
     orientations : (n, 3, 3) at the start.
     impacts : (n,) numbers of impacts.
-    failed : message of each fall that failed, by its number.
+    failed : number of each fall that failed -> its message.
     yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
-        part, and whether contact forces do not reach `tol`.
+        part; whether contact forces miss `tol`.
     """
 
     values: dict[str, Array]
@@ -188,7 +190,8 @@ class Drops(Result):
     @property
     def message(self) -> str:
         """How many falls failed, and how many do not reach `tol`."""
-        failed, missed = len(self.failed), int(self.missed.sum())
+        failed = len(self.failed)
+        missed = int(self.missed.sum())
         return f"Of {len(self)} falls {failed} failed and {missed} do not reach tol."
 
     def numbers(self) -> dict[str, object]:
@@ -205,7 +208,7 @@ class Drops(Result):
         }
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The distribution of the largest force of the falls; with `path` it is written."""
+        """The distribution of the falls' largest forces; with `path` the picture is written."""
         falls = {"fall": np.arange(float(len(self)))}
         return Sample(falls, {"largest force of a fall (N)": self.largest()}, {}).plot(path)
 
@@ -225,9 +228,9 @@ class Drops(Result):
         impact: int | None = None,
         confidence: float = 0.95,
     ) -> Quantile:
-        """The quantile q of the falls' largest values, with the bar of its sampling.
+        """The quantile q of the falls' largest values, with its confidence interval.
 
-        The bar is that between order statistics, for any distribution (binomial).
+        The interval is that between order statistics, for any distribution (binomial).
         """
         values = self.largest(quantity, impact)
         values = values[np.isfinite(values)]
@@ -237,11 +240,11 @@ class Drops(Result):
 
     def _facts(self) -> list[tuple[str, str]]:
         q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
-        of = [f"{len(self.failed)} of them failed"]
-        of += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
-        of += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
+        remarks = [f"{len(self.failed)} of them failed"]
+        remarks += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
+        remarks += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
         return [
-            ("falls", ", ".join([f"{len(self)}", *of])),
+            ("falls", ", ".join([f"{len(self)}", *remarks])),
             ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
         ]
 
@@ -255,13 +258,13 @@ def tumbles(
     seed: int,
     executor: Executor | None,
 ) -> Drops:
-    """The falls of an ensemble; each has its own seed, so that they do not depend on each other."""
+    """The falls of an ensemble, each drawn from its own seed."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    drawn = partial(_drawn, body.alone(), start, setting, ensemble)
-    parts = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
+    draw = partial(_drawn, body.alone(), start, setting, ensemble)
+    chunks = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
     counts: dict[int, list[dict[str, float] | str]] = {}
     with counting("falls", n) as ready:
-        for k, rows in made(partial(_tumble, drawn), parts, executor):
+        for k, rows in chunk_results(partial(_tumble, draw), chunks, executor):
             counts[k] = rows
             ready(sum(map(len, counts.values())))
     sample = sample_of("falls", {}, [row for k in sorted(counts) for row in counts[k]])
@@ -271,14 +274,14 @@ def tumbles(
     }
     count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
     yields, missed, unsure = (sample.values[n] > 0 for n in ("yields", "missed", "unsure"))
-    for flags, why in (
+    for flags, text in (
         (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
         (unsure, "land along lines whose forces are not sure: see the notes of one fall"),
         (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
     ):
         if flags.any():
-            warn(f"{flags.sum()} of {n} falls {why}.", AccuracyWarning)
-    starts = np.array([drawn(s)[1].R for s in seeds])
+            warn(f"{flags.sum()} of {n} falls {text}.", AccuracyWarning)
+    starts = np.array([draw(s)[1].R for s in seeds])
     return Drops(table, starts, count, sample.failed, yields, missed)
 
 
@@ -295,29 +298,30 @@ def _drawn(
     friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
     spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
     floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
-    varied = replace(setting, height=height, floor=floor)
-    return body, initial_state(body, varied, R, spin, start.velocity), varied
+    varied_setting = replace(setting, height=height, floor=floor)
+    return body, initial_state(body, varied_setting, R, spin, start.velocity), varied_setting
 
 
 def _tumble(
-    drawn: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
+    draw: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
 ) -> dict[str, float]:
-    """The results of the impacts of one fall, by name and number."""
-    fall = fall_of(*drawn(seed))
+    """The results of one fall's impacts, by name and number."""
+    fall = fall_of(*draw(seed))
     flags = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
     return {name: float(value) for name, value in flags.items()} | {
-        f"{name} {k}": float(getattr(one, name))
+        f"{name} {k}": float(getattr(impact, name))
         for name in QUANTITIES
-        for k, one in enumerate(fall.impacts)
+        for k, impact in enumerate(fall.impacts)
     }
 
 
-#: Longest first flight [s], and least height [m]: below it there is no flight.
+#: Longest first flight [s]; least height [m], below which there is no flight.
 LONGEST, LEAST_HEIGHT = 1e4, 1e-9
-#: Standard deviations that a draw of an ensemble is meant to lie within.
+#: Number of standard deviations within which an ensemble's falls must be plausible.
 DRAWN = 3.0
-#: Least mass of a floor's model at its site over that of the part. A block of 0.5 kg on a soil cone
-#: with 1e-3, 1e-5 and 1e-6 kg takes 0.2, 2.2 and 7.2 s for an impact: with 1e-9 kg minutes.
+#: Least mass of a floor's model at its site over that of the part. An impact of a block of 0.5 kg
+#: on a soil cone with 1e-3, 1e-5, 1e-6 kg is computed in 0.2, 2.2, 7.2 s, and with 1e-9 kg in
+#: minutes.
 LIGHTEST = 1e-8
 
 
@@ -346,37 +350,37 @@ def drop(
     seed: int = 0,
     executor: Executor | None = None,
 ) -> Fall | Drops:
-    """Drop a part from a height: flight, impacts, flight, and so on until it rests.
+    """Drop a part from a height and follow its flights and impacts until it rests.
 
     Parameters
     ----------
     part : Structure, RigidBody, Sphere or FreeBody
-        Free in space, without supports: of a mesh, an assembly, or matrices with coordinates. Of a
-        RigidBody the sites are the points that may touch. z of its mesh points up. The `body` of
-        another fall has its modes, damping and corner_radius already.
+        The part, free in space, without supports: a mesh, an assembly, or matrices with
+        coordinates; z of its mesh points up. A RigidBody may touch with its sites. The `body` of
+        another fall is accepted too; it contains the modes, damping and corner_radius.
     height : float
-        Of the lowest point over the floor [m].
+        Height of the lowest point over the floor [m].
     tilt : (a, b, c)
-        Rotations [degree] about the x, then the y, then the z axis before the fall, after what
-        face, edge, corner or toward say.
+        Rotations [degree] about the x, then the y, then the z axis before the fall, applied after
+        the orientation by face, edge, corner or toward.
     floor : Floor, optional
         Default: rigid, without friction.
     until : "rest", int or float
-        Its rest, a number of impacts, or a time [s]. It rests on points around its centre of mass
-        when the energy that the floor could still take of its rigid motion would lift it by 0.1 %
-        of the height: a ball that rolls and a part that slides without friction are at rest.
-        Also "rest" ends after 200 impacts or 600 contacts.
+        Where the fall ends: at rest, after a number of impacts, or at a time [s]. The part is at
+        rest on points around its centre of mass when the rigid motion that the floor could still
+        stop has the energy of a lift by 0.1 % of the height: a ball that rolls, and a part that
+        slides without friction, are at rest. "rest" also ends after 200 impacts or 600 contacts.
     face, edge, corner : str, optional
-        What is lowest: "-z", "-x-z", "+x-y-z", the extremes of the part in the axes of its mesh,
-        its centre of mass above them; a face may also be the name of a group.
+        What is lowest, with the centre of mass above it: "-z", "-x-z", "+x-y-z" name extremes of
+        the part in the axes of its mesh; a face may also be the name of a group.
     toward : (x, y, z), optional
         Direction in the axes of the mesh that points down.
     spin, velocity : (x, y, z)
-        At the start, of the centre, in the axes of the floor [rad/s], [m/s].
+        Initial spin [rad/s] and velocity of the centre [m/s], in the axes of the floor.
     gravity : float
         [m/s^2].
     damping : float, sequence or Damping, optional
-        Of the free modes; default: a ratio of 1 %.
+        Damping of the free modes; default: a ratio of 1 %.
     modes : int
         Number of free modes.
     corner_radius : float, optional
@@ -385,9 +389,9 @@ def drop(
     tol : float
         Relative error of the contact forces in an impact, all contacts together.
     ensemble : Tilts, optional
-        What varies: n falls are computed, and `Drops` are returned.
+        Random variation: n falls are computed, and `Drops` are returned.
     n, seed, executor
-        Of the ensemble: number of falls, seed of the draws, and who computes them.
+        For an ensemble: number of falls, seed of the draws, executor that computes them.
 
     Returns
     -------
@@ -396,16 +400,16 @@ def drop(
     Raises
     ------
     InputError
-        A part that supports hold, one without points or materials, and values out of range.
+        For a part with supports, one without points or materials, and values out of range.
 
     Warns
     -----
     AccuracyWarning
         A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
-        does not come to rest; contact forces that do not reach `tol` in 50 000 steps; a layer that
-        is pressed in deeper than its thickness or than 0.3 of the radius of a round point; a
-        contact along a line that is inclined or has no law of its own; falls of an ensemble that
-        failed, or of which one of these is true.
+        does not come to rest; contact forces that miss `tol` after 50 000 steps; a layer that is
+        pressed in deeper than its thickness or than 0.3 of the radius of a round point; a contact
+        along a line that is inclined or has no law of its own; falls of an ensemble that failed,
+        or for which one of these is true.
     """
     setting = Setting(
         as_floor(floor),
@@ -414,7 +418,7 @@ def drop(
         *end_of(until),
         checks.tolerance(tol),
     )
-    moving = {
+    motion = {
         name: checks.array(name, vector, (3,))
         for name, vector in (("spin", spin), ("velocity", velocity))
     }
@@ -429,11 +433,11 @@ def drop(
     if ensemble is not None:
         checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     _check_ground(body, setting.floor)
-    _check_flight(body, setting, ensemble, **moving)
+    _check_flight(body, setting, ensemble, **motion)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))
-    plausible.warn_each([plausible.of_blow(None, (), arrival, moving["velocity"])])
+    plausible.warn_each([plausible.of_blow(None, (), arrival, motion["velocity"])])
     R = orientation(body, tilt, face, edge, corner, toward)
-    start = initial_state(body, setting, R, **moving)
+    start = initial_state(body, setting, R, **motion)
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
@@ -457,11 +461,11 @@ def end_of(until: str | int | float) -> tuple[int, float]:
 
 def _check_ground(body: FreeBody, floor: Floor) -> None:
     """InputError for a floor model that is too light, for which each impact would take minutes."""
-    moving = 0.0 if floor.model is None else float(np.sum(floor.model.modal().b ** 2))
+    inverse_mass = 0.0 if floor.model is None else float(np.sum(floor.model.modal().b ** 2))
     least = LIGHTEST * body.mass
-    if moving * least > 1:
+    if inverse_mass * least > 1:
         raise InputError(
-            f"the floor's model has {1 / moving:.3g} kg at its site, and must have at least "
+            f"the floor's model has {1 / inverse_mass:.3g} kg at its site, and must have at least "
             f"{LIGHTEST:g} of the part's mass, {least:.3g} kg: it follows each force at once, in "
             f"steps too small to compute. Give it more, as with soil_cone(...).model(mass)."
         )
@@ -471,24 +475,28 @@ def _check_flight(
     body: FreeBody, setting: Setting, ensemble: Tilts | None, spin: Array, velocity: Array
 ) -> None:
     """InputError for a first flight that is implausibly fast or long."""
-    whirl, height, of = float(np.linalg.norm(spin)), setting.height, ""
+    fastest_spin = float(np.linalg.norm(spin))
+    height = setting.height
+    prefix = ""
     if ensemble is not None:
-        whirl += DRAWN * ensemble.spin
+        fastest_spin += DRAWN * ensemble.spin
         height *= 1 + DRAWN * ensemble.height
-        of = f"{DRAWN:g} standard deviations of the ensemble off, "
-    speed = float(np.linalg.norm(velocity)) + body.extent * whirl
-    fast = hypot(speed, sqrt(2 * setting.gravity * height))
-    long = sqrt(2 * height / setting.gravity)
-    if fast > FASTEST_WAVE:
+        prefix = f"{DRAWN:g} standard deviations of the ensemble off, "
+    speed = float(np.linalg.norm(velocity)) + body.extent * fastest_spin
+    touch_speed = hypot(speed, sqrt(2 * setting.gravity * height))
+    flight_time = sqrt(2 * height / setting.gravity)
+    if touch_speed > FASTEST_WAVE:
         raise InputError(
-            f"{of}the part would touch at {fast:.3g} m/s, at most {FASTEST_WAVE:g} are meant: "
+            f"{prefix}the part would touch at {touch_speed:.3g} m/s, at most {FASTEST_WAVE:g} "
+            "are meant: "
             f"height is in m ({height:g}), gravity in m/s^2 ({setting.gravity:g}), spin in rad/s "
-            f"({whirl:g})."
+            f"({fastest_spin:g})."
         )
     if setting.height < LEAST_HEIGHT:
         raise InputError(f"height must be at least {LEAST_HEIGHT:g} m; got {setting.height:g}.")
-    if long > LONGEST:
+    if flight_time > LONGEST:
         raise InputError(
-            f"{of}the part would fall for {long:.3g} s, at most {LONGEST:g} are meant: height is "
+            f"{prefix}the part would fall for {flight_time:.3g} s, at most {LONGEST:g} are "
+            "meant: height is "
             f"in m ({height:g}), gravity in m/s^2 ({setting.gravity:g})."
         )

@@ -1,4 +1,4 @@
-"""What a fall returns: its impacts, what points of the part feel, and how far it is predictable."""
+"""`Fall`: the impacts of a fall, the motion of points of the part, and its predictability."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Name -> class [Hz].
+#: Name of a channel frequency class -> its frequency [Hz].
 CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
-#: Corner of one pass over the class, and least sampling rate over the class (SAE J211-1).
+#: Corner frequency of one pass, and least sampling rate, both over the class (SAE J211-1).
 CORNER, LEAST_RATE = 2.0775, 10.0
-#: What a filter remembers is over after this many periods of its class.
+#: Memory of a filter in periods of its class.
 MEMORY = 2.0
 
 
 def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
-    """The signal (n,) or (n, k), sampled at equal steps [s], through a channel frequency class.
+    """A signal (n,) or (n, k), sampled at equal steps [s], filtered by a channel frequency class.
 
     Raises
     ------
@@ -57,7 +57,8 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
     """
     step = checks.positive("step", step, "s")
     checks.choice("filter", name, tuple(CLASSES))
-    x, cfc = checks.array("signal", signal, None), CLASSES[name]
+    x = checks.array("signal", signal, None)
+    cfc = CLASSES[name]
     if x.ndim not in (1, 2):
         raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
     if step * cfc * LEAST_RATE > 1:
@@ -67,22 +68,24 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
     from scipy.signal import lfilter  # which takes long to load
 
     wa = tan(pi * CORNER * cfc * step)
-    whole = 1 + sqrt(2) * wa + wa * wa
-    b = np.array([1.0, 2.0, 1.0]) * wa * wa / whole
-    a = np.array([1.0, 2 * (wa * wa - 1) / whole, (1 - sqrt(2) * wa + wa * wa) / whole])
+    denominator = 1 + sqrt(2) * wa + wa * wa
+    b = np.array([1.0, 2.0, 1.0]) * wa * wa / denominator
+    a = np.array([1.0, 2 * (wa * wa - 1) / denominator, (1 - sqrt(2) * wa + wa * wa) / denominator])
     forward = lfilter(b, a, x, axis=0)
     return np.asarray(lfilter(b, a, forward[::-1], axis=0)[::-1])
 
 
 #: Samples of a period of the highest mode, and most samples of a signal.
 SAMPLES, MOST = 12, 200_000
-#: Looks at stresses in a period of the highest mode, and the least and the most in an episode.
-LOOKS, FEW, MANY = 8, 20, 200
-#: Spin over the lowest natural frequency above which the stiffening by the spin matters.
+#: Samples of stresses in a period of the highest mode; least and most samples in an episode.
+LOOKS = 8
+FEW = 20
+MANY = 200
+#: Spin over the lowest natural frequency above which stiffening by the spin matters.
 STIFFENS = 0.02
-#: Indentation of a layer over the radius up to which the force of a ball is that of a paraboloid.
+#: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
-#: Nudges of the predictability: angle [rad], and what a peak force may differ by.
+#: Test of the predictability: rotation of the start [rad], allowed relative change of a peak force.
 NUDGE, SPREAD = 1e-4, 0.05
 
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
@@ -101,7 +104,7 @@ class WorstField(PeakField):
     impact: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
-#: `Fall.status` of a fall that has come to no rest.
+#: `Fall.status` of a fall that has not come to rest.
 UNSETTLED = 3
 
 
@@ -111,14 +114,15 @@ class Fall(Trajectory, Result):
 
     Attributes
     ----------
-    body : the free modes of the part; `drop` takes it in place of the part.
+    body : the free modes of the part; `drop` accepts it in place of the part.
     setting : floor, gravity and tolerances of the fall.
     start, end : position, orientation, velocity and spin at the start and at the end.
-    episodes : the contacts, each linear about its first orientation, on the path of the part.
+    episodes : the contacts; each scene is linear about its first orientation, corrected for the
+    path.
     flights : the motions between the episodes.
-    groups : of each impact the indices of its episodes.
-    status : 0: at rest, or at the end asked for; 1: contact forces do not reach `tol`; 3: not at
-        rest after the most contacts.
+    groups : for each impact the indices of its episodes.
+    status : 0: at rest, or at the requested end; 1: contact forces miss `tol`; 3: not at rest after
+        the largest number of contacts.
     message : why the fall ended.
     """
 
@@ -129,7 +133,7 @@ class Fall(Trajectory, Result):
         return 1 if self.missed else 0
 
     def numbers(self) -> dict[str, object]:
-        """Its impacts, how and when it ended: name -> JSON value."""
+        """The impacts, and how and when the fall ended: name -> JSON value."""
         ended = {"duration": float(self.end.time), "status": self.status, "message": self.message}
         return {"impacts": self.impacts.numbers(), "peak_force": self.peak_force, **ended}
 
@@ -144,7 +148,7 @@ class Fall(Trajectory, Result):
         states = [self.start, *(episode.end for episode in self.episodes)]
         return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
 
-    # -- what a point feels
+    # -- motion of a point
 
     def signal(
         self,
@@ -155,10 +159,10 @@ class Fall(Trajectory, Result):
         before: float = 0.0,
         after: float = 0.0,
     ) -> tuple[Array, Array]:
-        """What an accelerometer at a point reads in an impact: times (n,) [s], (n, 3) [m/s^2].
+        """Reading of an accelerometer at a point in an impact: times (n,) [s], (n, 3) [m/s^2].
 
-        Its axes are those of the mesh and turn with the part. It feels no gravity in flight, and
-        the rotation of the part with its centripetal acceleration.
+        Its axes are those of the mesh and turn with the part. In flight it reads no gravity, but
+        the centripetal acceleration of the rotation.
 
         Parameters
         ----------
@@ -169,17 +173,20 @@ class Fall(Trajectory, Result):
         filter : "CFC60", "CFC180", "CFC600" or "CFC1000", optional
             Channel frequency class of SAE J211-1.
         before, after : float
-            Time before the first touch and after the last release [s]; at least what the filter
-            remembers.
+            Time before the first touch and after the last release [s]; at least the memory of the
+            filter.
         """
-        episodes, rest, steps = self._episodes(impact), 0.0, [np.inf]
+        episodes = self._episodes(impact)
+        memory = 0.0
+        steps = [np.inf]
         if filter is not None:
             checks.choice("filter", filter, tuple(CLASSES))
-            rest = MEMORY / CLASSES[filter]
+            memory = MEMORY / CLASSES[filter]
             steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
-        begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
-        end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
-        begin, end = max(begin, 0.0), min(end, self._lasting)
+        begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), memory)
+        end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), memory)
+        begin = max(begin, 0.0)
+        end = min(end, self._lasting)
         steps += [episode.duration / 50 for episode in self.episodes]
         steps += (2 * np.pi / (SAMPLES * self.body.omega[-1:])).tolist()
         step = max(min(steps), (end - begin) / MOST)
@@ -188,32 +195,34 @@ class Fall(Trajectory, Result):
         return t, a if filter is None else cfc_filter(step, a, filter)
 
     def acceleration(self, times: ArrayLike, at: At = None) -> Array:
-        """What an accelerometer at a point reads at times (n,) [s], (n, 3); see `signal`.
+        """Reading of an accelerometer at a point at times (n,) [s]: (n, 3); see `signal`.
 
-        Beyond its end the fall goes on as a flight, for as long as a filter remembers.
+        Beyond its end the fall continues as a flight, for the memory of a filter.
         """
         t = checks.column("times", times)
         if t.size and (t.min() < 0 or t.max() > self._lasting * (1 + 1e-12)):
             raise InputError(f"times must lie within the fall, 0 to {self._lasting:g} s.")
-        begins, parts = [0.0], list[State | Episode]([self.start])
+        starts = [0.0]
+        parts = list[State | Episode]([self.start])
         for episode in self.episodes:
-            begins += [episode.start.time, episode.end.time]
+            starts += [episode.start.time, episode.end.time]
             parts += [episode, episode.end]
-        which, acceleration = np.searchsorted(begins, t, side="right") - 1, np.zeros((t.size, 3))
+        which = np.searchsorted(starts, t, side="right") - 1
+        acceleration = np.zeros((t.size, 3))
         point = self._point(at)
         for k in np.unique(which):
             acceleration[which == k] = self._specific_force(
-                parts[k], t[which == k] - begins[k], *point
+                parts[k], t[which == k] - starts[k], *point
             )
         return acceleration
 
     @property
     def _lasting(self) -> float:
-        """Time [s] up to which the motion is known: the end, and the memory of filters."""
+        """Time [s] up to which the motion is known: the end, plus the memory of filters."""
         return self.end.time + MEMORY / min(CLASSES.values())
 
     def _point(self, at: At) -> tuple[Array, Array]:
-        """Arm (3,) of a point from the centre of mass, and shapes (3, J) of the modes there."""
+        """Arm (3,) of a point from the centre of mass, and mode shapes (3, J) there."""
         body = self.body
         rigid = np.zeros((3, body.omega.size))
         if at is None:
@@ -229,26 +238,27 @@ class Fall(Trajectory, Result):
         return x - body.centre, fields.at_point(body.structure, body.basis, x, part, reach)
 
     def _specific_force(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
-        """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
-        body, gravity = self.body, self.setting.gravity
+        """Accelerations (n, 3) minus gravity in body axes, at times since the start of a part."""
+        body = self.body
+        gravity = self.setting.gravity
         if isinstance(part, Episode):
-            R, spin, turning, a = part.motion(since)
+            R, spin, angular, a = part.motion(since)
             linear = np.einsum("nb,nba->na", a[:, :3] / np.sqrt(body.mass) + [0, 0, gravity], R)
             elastic = a[:, 6:]
         else:
             R = Flight(body, part, gravity).orientation(since)
             spin = part.momentum @ R @ body.inverse
-            turning = linear = np.zeros(3)
+            angular = linear = np.zeros(3)
             q, p = ringing(body.omega, body.decay, part.q, part.p, since)
             elastic = -(body.omega**2) * q - 2 * body.decay * p
-        turning = turning - np.cross(spin, spin @ body.tensor) @ body.inverse
-        carried = np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm))
-        return np.asarray(linear + elastic @ phi.T + carried)
+        angular = angular - np.cross(spin, spin @ body.tensor) @ body.inverse
+        by_rotation = np.cross(angular, arm) + np.cross(spin, np.cross(spin, arm))
+        return np.asarray(linear + elastic @ phi.T + by_rotation)
 
     def peak(
         self, quantity: str = "acceleration", at: At = None, filter: str | None = None
     ) -> Peak:
-        """The largest acceleration at a point (`signal`), or the largest "force", over all impacts.
+        """The largest acceleration at a point (`signal`), or the largest "force", of all impacts.
 
         Returns a `Peak`: `.value` in m/s^2 or N, `.g` in g, `.time` and `.impact`.
         """
@@ -256,15 +266,15 @@ class Fall(Trajectory, Result):
         if not self.groups:
             raise InputError(NO_IMPACT)
         largest = Peak(0.0, 0.0, 0)
-        for k, one in enumerate(self.impacts):
+        for k, impact in enumerate(self.impacts):
             if quantity == "force":
-                best = Peak(one.peak_force, one.time, k)
+                candidate = Peak(impact.peak_force, impact.time, k)
             else:
                 t, a = self.signal(at, k, filter=filter)
                 size = np.linalg.norm(a, axis=1)
                 i = int(np.argmax(size))
-                best = Peak(float(size[i]), float(t[i]), k)
-            largest = max(largest, best, key=float)
+                candidate = Peak(float(size[i]), float(t[i]), k)
+            largest = max(largest, candidate, key=float)
         return largest
 
     def srs(
@@ -290,7 +300,7 @@ class Fall(Trajectory, Result):
         return srs(t, a @ along / size, frequencies, Q)
 
     def velocity_change(self, at: At = None, impact: int = 0) -> float:
-        """Length of the change of velocity of a point over an impact, in its own axes [m/s]."""
+        """Magnitude of a point's velocity change over an impact, in its own axes [m/s]."""
         from scipy.integrate import trapezoid
 
         t, a = self.signal(at, impact)
@@ -299,7 +309,9 @@ class Fall(Trajectory, Result):
     def half_sine(
         self, at: At = None, impact: int = 0, filter: str | None = None
     ) -> tuple[float, float]:
-        """Amplitude [m/s^2] and duration [s] of the half-sine of equal peak and velocity change."""
+        """Amplitude [m/s^2] and duration [s] of the half-sine with equal peak and velocity
+        change.
+        """
         _, a = self.signal(at, impact, filter=filter)
         peak = float(np.linalg.norm(a, axis=1).max())
         return peak, float(np.pi * self.velocity_change(at, impact) / (2 * peak))
@@ -313,22 +325,23 @@ class Fall(Trajectory, Result):
         """
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")
-        every = range(max(len(self.groups), 1))
-        chosen = list(every if impacts is None else map(int, checks.column("impacts", impacts)))
-        periods, parts = self.body.omega.max(initial=0.0) / (2 * np.pi), []
-        for one in (one for k in chosen for one in self._episodes(k)):
-            count = int(min(max(LOOKS * periods * one.duration, FEW), MANY))
-            motion = one.history.at(np.linspace(0.0, one.duration, count))[BODY]
-            parts.append(replace(motion, time=motion.time + one.start.time))
+        numbers = range(max(len(self.groups), 1))
+        chosen = list(numbers if impacts is None else map(int, checks.column("impacts", impacts)))
+        periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
+        parts = []
+        for episode in (episode for k in chosen for episode in self._episodes(k)):
+            count = int(min(max(LOOKS * periods * episode.duration, FEW), MANY))
+            motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
+            parts.append(replace(motion, time=motion.time + episode.start.time))
         joined = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
         forces = np.zeros((joined["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
-            whole = replace(parts[0], forces=forces, **joined)
-            field = peak_field(self.body.structure, whole, quantity, **options)
-        begins = [self.episodes[motion[0]].start.time for motion in self.groups]
-        impact = np.searchsorted(begins, field.times, side="right") - 1
+            joined_motion = replace(parts[0], forces=forces, **joined)
+            field = peak_field(self.body.structure, joined_motion, quantity, **options)
+        starts = [self.episodes[motion[0]].start.time for motion in self.groups]
+        impact = np.searchsorted(starts, field.times, side="right") - 1
         field = replace(field, error=None)
         if field._margin is not None and field._margin.criterion == "yield":
             yields = self._contact_yield(chosen)
@@ -336,13 +349,13 @@ class Fall(Trajectory, Result):
         return WorstField(**vars(field), impact=impact)
 
     def _contact_yield(self, impacts: Iterable[int]) -> str:
-        """Sentence that the contact yields in one of the impacts; "" if not, or unknown."""
-        episodes = [one for k in impacts for one in self._episodes(k)]
+        """Sentence that the contact yields in one of the impacts; "" if not, or if unknown."""
+        episodes = [episode for k in impacts for episode in self._episodes(k)]
         return contact_yield(self.body, self.setting.floor, episodes)
 
     @property
     def notes(self) -> list[str]:
-        """Assumptions that were made, and whether the contact yields."""
+        """Assumptions that were made, and a sentence if the contact yields."""
         return [
             *self.body.notes,
             *filter(None, [self.contact_verdict, self._strained, self._lines]),
@@ -350,30 +363,39 @@ class Fall(Trajectory, Result):
 
     @property
     def contact_verdict(self) -> str:
-        """That the contact yields, with its permanent indentation; "" if not, or unknown."""
+        """Sentence that the contact yields, with its permanent indentation; "" if not, or if
+        unknown.
+        """
         return self._contact_yield(range(len(self.groups)))
 
     @cached_property
     def law_error(self) -> float | None:
-        """Relative error of the largest force of a contact at a point by its law: the range of the
-        yield strength, large strains. None: not known, or the floor has a layer or a given law."""
+        """Relative error of the largest force at a point by its contact law.
+
+        It contains the range of the yield strength and large strains. None: unknown, or the floor
+        has a layer or a given law.
+        """
         largest = self._largest
-        return None if largest is None else largest.error(self.body, self.setting.floor)
+        if largest is None:
+            return None
+        return largest.error(self.body, self.setting.floor)
 
     @cached_property
     def _largest(self) -> PointContact | None:
-        """The contact of the largest force at a point, if its law follows from materials."""
+        """The contact at a point with the largest force, if its law follows from materials."""
         floor = self.setting.floor
         if floor.law is not None or floor.layer is not None:
             return None
         contacts = point_contacts(self.body, floor, self.episodes)
-        return max(contacts, key=lambda one: one.force, default=None)
+        return max(contacts, key=lambda contact: contact.force, default=None)
 
     @property
     def _strained(self) -> str:
-        """Sentence on the largest force, if its contact is elastic with large strains; else ""."""
+        """Sentence on the largest force if its elastic contact has large strains; else ""."""
         largest = self._largest
-        return "" if largest is None else strained(largest, self.body, self.setting.floor)
+        if largest is None:
+            return ""
+        return strained(largest, self.body, self.setting.floor)
 
     @cached_property
     def _lines(self) -> str:
@@ -397,43 +419,47 @@ class Fall(Trajectory, Result):
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
         """Sentence on the number of impacts in which `happens` is true; "" if there are none."""
         impacts = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
-        of = f"in {len(impacts)} of {len(self.groups)} impacts, first in impact"
-        return f"{of} {impacts[0] + 1}, {what}" if impacts else ""
+        count = f"in {len(impacts)} of {len(self.groups)} impacts, first in impact"
+        return f"{count} {impacts[0] + 1}, {what}" if impacts else ""
 
     @property
     def unsure(self) -> bool:
-        """Whether forces of contacts along lines are uncertain, as the notes state."""
+        """Whether forces of contacts along lines are uncertain; the notes say why."""
         return bool(self._lines)
 
     @property
     def contact_yields(self) -> bool:
-        """Whether the contact yields, as far as known."""
+        """Whether a contact is known to yield."""
         return bool(self.contact_verdict)
 
     @property
     def missed(self) -> int:
-        """Number of episodes whose contact forces do not reach `tol`."""
+        """Number of episodes whose contact forces miss `tol`."""
         return sum(not episode.error <= self.setting.tol for episode in self.episodes)
 
-    # -- how far it is predictable, in words and pictures
+    # -- predictability, text and pictures
 
     def horizon(self, angle: float = NUDGE, spread: float = SPREAD) -> int:
-        """How many impacts can be predicted: their peak forces differ by less than `spread`.
+        """Number of impacts that can be predicted: their peak forces differ by less than `spread`.
 
-        The fall is repeated with its start turned by +-angle [rad] about two horizontal axes.
+        The fall is repeated with its start rotated by +-angle [rad] about two horizontal axes.
         """
-        angle, spread = checks.positive("angle", angle, "rad"), checks.positive("spread", spread)
-        peaks, known = self.impacts.column("peak_force"), len(self.impacts)
-        body, setting, s = self.body, self.setting, self.start
+        angle = checks.positive("angle", angle, "rad")
+        spread = checks.positive("spread", spread)
+        peaks = self.impacts.column("peak_force")
+        predictable = len(self.impacts)
+        body = self.body
+        setting = self.setting
+        s = self.start
         for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
             nudged = initial_state(
                 body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity
             )
             other = fall_of(body, nudged, setting).impacts.column("peak_force")
             count = min(len(peaks), len(other))
-            off = np.abs(other[:count] / peaks[:count] - 1) > spread
-            known = min(known, int(np.argmax(off)) if off.any() else count)
-        return known
+            differs = np.abs(other[:count] / peaks[:count] - 1) > spread
+            predictable = min(predictable, int(np.argmax(differs)) if differs.any() else count)
+        return predictable
 
     def summary(self) -> str:
         """The impacts as a table, and how the fall ended."""
@@ -441,7 +467,7 @@ class Fall(Trajectory, Result):
         return f"{self.impacts}\n{self.message} at {self.end.time:.4g} s{notes}"
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The part as it first hits, its height, the energies and the forces of the impacts."""
+        """The part at its first touch, its height, the energies and the forces of the impacts."""
         from antiosc_studies.drops.pictures import overview
 
         return overview(self, path)
@@ -459,9 +485,7 @@ class Fall(Trajectory, Result):
         ]
 
     def warn(self) -> None:
-        """Warn of causes of inaccuracy (spin, steps, layer), and of a fall that does not come to
-        rest.
-        """
+        """Warn of a fast spin, of forces that miss `tol`, of layers, and of a fall without rest."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
         if ratio > STIFFENS:
             warn(
@@ -473,11 +497,12 @@ class Fall(Trajectory, Result):
         if self.status == UNSETTLED:
             warn(f"the fall is ended {self.message}; give until=.", AccuracyWarning)
         if self.missed:
-            tol, most = self.setting.tol, max(episode.error for episode in self.episodes)
-            known = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
+            tol = self.setting.tol
+            most = max(episode.error for episode in self.episodes)
+            reached = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
             warn(
                 f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
-                f"reach tol = {tol:g} {known}: give a larger tol, or fewer modes (modes=).",
+                f"reach tol = {tol:g} {reached}: give a larger tol, or fewer modes (modes=).",
                 AccuracyWarning,
             )
         if self._lines:
@@ -487,23 +512,26 @@ class Fall(Trajectory, Result):
             self._warn_of(layer)
 
     def _warn_of(self, layer: SoftLayer) -> None:
-        """Warn of points pressed into a layer deeper than its law holds."""
-        deep, over, place = 0.0, 0.0, 0.0
+        """Warn of points that press into a layer deeper than its law holds."""
+        deepest = 0.0
+        ratio = 0.0
+        radius = 0.0
         for episode in self.episodes:
             radii = episode.body.radii[episode.which].min(axis=1)
             depth = episode.sunk()
             k = int(np.argmax(depth / radii))
-            deep = max(deep, episode.deepest)
-            over, place = max((over, place), (float(depth[k] / radii[k]), float(radii[k])))
-        if deep > layer.thickness:
+            deepest = max(deepest, episode.deepest)
+            ratio, radius = max((ratio, radius), (float(depth[k] / radii[k]), float(radii[k])))
+        if deepest > layer.thickness:
             warn(
-                f"the layer is pressed in by {deep:.3g} m, and is {layer.thickness:g} m thick: its "
+                f"the layer is pressed in by {deepest:.3g} m, and is {layer.thickness:g} m "
+                "thick: its "
                 f"law knows no ground below. Take a thicker or a stiffer layer.",
                 AccuracyWarning,
             )
-        if over > BLUNT:
+        if ratio > BLUNT:
             warn(
-                f"a point with a radius of {place:.3g} m is pressed into the layer by {over:.3g} "
+                f"a point with a radius of {radius:.3g} m is pressed into the layer by {ratio:.3g} "
                 f"of it: the law of its curvature holds up to {BLUNT:g}.",
                 AccuracyWarning,
             )

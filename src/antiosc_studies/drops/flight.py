@@ -1,12 +1,12 @@
 """Free flight: exact rigid motion with large rotations, ringing of the modes, and the next touch.
 
 The floor is the plane z = 0, gravity points along -z. The orientation is that of a free rotation.
-The modes ring freely in the axes of the body: what the spin adds to their stiffness is left out,
-which holds while the spin is small against the lowest natural frequency.
+The modes vibrate freely in the axes of the body: stiffening by the spin is neglected, which holds
+while the spin is small against the lowest natural frequency.
 
-The height of a point over the floor is bounded from below by its rigid height minus the elastic
-displacements that the energies of the modes allow; only where this bound reaches the floor is the
-motion looked at in steps that resolve the modes, and the touch located.
+The height of a point over the floor is bounded from below by its rigid height minus the largest
+elastic displacements that the energies of the modes allow. Only while this bound is below the floor
+is the motion sampled in steps that resolve the modes, and the touch located.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from antiosc_studies.drops.free_body import FreeBody
 
 #: Points by their numbers.
 Which: TypeAlias = "slice | IntArray | Sequence[int]"
-#: A spin whose axis deviates by less than this share from the angular momentum keeps it.
+#: A spin that deviates by less than this share from the direction of the angular momentum is
+#: constant.
 SPINNING = 1e-12
-#: Largest parameter m of the elliptic functions: SciPy leaves their period out nearer to 1.
+#: Largest parameter m of the elliptic functions: closer to 1 SciPy ignores their period.
 LARGEST_M = 1 - 2e-10
 
 
@@ -56,7 +57,7 @@ def free_rotation(
         return lambda t: np.broadcast_to(R, (len(t), 3, 3))
     if np.linalg.norm(np.cross(spin, momentum)) <= SPINNING * size:
         return lambda t: turned(t[:, None] * spin) @ R
-    # the axis that L circles: that of the largest moment, or that of the smallest
+    # L circles the axis of the largest moment, or that of the smallest
     gain, loss = (abs(moments[i] - moments[1]) * body_momentum[i] ** 2 / moments[i] for i in (2, 0))
     order = [0, 1, 2] if gain >= loss else [2, 1, 0]
     axes = axes[order]
@@ -65,11 +66,14 @@ def free_rotation(
 
 
 def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Array], Array]:  # noqa: E741
+    """R(t) of a rotation about no principal axis, by Jacobi's elliptic functions."""
     from scipy.special import ellipj, ellipkinc
 
     size = float(np.linalg.norm(momentum))
     w = (axes @ R.T @ momentum) / I
-    d21, d31, d32 = abs(I[1] - I[0]), abs(I[2] - I[0]), abs(I[2] - I[1])
+    d21 = abs(I[1] - I[0])
+    d31 = abs(I[2] - I[0])
+    d32 = abs(I[2] - I[1])
     # |2 E I3 - L^2| and |L^2 - 2 E I1|, without cancellation
     small = I[0] * d31 * w[0] ** 2 + I[1] * d32 * w[1] ** 2
     large = I[1] * d21 * w[1] ** 2 + I[2] * d31 * w[2] ** 2
@@ -77,69 +81,79 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
     rate = float(np.sqrt(d32 * large / I.prod()))
     third = np.copysign(np.sqrt(I[2] * large / d31), w[2])  # largest component 3 of L
     sign = np.copysign(1.0, w[2]) * np.sign(I[2] - I[1])
-    first, second = np.sqrt(I[0] * d32), sign * np.sqrt(I[1] * d31)
+    first = np.sqrt(I[0] * d32)
+    second = sign * np.sqrt(I[1] * d31)
     nutation = np.sqrt(small / (d31 * d32))
     phase = np.arctan2(sign * w[1] * np.sqrt(I[1] * d32), w[0] * np.sqrt(I[0] * d31))
     start = float(ellipkinc(phase, m))
     third_integral = _third_integral(-I[2] * d21 / (I[0] * d32), m)
     drift = size * (I[2] - I[0]) / (I[0] * I[2] * rate)
 
-    def looked(u: Array) -> tuple[Array, Array]:
+    def frames_in_body(u: Array) -> tuple[Array, Array]:
         """Axes (n, 3, 3) in the body with columns: node line, L × node, L; third integral."""
         sn, cn, dn, am = ellipj(u, m)
-        x, y = first * cn, second * sn
+        x = first * cn
+        y = second * sn
         across = np.hypot(x, y)
-        x, y, tilt, along = x / across, y / across, nutation * across, third * dn
+        x = x / across
+        y = y / across
+        tilt = nutation * across
+        along = third * dn
         length = np.hypot(tilt, along)
-        tilt, along, none = tilt / length, along / length, 0.0 * x
+        tilt = tilt / length
+        along = along / length
+        none = 0.0 * x
         rows = [[x * along, -y, x * tilt], [y * along, x, y * tilt], [-tilt, none, along]]
         return np.moveaxis(np.array(rows), 2, 0), third_integral(am)
 
-    before, angle0 = looked(np.array([start]))
-    fixed = R @ axes.T @ before[0]
+    first_frame, angle0 = frames_in_body(np.array([start]))
+    fixed = R @ axes.T @ first_frame[0]
 
     def orientation(t: Array) -> Array:
-        nodes, angle = looked(rate * t + start)
+        nodes, angle = frames_in_body(rate * t + start)
         angle = size * t / I[2] + drift * (angle - angle0)
-        c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        c = np.cos(angle)[:, None]
+        s = np.sin(angle)[:, None]
         e1, e2, e3 = fixed.T
-        turning = np.stack([c * e1 + s * e2, c * e2 - s * e1, np.broadcast_to(e3, (len(t), 3))], 2)
-        return np.asarray(turning @ np.swapaxes(nodes, 1, 2) @ axes)
+        frame_in_space = np.stack(
+            [c * e1 + s * e2, c * e2 - s * e1, np.broadcast_to(e3, (len(t), 3))], 2
+        )
+        return np.asarray(frame_in_space @ np.swapaxes(nodes, 1, 2) @ axes)
 
     return orientation
 
 
 def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
-    """Pi(n; phi | m) for n < 0 and any phi, by Carlson's integrals."""
+    """Pi(n; phi | m) for n < 0 and any phi, as a function of phi, by Carlson's integrals."""
     from scipy.special import elliprf, elliprj
 
     def part(s: Array, c: Array) -> Array:
-        x, y = c * c, 1 - m * s * s
+        x = c * c
+        y = 1 - m * s * s
         third = s**3 * elliprj(x, y, 1.0, 1 - n * s * s)
         return np.asarray(s * elliprf(x, y, 1.0) + n / 3 * third)
 
     half = part(np.ones(1), np.zeros(1))
 
-    def whole(phi: Array) -> Array:
+    def integral(phi: Array) -> Array:
         halves = np.round(phi / np.pi)
         rest = phi - halves * np.pi
         return 2 * halves * half + part(np.sin(rest), np.cos(rest))
 
-    return whole
+    return integral
 
 
-#: Angle [rad] that the body turns between two looks at its rigid motion.
+#: Rotation of the body [rad] between two samples of its rigid motion.
 TURN = 0.05
-#: Most looks at one flight.
+#: Largest number of samples of a flight.
 MOST_LOOKS = 1_000_000
-#: Looks at a period of the fastest mode that moves a point by more than `SEEN` of the extent.
+#: Samples in a period of the fastest mode that moves a point by more than `SEEN` of the extent.
 LOOKS, SEEN = 12, 1e-6
-#: Most times at which heights are looked at together: of the rigid body, of the modes too.
+#: Number of times at which heights are computed together: rigid body alone; with the modes.
 AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
-#: The lowest point of a part without vibration is over the centre of mass by this share of the
-#: extent at most.
+#: A body's lowest point must not be higher over the centre of mass than this share of the extent.
 SIDES = 0.01
-#: Height at which points touch, over the extent.
+#: Height over the floor at which a point touches, over the extent.
 TOUCH = 1e-10
 #: Accuracy of the time of a touch [s].
 CLOSE = 1e-14
@@ -153,7 +167,7 @@ class State:
     ----------
     time : [s].
     centre, velocity : (3,) of the centre of mass, in the axes of the floor [m], [m/s].
-    R : (3, 3) from the axes of the body to those of the floor.
+    R : (3, 3) rotation from the axes of the body to those of the floor.
     momentum : (3,) angular momentum about the centre [kg m^2/s].
     q, p : (J,) elastic modal displacements and velocities.
     floor : (2, F) displacements and rates of the modes of an elastic floor (`Ground`).
@@ -190,7 +204,9 @@ class State:
 
     def lowered(self, ground: Ground | None) -> float:
         """Displacement of the floor downward [m]."""
-        return 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
+        if ground is None:
+            return 0.0
+        return float(np.sum(ground.shape * self.floor))
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""
@@ -201,18 +217,20 @@ class State:
 
 
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:
-    """Displacements and velocities (n, J) of free damped modes at times (n,) since the start."""
+    """Displacements and velocities (n, J) of freely vibrating damped modes at times (n,)."""
     if np.any(decay >= omega):  # over-damped ones
         P, W, S = library.responses(omega, decay, t[:, None])[:3]
         return P * q + S * p, W * p - omega**2 * S * q
-    fast = np.sqrt(omega**2 - decay**2)
-    phase, fade = t[:, None] * fast, np.exp(-t[:, None] * decay)
-    c, s = fade * np.cos(phase), fade * np.sin(phase) / fast
+    damped = np.sqrt(omega**2 - decay**2)
+    phase = t[:, None] * damped
+    fade = np.exp(-t[:, None] * decay)
+    c = fade * np.cos(phase)
+    s = fade * np.sin(phase) / damped
     return c * q + s * (p + decay * q), c * p - s * (decay * p + omega**2 * q)
 
 
-def most(omega: Array, q: Array, p: Array) -> Array:
-    """Bound on the displacements of free modes at all later times, by their energies."""
+def displacement_bounds(omega: Array, q: Array, p: Array) -> Array:
+    """Bounds on the displacements of free modes at all later times, from their energies."""
     return np.hypot(q, p / np.maximum(omega, np.finfo(float).tiny))
 
 
@@ -222,34 +240,41 @@ class Flight:
     def __init__(
         self, body: FreeBody, start: State, gravity: float, ground: Ground | None = None
     ) -> None:
-        self.body, self.start, self.gravity, self.ground = body, start, gravity, ground
+        self.body = body
+        self.start = start
+        self.gravity = gravity
+        self.ground = ground
         #: R (n, 3, 3) at times (n,) since the start
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] when the centre is so far below the floor that a point must have touched."""
-        v, z = float(self.start.velocity[2]), max(float(self.start.centre[2]), 0.0)
-        deep = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
-        return (v + np.sqrt(v * v + 2 * self.gravity * (z + deep))) / self.gravity
+        """Time [s] after which some point must have touched, as the centre is below the floor."""
+        v = float(self.start.velocity[2])
+        z = max(float(self.start.centre[2]), 0.0)
+        depth = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
+        return (v + np.sqrt(v * v + 2 * self.gravity * (z + depth))) / self.gravity
 
     def at(self, t: float) -> State:
         """The state a time t [s] after the start."""
-        s, g, at = self.start, np.array([0.0, 0.0, -self.gravity]), np.array([t])
-        q, p = self._ringing(at)
+        s = self.start
+        g = np.array([0.0, 0.0, -self.gravity])
+        instant = np.array([t])
+        q, p = self._ringing(instant)
         return State(
             s.time + t,
             s.centre + s.velocity * t + 0.5 * g * t * t,
             s.velocity + g * t,
-            self.orientation(at)[0],
+            self.orientation(instant)[0],
             s.momentum,
             q[0],
             p[0],
-            s.floor if self.ground is None else self._floor_at(at)[:, 0],
+            s.floor if self.ground is None else self._floor_at(instant)[:, 0],
         )
 
     def heights(self, t: Array, which: IntArray) -> Array:
         """Heights (n, k) [m] of points (k,) over the floor at ascending times (n,)."""
-        up, shapes = self.orientation(t)[:, 2], self.body.shapes[which]
+        up = self.orientation(t)[:, 2]
+        shapes = self.body.shapes[which]
         moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
         height = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
         if self.ground is not None:
@@ -258,11 +283,13 @@ class Flight:
 
     def _rigid(self, t: Array, up: Array, which: IntArray) -> Array:
         """Heights without vibration; `up` (n, 3): the vertical in body axes."""
-        s, body = self.start, self.body
+        s = self.start
+        body = self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
         return np.asarray(z[:, None] + up @ body.points[which].T - body.reach(up)[..., which])
 
     def _ringing(self, t: Array) -> tuple[Array, Array]:
+        """Displacements and velocities (n, J) of the modes at times (n,)."""
         return ringing(self.body.omega, self.body.decay, self.start.q, self.start.p, t)
 
     def _floor_at(self, t: Array) -> Array:
@@ -274,34 +301,37 @@ class Flight:
     def touch(self, until: float) -> float | None:
         """Time [s] since the start of the first touch up to `until`; None if there is none.
 
-        A point that is below the floor and rises has parted, and may touch again after it has
-        left.
+        A point that is below the floor and rises has parted; it may touch again after it has left
+        the floor.
         """
         parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
         touches = (self._within(*near, parted) for near in self._near(until))
         return next((t for t in touches if t is not None), None)
 
     def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
-        """Intervals up to an end in which points may touch, in order, with these points."""
-        body, points = self.body, np.arange(len(self.body.points))
+        """Yields intervals up to `end` in which points may touch, in order, with these points."""
+        body = self.body
+        points = np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
-        # between two looks the height deviates from a straight line by a'' h^2/8 at most
+        # between two samples the height deviates from a straight line by at most a'' h^2/8
         bend = self.gravity + 4 * spin**2 * reach
-        # a deviation of TURN^2 of the size does no harm
+        # a deviation of TURN^2 times the size is harmless
         h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / bend))
         count = int(np.clip(np.ceil(end / h), 1, MOST_LOOKS))
         edges = np.linspace(0.0, end, count + 1)
         slack = bend * (edges[1] - edges[0]) ** 2 / 8
         for first in range(0, count, AT_ONCE):
             t = edges[first : first + AT_ONCE + 1]
-            low = self._rigid(t, self.orientation(t)[:, 2], points)
-            near = np.minimum(low[:-1], low[1:]) <= self._sizes(t[:-1]) + slack
+            rigid_heights = self._rigid(t, self.orientation(t)[:, 2], points)
+            near = np.minimum(rigid_heights[:-1], rigid_heights[1:]) <= self._sizes(t[:-1]) + slack
             for k in np.flatnonzero(near.any(axis=1)):
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
 
     def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
-        """The first touch of points between two times; `parted`: points below since they parted."""
+        """The first touch of points in an interval; `parted` marks points below since they
+        parted.
+        """
         count = max(int(np.ceil((end - start) * LOOKS * self._fastest(start) / (2 * np.pi))), 2)
         close = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
@@ -328,21 +358,27 @@ class Flight:
         def lowest(t: float) -> float:
             return float(self.heights(np.array([t]), which).min())
 
-        return start if lowest(start) <= 0 else float(brentq(lowest, start, end, xtol=CLOSE))
+        if lowest(start) <= 0:
+            return start
+        return float(brentq(lowest, start, end, xtol=CLOSE))
 
     def _sizes(self, t: Array) -> Array:
-        """Bounds (n, V) [m] on the elastic displacements of the points after times (n,)."""
-        size = most(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
+        """Bounds (n, V) [m] on the elastic displacements of all points after times (n,)."""
+        size = displacement_bounds(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
         if self.ground is not None:
             omega, (a, b) = self.ground.modes.omega, np.abs(self.ground.shape)
-            size = size + (most(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
+            size = (
+                size + (displacement_bounds(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
+            )
         return np.asarray(size)
 
     def _fastest(self, start: float) -> float:
-        """Highest frequency [rad/s] among modes that move a point noticeably after a time."""
-        at = np.array([start])
-        moves = most(self.body.omega, *self._ringing(at))[0] * self.body.sizes.max(axis=0)
-        seen = self.body.omega[moves > SEEN * self.body.extent]
+        """Highest frequency [rad/s] of modes that move a point noticeably after a time."""
+        instant = np.array([start])
+        motion = displacement_bounds(self.body.omega, *self._ringing(instant))[
+            0
+        ] * self.body.sizes.max(axis=0)
+        frequencies = self.body.omega[motion > SEEN * self.body.extent]
         if self.ground is not None and np.any(self.start.floor):
-            seen = np.append(seen, self.ground.modes.omega)
-        return float(seen.max(initial=0.0))
+            frequencies = np.append(frequencies, self.ground.modes.omega)
+        return float(frequencies.max(initial=0.0))

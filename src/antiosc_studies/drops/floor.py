@@ -1,4 +1,4 @@
-"""What a part falls on, and the law of the contact from curvature and materials."""
+"""The floor of a fall, and the law of its contact with a part, from curvature and materials."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
 from antiosc.engine.damping import StackedModes
 from antiosc.models.body import checked_body
 
-#: A loss factor is at most this.
+#: Largest loss factor.
 LARGEST_LOSS = 1.0
 
 
@@ -33,11 +33,11 @@ class SoftLayer(FieldsRepr):
     thickness : float
         [m].
     E : float
-        Modulus across the sheet [Pa]: of foam or felt Young's, of rubber that cannot move sideways
-        the larger modulus of confined compression.
+        Modulus across the sheet [Pa]: Young's modulus of foam or felt; the larger modulus of
+        confined compression of rubber that cannot move sideways.
     loss : float
-        Loss factor, the dissipated over 2 pi times the stored energy of a cycle: a bounce leaves
-        exp(-pi loss) of the energy, as half a cycle of a spring with it does.
+        Loss factor: the energy dissipated in a cycle over 2 pi times the stored energy. A bounce
+        leaves exp(-pi loss) of the energy, like half a cycle of a spring with this loss factor.
     """
 
     thickness: float
@@ -65,7 +65,7 @@ def layer_law(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw
 
 @dataclass(frozen=True, eq=False)
 class Floor(FieldsRepr):
-    """What a part falls on: the plane z = 0, below it a half-space, a rigid ground or a model.
+    """The floor of a fall: the plane z = 0 of a half-space, of a rigid ground or of a model.
 
     Parameters
     ----------
@@ -74,15 +74,15 @@ class Floor(FieldsRepr):
     friction : float
         Coulomb's coefficient.
     restitution : float, optional
-        Coefficient of restitution of the contact itself, that of free bodies (Gonthier's law);
-        None: elastic. The energy that goes into vibrations of the part is lost in addition.
+        Coefficient of restitution of the contact alone, as between rigid bodies (Gonthier's law);
+        None: elastic. Energy that goes into vibrations of the part is lost in addition.
     layer : SoftLayer, optional
         A soft sheet on top, in place of the half-space.
     law : ContactLaw, optional
         Contact law of every contact, in place of the one from curvatures and materials.
     model : SoilCone, AntiOscillators or another model of one site, optional
-        An elastic floor that does not fly off: soil, or a plate extracted at the place that is
-        hit; its displacement is that of all points that touch.
+        An elastic floor with supports: soil, or a plate extracted at the struck place. All points
+        that touch share its displacement.
     """
 
     material: Any = None
@@ -133,11 +133,13 @@ class Floor(FieldsRepr):
     @cached_property
     def ground(self) -> Ground | None:
         """Vibration of the floor's model between and during contacts; None for a rigid floor."""
-        return None if self.model is None else _ground(self.model.modal())
+        if self.model is None:
+            return None
+        return _ground(self.model.modal())
 
 
 def as_floor(floor: object) -> Floor:
-    """The argument `floor` as a Floor, None being rigid; InputError names the alternatives."""
+    """The argument `floor` as a Floor (None: rigid); InputError if it is none, with an example."""
     if isinstance(floor, Floor):
         return floor
     if floor is None:
@@ -160,9 +162,9 @@ class Ground:
 
     Attributes
     ----------
-    body : of a scene, which the contact pushes down.
+    body : the floor in a scene, which the contact pushes down.
     modes : with `omega` [rad/s] and `decay` [1/s], (F,).
-    shape : (2, F) what their displacements and rates lower the floor by.
+    shape : (2, F) by how much their displacements and rates lower the floor.
     """
 
     body: SiteModes
@@ -172,21 +174,26 @@ class Ground:
     @property
     def compliance(self) -> float:
         """Static displacement of the modes under 1 N [m/N]."""
-        return float(self.shape[0] @ self._held[0] + self.shape[1] @ self._held[1])
+        return float(
+            self.shape[0] @ self._under_unit_force[0] + self.shape[1] @ self._under_unit_force[1]
+        )
 
     @property
-    def _held(self) -> Array:
+    def _under_unit_force(self) -> Array:
         """The state (2, F) of the modes at rest under 1 N."""
         (by_a, by_b), omega = self.shape, self.modes.omega
         return np.array([np.divide(by_a, omega**2, where=omega > 0, out=0 * omega), -by_b])
 
     def speed(self, floor: Array, force: float) -> float:
-        """Amplitude [m/s] of the vibration of modes (2, F) about their equilibrium under a force
-        [N].
+        """Amplitude [m/s] of the floor's vibration about its equilibrium under a force [N].
 
-        Modes of different frequencies add up in squares.
+        Modes of different frequencies add up as the root of squares.
         """
-        (a, b), (by_a, by_b), omega = floor - force * self._held, self.shape, self.modes.omega
+        (a, b), (by_a, by_b), omega = (
+            floor - force * self._under_unit_force,
+            self.shape,
+            self.modes.omega,
+        )
         squares = (by_a**2 + (omega * by_b) ** 2) * (b**2 + (omega * a) ** 2)
         return float(np.sqrt(squares.sum()))
 
@@ -196,20 +203,21 @@ class Ground:
         return ModalState(q[0], v[0], None if self.body.damping is None else floor)
 
 
-def _ground(own: ModalBody) -> Ground:
-    decay = np.zeros(own.omega.size) if own.decay is None else own.decay
-    moving = StackedModes([(own.omega, decay, own.first_order, None)])
+def _ground(modal: ModalBody) -> Ground:
+    """The elastic floor of a modal body."""
+    decay = np.zeros(modal.omega.size) if modal.decay is None else modal.decay
+    stacked = StackedModes([(modal.omega, decay, modal.first_order, None)])
     body = SiteModes(
-        own.omega,
-        np.outer(-own.b, [1.0, 0.0, 0.0]),
+        modal.omega,
+        np.outer(-modal.b, [1.0, 0.0, 0.0]),
         {"top": (0, 1, 2)},
-        r=np.diag([own.r, 0.0, 0.0]),
+        r=np.diag([modal.r, 0.0, 0.0]),
         directions=np.eye(3)[[2, 0, 1]],  # along the floor it stands still
-        decay=None if own.damping is not None else decay,
-        weight=np.zeros((own.omega.size, 3)),
-        damping=own.damping,
+        decay=None if modal.damping is not None else decay,
+        weight=np.zeros((modal.omega.size, 3)),
+        damping=modal.damping,
     )
-    return Ground(body, moving, moving.rows(own.b[None]).reshape(2, -1))
+    return Ground(body, stacked, stacked.rows(modal.b[None]).reshape(2, -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +227,7 @@ class Setting:
     Attributes
     ----------
     floor, gravity [m/s^2], height [m] of the lowest point at the start.
-    impacts, duration [s] : where it ends at the latest.
+    impacts, duration [s] : the fall ends at this number of impacts or this time at the latest.
     tol : relative error of the contact forces.
     """
 
@@ -234,16 +242,19 @@ class Setting:
 def law_of(
     floor: Floor, surface: Curvature, material: Array, strength: float = np.nan
 ) -> ContactLaw:
-    """Law of the contact of a surface of (E [Pa], nu) and a yield strength [Pa] with a floor."""
+    """The contact law of a surface with a floor.
+
+    `material` is (E [Pa], nu) of the surface, `strength` its yield strength [Pa].
+    """
     if floor.law is not None:
         return floor.law
     low, high = surface.values.tolist()
     if floor.layer is not None:
         # F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)
-        bent = sqrt(low * high)
-        if bent == 0.0:
+        curvature = sqrt(low * high)
+        if curvature == 0.0:
             raise InputError("a line or a plane on a layer has no law of its own: give radius=.")
-        return layer_law(floor.layer, pi * floor.layer.E / (bent * floor.layer.thickness), 2.0)
+        return layer_law(floor.layer, pi * floor.layer.E / (curvature * floor.layer.thickness), 2.0)
     E, nu = material.tolist()
     matter = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)
     if matter.rigid and floor.face.matter.rigid:
@@ -256,7 +267,7 @@ def law_of(
 
 
 def law_at(body: Any, floor: Floor, which: int) -> ContactLaw:
-    """Law of the contact of a point of a FreeBody with a floor."""
+    """The contact law of a point of a FreeBody with a floor."""
     law: ContactLaw | None = body.laws.get(which)
     if law is not None:
         return law

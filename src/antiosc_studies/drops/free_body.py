@@ -1,4 +1,4 @@
-"""The record of a free body: rigid inertia, free modes, and the points that may touch."""
+"""The data of a free body: rigid inertia, free modes, and the points that may touch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from antiosc_studies.drops.skin import SMOOTH
 if TYPE_CHECKING:
     from antiosc import Structure
 
-#: Points of a solid are one contact that lie closer together than this share of the extent.
+#: Points of a solid that are closer together than this share of the extent are one contact.
 APART = 0.04
 
 Known = tuple[Array, Array, Array]
@@ -33,26 +33,25 @@ class FreeBody:
     Attributes
     ----------
     mass : [kg]; tensor : (3, 3) inertia about the centre of mass [kg m^2].
-    points : (V, 3) relative to the centre [m]; with `balls` > 0 the centre of a ball of that
-        radius [m], of which the body's surface is a part there.
+    points : (V, 3) relative to the centre [m]; if `balls` > 0, the centre of a ball of that
+        radius [m] whose surface is that of the body there.
     centre : (3,) of mass in the axes of the mesh [m].
-    radii : (V, 2) principal radii for the law of the contact [m]; those of smooth places of a
-        solid are rough until `sites` fits them.
-    materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
-    strengths : (V,) yield strengths [Pa], NaN where not known; None: of none.
+    radii : (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
+        approximate until `sites` fits them.
+    materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
+    strengths : (V,) yield strengths [Pa], NaN if unknown; None: all are unknown.
     matters : its materials, as far as they are known.
     omega, decay : (J,) of the elastic modes [rad/s], [1/s].
     shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
     extent : size of the body [m].
-    notes : what was taken for granted.
+    notes : assumptions that were made.
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
-    structure : that it was made of, with `basis` (rows, J) the shapes of its modes.
+    structure : the part, with `basis` (rows, J) the shapes of its modes.
     layer_contact : its surface, if it falls on a layer.
-    lines : (N, 3) points of surfaces that are curved in one direction alone [m].
-    laws, idle : of pieces of its surface on a layer and of stations on lines the laws by their
-        numbers, and (V,) what is no contact.
-    cylinders, stations : straight lines of the surface, and (STATIONS,) numbers of the points that
-        stand for each where it may land along it.
+    lines : (N, 3) points of surfaces that are curved in one direction only [m].
+    laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
+    idle : (V,) which points are no contacts.
+    cylinders, stations : straight lines of the surface; (STATIONS,) numbers of the points on each.
     """
 
     mass: float
@@ -79,8 +78,8 @@ class FreeBody:
     lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
     cylinders: tuple[Cylinder, ...] = ()
     stations: tuple[IntArray, ...] = ()
-    #: shapes, residual compliances and radii of points, which all copies share; those of stations
-    #: of lines and of pieces of its surface on a layer
+    #: number of a point -> its shapes, residual compliance and radii: of vertices, shared by all
+    #: copies of the body; and of stations on lines and pieces on a layer
     _known: dict[int, Known] = field(default_factory=dict)
     _placed: dict[int, Known] = field(default_factory=dict)
 
@@ -101,9 +100,10 @@ class FreeBody:
         return np.asarray(np.linalg.norm(self.shapes, axis=2))
 
     def rigid_modes(self, R: Array) -> tuple[Array, Array]:
-        """Mass-normalised rigid modes at an orientation, as rows (6, 6) in the floor's axes.
+        """Mass-normalised rigid modes (6, 6) and their momenta (6, 6), as rows in the floor's axes.
 
-        Velocities of the centre and spins; momenta, and angular momenta about the centre.
+        A mode is a velocity of the centre and a spin; its momentum is linear, and angular about the
+        centre.
         """
         moments, axes = self.principal
         modes = np.eye(6)
@@ -113,21 +113,23 @@ class FreeBody:
 
     @property
     def slowest(self) -> float:
-        """Longest period of the elastic modes [s]; 0 of a rigid body."""
-        return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
+        """Longest period of the elastic modes [s]; 0 for a rigid body."""
+        if self.omega.size:
+            return 2 * np.pi / float(self.omega[0])
+        return 0.0
 
     def reach(self, up: Array) -> Array:
-        """(..., V) reach of the body below its points, for verticals (..., 3) in body axes.
+        """(..., V) how far the body reaches below its points, for verticals (..., 3) in body axes.
 
         Stations of a line that does not land stay above the centre of mass: their axis may lie
-        outside of the body, as that of a slightly bent face.
+        outside the body, as that of a slightly bent face.
         """
         if not self.stations:
             return self.balls
         reach = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
-        for one, which in zip(self.cylinders, self.stations, strict=True):
+        for cylinder, which in zip(self.cylinders, self.stations, strict=True):
             away = -np.linalg.norm(self.points[which], axis=1)
-            reach[..., which] = np.where(one.lands(up)[..., None], self.balls[which], away)
+            reach[..., which] = np.where(cylinder.lands(up)[..., None], self.balls[which], away)
         return reach
 
     def surface(self, which: int) -> Curvature:
@@ -137,8 +139,8 @@ class FreeBody:
     def touching_as(self, which: list[int]) -> BoolArray:
         """(V,) mask of points that share a contact with one of the points `which`.
 
-        Points of a solid are the same contact that are close together and face the same way, as
-        on a round edge, or belong to one ball. Two corners of a slender bar are two.
+        Points of a solid share a contact if they are close together and face the same way, as on a
+        round edge, or belong to one ball. Two corners of a slender bar are two contacts.
         """
         touching = np.zeros(len(self.points), dtype=bool)
         touching[which] = True
@@ -152,8 +154,8 @@ class FreeBody:
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
-        there = self._placed.keys() | self._known.keys()
-        new = np.array([i for i in which.tolist() if i not in there], dtype=int)
+        available = self._placed.keys() | self._known.keys()
+        new = np.array([i for i in which.tolist() if i not in available], dtype=int)
         if len(new):
             r = np.zeros((len(new), 3, 3))
             if self.residual is not None:
@@ -161,11 +163,13 @@ class FreeBody:
             pairs = zip(self.shapes[new], r, self.radii[new].copy(), strict=True)
             self._known.update(zip(new.tolist(), pairs, strict=True))
         known = [self._placed.get(i) or self._known[i] for i in which.tolist()]
-        phi, r, self.radii[which] = (np.array(each) for each in zip(*known, strict=True))
+        phi, r, self.radii[which] = (np.array(column) for column in zip(*known, strict=True))
         self.shapes[which] = phi
         return phi, r
 
     def alone(self) -> FreeBody:
-        """A copy without structure, with the data of all sites computed: for other processes."""
+        """A copy without the structure, with the data of all sites computed, for other
+        processes.
+        """
         self.sites(np.arange(len(self.points)))
         return replace(self, structure=None, basis=None, residual=None)

@@ -1,13 +1,13 @@
-"""A soft layer as springs side by side under the faces, edges and corners of a part.
+"""A soft layer as an elastic foundation under the faces, edges and corners of a part.
 
-A layer that is thin against the area of contact gives way at each place by itself (Winkler;
-Johnson, Contact Mechanics, 1985, 4.3 and 5.8): the pressure is E/t times the indentation there,
-and the force E/t times the volume V of the part below the surface of the layer. The surface of the
-part is divided into pieces, each of which is one contact. At the touch it gets a law F = k d^n by
-the volumes that it displaces as deep as it may come, and half as deep: n = 1 of a face that lies
-flat, 2 of an edge, 3 of a corner. The law only predicts: on the path of the part its gap is such
-that the force is E/t V of the piece as it has turned and bent, and acts at its centre of pressure
-(`on_path`). Such forces keep the energy.
+A layer that is thin compared with the contact area deforms at each place independently (Winkler;
+Johnson, Contact Mechanics, 1985, 4.3 and 5.8): the pressure is E/t times the indentation there, and
+the force E/t times the volume V of the part below the layer's surface. The surface of the part is
+divided into pieces, each of which is one contact. At the touch each gets a law F = k d^n from the
+volumes that it displaces at its largest expected depth and at half of it: n = 1 for a flat face, 2
+for an edge, 3 for a corner. This law is only a prediction: on the path of the part the gap is set
+so that the force is E/t V of the rotated and bent piece, at its centre of pressure (`on_path`).
+Such forces conserve energy.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from antiosc_studies.drops.skin import skin_of
 
 #: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
 PIECE, BENT = 0.35, 0.35
-#: A piece has a depth of at least this share of the greatest, to take its law from.
+#: The law of a piece is taken at a depth of at least this share of the greatest depth.
 SHALLOW = 0.05
-#: Depths over the extent, between which that of a part which moves without turning is looked for.
+#: Depths over the extent at which the displaced volumes of a part that does not rotate are
+#: computed.
 DEPTHS = np.geomspace(1e-7, 1.0, 29)
-#: Largest exponent, of a piece whose volume grows by steps; and least share of its area that a
-#: piece is taken to turn to the floor for its law.
+#: Largest exponent of a law; least share of its area with which a piece faces the floor, for its
+#: law.
 STEEPEST, LEAN = 6.0, 0.1
 
 
@@ -58,7 +59,7 @@ def with_layer_contact(body: FreeBody) -> FreeBody:
 
 
 def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
-    """(points, triangles, round vertices) from the convex hull of points alone."""
+    """(points, triangles, mask of round vertices) of the convex hull of a body's points."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -75,8 +76,9 @@ def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
 
 
 def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
-    """(points, triangles, round vertices) of a mesh's surface, without triangles between round
-    ones.
+    """(points, triangles, mask of round vertices) of a mesh's surface.
+
+    Triangles between round vertices are left out.
     """
     from scipy.spatial import cKDTree
 
@@ -86,7 +88,8 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     assert body.basis is not None
     skin = skin_of(body.structure)
     rounded = ~skin.sharp & (skin.curvatures[:, 0] * skin.size > 1)
-    x, triangles = skin.points - body.centre, skin.triangles
+    x = skin.points - body.centre
+    triangles = skin.triangles
     triangles = triangles[~rounded[triangles].all(axis=1)]
     if not len(triangles):
         return None
@@ -97,14 +100,14 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     else:
         outside = np.einsum("td,tvd->t", normals, skin.normals[triangles]) < 0
         triangles = np.where(outside[:, None], triangles[:, ::-1], triangles)
-    nodes, _, moved = source(body.structure).at_nodes(body.structure, body.basis)
-    shapes = np.moveaxis(moved[cKDTree(nodes).query(skin.points)[1]], 1, 2)
-    at = cKDTree(skin.points).query(body.points + body.centre)[1]
-    return np.column_stack((x, shapes.reshape(len(x), -1))), triangles, rounded[at]
+    nodes, _, displacements = source(body.structure).at_nodes(body.structure, body.basis)
+    shapes = np.moveaxis(displacements[cKDTree(nodes).query(skin.points)[1]], 1, 2)
+    nearest = cKDTree(skin.points).query(body.points + body.centre)[1]
+    return np.column_stack((x, shapes.reshape(len(x), -1))), triangles, rounded[nearest]
 
 
 def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, IntArray]:
-    """Triangles whose longest sides are bisected until they are at most a size [m]."""
+    """Bisect the longest sides of triangles until all sides are at most `size` [m]."""
     while True:
         x = places[triangles, :3]
         sides = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
@@ -120,16 +123,18 @@ def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, In
 
 
 def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
-    """Number of the piece of each triangle; pieces are bisected until they are flat and small."""
+    """Piece number of each triangle; pieces are bisected until they are flat and small."""
     weights = np.linalg.norm(areas, axis=1)
-    normals, number = areas / weights[:, None], np.zeros(len(areas), dtype=int)
-    todo, count = [np.arange(len(areas))], 0
+    normals = areas / weights[:, None]
+    number = np.zeros(len(areas), dtype=int)
+    todo = [np.arange(len(areas))]
+    count = 0
     while todo:
         piece = todo.pop()
         w = weights[piece, None]
         for values, most in ((normals[piece], BENT), (centres[piece], size)):
-            off = values - (w * values).sum(axis=0) / w.sum()
-            along = off @ np.linalg.eigh((w * off).T @ off)[1][:, -1]
+            deviations = values - (w * values).sum(axis=0) / w.sum()
+            along = deviations @ np.linalg.eigh((w * deviations).T @ deviations)[1][:, -1]
             if np.ptp(along) > most:
                 todo += [piece[along < 0], piece[along >= 0]]
                 break
@@ -139,59 +144,70 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
 
 
 def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
-    """The body with pieces of its surface as points, from `layer_contact.first` on, after vertices.
+    """The body with pieces of its surface as points, numbered from `layer_contact.first`.
 
-    The height of a piece is that at which its law has the force of the volume that it displaces.
-    Vertices that are not round are `idle`, and pieces that will hardly touch. A body without a
-    layer is returned as it is.
+    The height of a piece is that at which its law gives the force of the displaced volume. Vertices
+    that are not round, and pieces that will hardly touch, are `idle`. A body without a layer is
+    returned as it is.
     """
-    surface, layer = body.layer_contact, setting.floor.layer
+    surface = body.layer_contact
+    layer = setting.floor.layer
     if surface is None or layer is None:
         return body
-    up, z = start.R[2], start.centre[2] + start.lowered(setting.floor.ground)
-    ways, each = np.append(0.0, DEPTHS * body.extent), surface.every
-    volumes, (low, *_), _ = surface.pressed(each, up, start.q, z - ways)
+    up = start.R[2]
+    z = start.centre[2] + start.lowered(setting.floor.ground)
+    depths = np.append(0.0, DEPTHS * body.extent)
+    numbers = surface.every
+    volumes, (lowest, *_), _ = surface.pressed(numbers, up, start.q, z - depths)
     modulus = layer.E / layer.thickness
-    work = modulus * cumulative_trapezoid(volumes.sum(axis=1), ways, initial=0.0)
+    work = modulus * cumulative_trapezoid(volumes.sum(axis=1), depths, initial=0.0)
     arms = start.arms(body)
     speed = (start.velocity + np.cross(start.spin(body), arms[np.argmin(arms[:, 2])]))[2]
     speed = max(-float(speed), 0.0)
-    deepest = max(float(np.interp(body.mass * speed**2 / 2, work, ways)), float(ways[1]))
-    depth = np.maximum(deepest - low, SHALLOW * max(deepest - low.min(), float(ways[1])))
-    at = z - low - np.outer([1.0, 0.5], depth)
-    (volume, half), _, (place, _) = surface.pressed(each, up, start.q, at, LEAN)
+    deepest = max(float(np.interp(body.mass * speed**2 / 2, work, depths)), float(depths[1]))
+    depth = np.maximum(deepest - lowest, SHALLOW * max(deepest - lowest.min(), float(depths[1])))
+    at = z - lowest - np.outer([1.0, 0.5], depth)
+    (volume, half), _, (place, _) = surface.pressed(numbers, up, start.q, at, LEAN)
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
     surface_with_laws = replace(
         surface, share=modulus / stiffness, exponent=n, height=z, speed=speed
     )
-    points, shapes, first = place[:, :3], place[:, 3:].reshape(len(place), -1, 3), surface.first
-    deep = surface_with_laws.depth(each, volumes[0], low)
+    points = place[:, :3]
+    shapes = place[:, 3:].reshape(len(place), -1, 3)
+    first = surface.first
+    deep = surface_with_laws.depth(numbers, volumes[0], lowest)
     lifts = z + points @ up + np.einsum("vjd,d,j->v", shapes, up, start.q) + deep
-    none, rigid = np.full((len(place), 2), np.inf), np.zeros((3, 3))
+    flat = np.full((len(place), 2), np.inf)
+    rigid = np.zeros((3, 3))
     return replace(
         body,
         points=np.vstack((body.points, points)),
         shapes=np.concatenate((body.shapes, shapes)),
         balls=np.append(body.balls, lifts),
-        radii=np.vstack((body.radii, none)),
-        materials=np.vstack((body.materials, np.nan * none)),
+        radii=np.vstack((body.radii, flat)),
+        materials=np.vstack((body.materials, np.nan * flat)),
         facing=None if body.facing is None else np.vstack((body.facing, 0 * points)),
         layer_contact=surface_with_laws,
-        laws={first + k: layer_law(layer, float(stiffness[k]), float(n[k])) for k in each.tolist()},
-        idle=np.append(~surface.round, volumes[np.searchsorted(ways, deepest)] == 0),
-        _placed=body._placed | {first + k: (shapes[k], rigid, none[k]) for k in each.tolist()},
+        laws={
+            first + k: layer_law(layer, float(stiffness[k]), float(n[k])) for k in numbers.tolist()
+        },
+        idle=np.append(~surface.round, volumes[np.searchsorted(depths, deepest)] == 0),
+        _placed=body._placed | {first + k: (shapes[k], rigid, flat[k]) for k in numbers.tolist()},
     )
 
 
 def layer_energy(body: FreeBody, state: State, setting: Setting) -> float:
-    """Elastic energy [J] of a layer under a body: E/t times the integral of displaced volume."""
-    surface, layer = body.layer_contact, setting.floor.layer
+    """Elastic energy [J] of a layer under a body: E/t times the integral of the displaced
+    volume.
+    """
+    surface = body.layer_contact
+    layer = setting.floor.layer
     if surface is None or layer is None:
         return 0.0
     z = state.centre[2] + state.lowered(setting.floor.ground)
-    deep = max(-float(state.heights(body, setting.floor.ground)[: surface.first].min()), 0.0)
+    depth_now = max(-float(state.heights(body, setting.floor.ground)[: surface.first].min()), 0.0)
     s, weights = np.polynomial.legendre.leggauss(16)
-    ways = deep * (1 + s) / 2
-    volumes = surface.pressed(surface.every, state.R[2], state.q, z + ways)[0]
-    return float(layer.E / layer.thickness * deep / 2 * weights @ volumes.sum(axis=1))
+    lifts = depth_now * (1 + s) / 2
+    volumes = surface.pressed(surface.every, state.R[2], state.q, z + lifts)[0]
+    return float(layer.E / layer.thickness * depth_now / 2 * weights @ volumes.sum(axis=1))

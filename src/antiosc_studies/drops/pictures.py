@@ -21,10 +21,11 @@ from antiosc_studies.drops.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Frames of a film in a second, and times of a fall at which heights are drawn.
+#: Frames per second of a film; number of times at which heights are drawn.
 RATE, DRAWN = 25, 500
-#: Most triangles of a surface that are drawn, and their colour.
-TRIANGLES, COLOUR = 6000, (0.35, 0.55, 0.8)
+#: Largest number of triangles of a surface that is drawn; their colour.
+TRIANGLES = 6000
+COLOUR = (0.35, 0.55, 0.8)
 
 
 def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | Path:
@@ -59,7 +60,9 @@ def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | 
 
 
 def surface_of(fall: Trajectory) -> tuple[Array, IntArray]:
-    """Points (P, 3) relative to the centre of mass, and triangles (T, 3) of surface or hull."""
+    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), of the surface or
+    hull.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
     body = fall.body
@@ -79,7 +82,7 @@ def surface_of(fall: Trajectory) -> tuple[Array, IntArray]:
 
 
 def _posed(axes: Any, fall: Trajectory, state: State, surface: tuple[Array, IntArray]) -> None:
-    """Draw the part in a state above the floor."""
+    """Draw the part above the floor as it is in a state."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     points, triangles = surface
@@ -136,11 +139,13 @@ def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path
 
 
 def at(fall: Trajectory, time: float) -> State:
-    """The state at a time [s] of the fall; during a contact, its initial state."""
+    """The state at a time [s] of the fall; during a contact, the state at its start."""
     flight = [fall.flights[0], *(f for f in fall.flights if f.start.time <= time)][-1]
     since = [
         episode.start
         for episode in fall.episodes
         if flight.start.time <= episode.start.time <= time
     ]
-    return since[-1] if since else flight.at(time - flight.start.time)
+    if since:
+        return since[-1]
+    return flight.at(time - flight.start.time)

@@ -1,4 +1,4 @@
-"""The surface of a part that falls: its vertices, their curvature and what they are made of."""
+"""The surface of a part that falls: its vertices, their curvatures and materials."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
 
 
-#: Cosine of the angle between the facets at a vertex and its mean normal, below which it is sharp.
+#: A vertex is sharp if the cosine between a facet and the mean normal there is below this.
 SMOOTH = float(np.cos(np.radians(35.0)))
-#: A radius of curvature is at most this many times the size of the part.
+#: Largest radius of curvature over the size of the part.
 FLATTEST = 10.0
-#: Ratio of the principal curvatures from which a rounded place is taken as a part of a ball.
+#: Least ratio of the principal curvatures of a place that counts as part of a ball.
 ROUND = 0.5
-#: Ratio of the principal curvatures below which a place is straight in one direction.
+#: Largest ratio of the principal curvatures of a place that is straight in one direction.
 STRAIGHT = 0.2
-#: How far a ball reaches out of the hull over its radius, beside the height of its facets, and the
-#: directions in which this is looked at.
+#: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets;
+#: number of directions in which it is checked.
 REACH, WAYS = 0.05, 200
-#: Directions whose extent is below this share of the largest one have none.
+#: An extent below this share of the largest counts as zero.
 THIN = 1e-9
 
 
@@ -37,13 +37,13 @@ class Skin:
 
     Attributes
     ----------
-    points, normals : (P, 3) coordinates [m] and outward unit normals, zero where not known.
+    points, normals : (P, 3) coordinates [m] and outward unit normals (zero if unknown).
     curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
     sharp : (P,) whether the vertex lies on an edge or a corner.
     sizes : (P,) mean length of the element edges there [m].
-    materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN where not known.
-    strengths : (P,) yield strengths [Pa]; NaN where not known.
-    half : (P,) half the thickness of a sheet [m]; 0 of a solid.
+    materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
+    strengths : (P,) yield strengths [Pa]; NaN if unknown.
+    half : (P,) half the thickness of a sheet [m]; 0 for a solid.
     triangles : (T, 3) between the points.
     """
 
@@ -63,34 +63,34 @@ class Skin:
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     def radii(self, which: int, corner: float) -> tuple[float, float]:
-        """Principal radii [m] of a vertex; `corner` if sharp, half the thickness for sheets."""
+        """Principal radii [m] of a vertex; if sharp, half the thickness of a sheet, or `corner`."""
         if self.sharp[which]:
             rounded = float(self.half[which]) or corner
             return rounded, rounded
         return self.rounded(self.curvatures[which])
 
     def rounded(self, curvatures: Array) -> tuple[float, float]:
-        """Radii [m] for principal curvatures (2,) [1/m]; the largest radius for flat or concave
-        ones.
-        """
+        """Radii [m] for principal curvatures (2,) [1/m]; at most the largest radius."""
         first, second = np.maximum(curvatures, 1 / (FLATTEST * self.size))
         return 1 / float(first), 1 / float(second)
 
     @property
     def balls(self) -> Array:
-        """(P,) radius [m] of the ball that fits a smooth vertex; 0 for all others."""
+        """(P,) radius [m] of the ball that fits a smooth vertex; 0 if none fits."""
         low, high = self.curvatures.T
         rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
 
-    def balls_within(self, own: IntArray) -> Array:
+    def balls_within(self, vertices: IntArray) -> Array:
         """Radii of the balls of hull vertices (V,); 0 for balls that protrude from the hull.
 
-        A ball stands for the surface on all its sides: one that is larger than the part there, as
-        of a shallow dome or of cells too coarse for a curvature, would touch where nothing is.
+        A ball stands for the surface on all its sides. A ball larger than the part there, as at a
+        shallow dome or with cells too coarse for the curvature, would touch where there is no part.
         """
-        balls, points, sizes = self.balls[own], self.points[own], self.sizes[own]
-        centres = points - balls[:, None] * self.normals[own]
+        balls = self.balls[vertices]
+        points = self.points[vertices]
+        sizes = self.sizes[vertices]
+        centres = points - balls[:, None] * self.normals[vertices]
         allowed = REACH * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
         for direction in _ways():
             beyond = centres @ direction + balls - (points @ direction).max()
@@ -99,7 +99,7 @@ class Skin:
 
     @property
     def lines(self) -> BoolArray:
-        """(P,) whether a smooth vertex is curved in one direction alone, as on a cylinder."""
+        """(P,) whether a smooth vertex is curved in one direction only, as on a cylinder."""
         low, high = self.curvatures.T
         return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
 
@@ -107,9 +107,10 @@ class Skin:
 def _ways() -> Array:
     """Directions (WAYS, 3) distributed evenly on a spiral."""
     k = np.arange(WAYS)
-    z, angle = 1 - (2 * k + 1) / WAYS, k * np.pi * (3 - np.sqrt(5))
-    aside = np.sqrt(1 - z * z)
-    return np.column_stack([aside * np.cos(angle), aside * np.sin(angle), z])
+    z = 1 - (2 * k + 1) / WAYS
+    angle = k * np.pi * (3 - np.sqrt(5))
+    horizontal = np.sqrt(1 - z * z)
+    return np.column_stack([horizontal * np.cos(angle), horizontal * np.sin(angle), z])
 
 
 def skin_of(structure: Structure) -> Skin:
@@ -121,23 +122,30 @@ def skin_of(structure: Structure) -> Skin:
         return of_points(matrices.nodes()[0])
     if not matrices.assembled:
         return of_mesh(on_mesh(structure, "matrices have no points: give a map with coordinates."))
-    skins, count = list[Skin](), 0
+    skins = list[Skin]()
+    count = 0
     for member in matrices.members():
-        skin, at = of_mesh(member.part), member.at
-        x, n = at.placed(skin.points), skin.normals @ at.rotation.T
+        skin = of_mesh(member.part)
+        at = member.at
+        x = at.placed(skin.points)
+        n = skin.normals @ at.rotation.T
         skins.append(replace(skin, points=x, normals=n, triangles=skin.triangles + count))
         count += len(x)
-    each = [f.name for f in fields(Skin)]
-    return Skin(*(np.concatenate([getattr(one, name) for one in skins]) for name in each))
+    names = [f.name for f in fields(Skin)]
+    return Skin(
+        *(np.concatenate([getattr(skin_of_part, name) for skin_of_part in skins]) for name in names)
+    )
 
 
 def of_points(points: Array) -> Skin:
-    """A skin of points without surface, all of them sharp."""
-    zero, zeros = np.zeros(len(points)), np.zeros((len(points), 3))
-    sharp, triangles = np.ones(len(points), dtype=bool), np.zeros((0, 3), dtype=int)
+    """A skin of points without a surface; all of them are sharp."""
+    zero = np.zeros(len(points))
+    zeros = np.zeros((len(points), 3))
+    sharp = np.ones(len(points), dtype=bool)
+    triangles = np.zeros((0, 3), dtype=int)
     unknown = np.full((len(points), 2), np.nan)
-    known = zero, unknown, unknown[:, 0], zero
-    return Skin(points, zeros, zeros[:, :2], sharp, *known, triangles)
+    unknown_properties = zero, unknown, unknown[:, 0], zero
+    return Skin(points, zeros, zeros[:, :2], sharp, *unknown_properties, triangles)
 
 
 def of_mesh(part: MeshedStructure) -> Skin:
@@ -145,13 +153,15 @@ def of_mesh(part: MeshedStructure) -> Skin:
     from antiosc.reduce.site.map_sites import surface
 
     ground = surface(part, None)
-    x, normals, count = ground.points, ground.normals, ground.elements.shape[1]
+    x = ground.points
+    normals = ground.normals
+    count = ground.elements.shape[1]
     sides = np.vstack([ground.elements[:, [i, (i + 1) % count]] for i in range(count)])
     edges = np.unique(np.sort(sides, axis=1), axis=0)
-    at = np.vstack([edges, edges[:, ::-1]])  # both ways
-    length = np.linalg.norm(x[at[:, 0]] - x[at[:, 1]], axis=1)
-    sizes = np.bincount(at[:, 0], length, len(x)) / np.maximum(
-        np.bincount(at[:, 0], minlength=len(x)), 1
+    directed_edges = np.vstack([edges, edges[:, ::-1]])  # both ways
+    length = np.linalg.norm(x[directed_edges[:, 0]] - x[directed_edges[:, 1]], axis=1)
+    sizes = np.bincount(directed_edges[:, 0], length, len(x)) / np.maximum(
+        np.bincount(directed_edges[:, 0], minlength=len(x)), 1
     )
     materials, strengths, half = _materials(part)
     skin = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
@@ -162,19 +172,20 @@ def of_mesh(part: MeshedStructure) -> Skin:
     if not part.kind.outside:
         return skin
     sharp = _sharp(x, normals, ground.elements)
-    fitted, curvatures = _fitted(x, normals, at, sizes)
+    fitted, curvatures = _fitted(x, normals, directed_edges, sizes)
     normals = np.where(sharp[:, None], normals, fitted)
     return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp)
 
 
 def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
-    """Moduli and Poisson's ratios (P, 2), yield strengths and half thicknesses at the vertices."""
+    """Moduli and Poisson's ratios (P, 2), yield strengths (P,) and half thicknesses (P,)."""
     faces = part.faces
     numbers = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
     vertices, index = np.unique(numbers, return_inverse=True)
     label = np.zeros(len(vertices), dtype=int)
     label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
-    known, half = np.full((len(part.parts), 2), np.nan), np.zeros(len(part.parts))
+    known = np.full((len(part.parts), 2), np.nan)
+    half = np.zeros(len(part.parts))
     strengths = np.full(len(part.parts), np.nan)
     for k, (material, _) in enumerate(part.parts):
         with suppress(InputError):  # of a material with directions
@@ -199,26 +210,28 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
 def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:
     """Normals (P, 3) and ascending principal curvatures (P, 2) of quadrics fitted to neighbours.
 
-    Over the plane of the mean normal the neighbours lie at a u + b v + (c u^2 + 2 d u v + e v^2)/2.
-    edges: (E, 2) from vertices to their neighbours; size: (P,) their mean lengths [m].
+    Relative to the plane of the mean normal the neighbours lie at the height a u + b v + (c u^2 + 2
+    d u v + e v^2)/2. edges: (E, 2) from vertices to their neighbours; size: (P,) mean lengths of
+    these [m].
     """
-    at = edges[:, 0]
-    edge = x[edges[:, 1]] - x[at]
+    vertex = edges[:, 0]
+    edge = x[edges[:, 1]] - x[vertex]
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, axis)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
     second = np.cross(normals, first)
-    unit = edge / size[at, None]
-    u, v, w = (np.einsum("ed,ed->e", unit, axes[at]) for axes in (first, second, normals))
+    unit = edge / size[vertex, None]
+    u, v, w = (np.einsum("ed,ed->e", unit, axes[vertex]) for axes in (first, second, normals))
     rows = np.stack([u, v, u * u / 2, u * v, v * v / 2], axis=1)
-    A, f = np.zeros((len(x), 5, 5)), np.zeros((len(x), 5))
-    np.add.at(A, at, rows[:, :, None] * rows[:, None, :])
-    np.add.at(f, at, rows * w[:, None])
+    A = np.zeros((len(x), 5, 5))
+    f = np.zeros((len(x), 5))
+    np.add.at(A, vertex, rows[:, :, None] * rows[:, None, :])
+    np.add.at(f, vertex, rows * w[:, None])
     a, b, c, d, e = np.einsum("pij,pj->ip", np.linalg.pinv(A, rcond=1e-9), f)
     fitted = normals - a[:, None] * first - b[:, None] * second
     fitted /= np.maximum(np.linalg.norm(fitted, axis=1, keepdims=True), np.finfo(float).tiny)
-    bend = -np.stack([np.stack([c, d], axis=1), np.stack([d, e], axis=1)], axis=1)
-    return fitted, np.linalg.eigvalsh(bend / size[:, None, None])
+    curvature = -np.stack([np.stack([c, d], axis=1), np.stack([d, e], axis=1)], axis=1)
+    return fitted, np.linalg.eigvalsh(curvature / size[:, None, None])
 
 
 def hull(points: Array) -> IntArray:

@@ -1,4 +1,4 @@
-"""The trajectory of a fall: flight, contact, flight, until it rests or is ended."""
+"""The trajectory of a fall: flights and contacts in turn, until it rests or is ended."""
 
 from __future__ import annotations
 
@@ -26,17 +26,20 @@ from antiosc_studies.drops.flight import SIDES, Flight, State
 from antiosc_studies.drops.floor import Floor, Setting, law_at
 from antiosc_studies.drops.lines import yielding
 
-#: A fall is at rest whose speed would lift it by this share of the height at most, on points that
-#: lie within a share of the extent over the floor and around its centre of mass, up to a distance.
-REST, CARRIES, AROUND = 1e-3, 0.01, 1e-3
-#: Motions that forces at the points move less than this share of others are free of them.
+#: A part is at rest if its speed would lift it by at most REST times the height, and points within
+#: CARRIES times the extent over the floor surround its centre of mass up to AROUND times the
+#: extent.
+REST = 1e-3
+CARRIES = 0.01
+AROUND = 1e-3
+#: Rigid motions whose singular value is below this share of the largest are free of contact forces.
 STILL = 1e-6
-#: A point may be below the floor by this share of the extent deeper than contacts press in.
+#: A point may lie deeper below the floor than contacts press in by this share of the extent.
 SUNK = 2e-3
-#: Impacts at which a fall that does not come to rest is ended, and contacts, over the impacts that
-#: are asked for or these: on a soft floor without losses, impacts follow each other as one.
+#: Number of impacts after which a fall without rest is ended; largest number of contacts over that
+#: of impacts: on a soft floor without losses successive impacts merge into one.
 MOST_IMPACTS, CONTACTS = 200, 3
-#: Indentation over the radius up to which finite strain was measured (`ElasticPlastic`).
+#: Largest indentation over the radius for which finite strain was measured (`ElasticPlastic`).
 DEEP = 0.25
 NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 
@@ -44,27 +47,31 @@ NO_IMPACT = "the fall has no impact; let it last longer (until=)."
 def initial_state(
     body: FreeBody, setting: Setting, R: Array, spin: Array, velocity: Array
 ) -> State:
-    """The initial state, with the lowest point at its height."""
+    """The initial state, whose lowest point is at the height of the setting."""
     low = float((body.points @ R[2] - body.reach(R[2])).min())
-    none = np.zeros(body.omega.size)
+    still = np.zeros(body.omega.size)
     ground = setting.floor.ground
     size = 0 if ground is None else ground.modes.omega.size
     centre = np.array([0.0, 0.0, setting.height - low])
     momentum = R @ (body.tensor @ (R.T @ spin))
-    return State(0.0, centre, velocity, R, momentum, none, none, np.zeros((2, size)))
+    return State(0.0, centre, velocity, R, momentum, still, still, np.zeros((2, size)))
 
 
 def trajectory(
     body: FreeBody, start: State, setting: Setting
 ) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
-    """A fall from a state until it rests, or ends.
+    """Follow a fall until it rests or ends.
 
-    The last state, the contacts, the flights, the contacts of each impact, and why it ended.
+    Returns the last state, the contacts, the flights, the indices of the contacts of each impact,
+    and why it ended.
     """
     episodes: list[Episode] = []
     flights: list[Flight] = []
     groups: list[list[int]] = []
-    state, held, status, pressed = start, dict[int, OngoingContact](), "", 0.0
+    state = start
+    held = dict[int, OngoingContact]()
+    status = ""
+    pressed = 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not status:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
@@ -72,8 +79,8 @@ def trajectory(
         touch_time = 0.0
         if not held:
             most = min(flight.longest(), remaining)
-            met = flight.touch(most)
-            touch_time = most if met is None else met
+            first_touch = flight.touch(most)
+            touch_time = most if first_touch is None else first_touch
             flights.append(flight)
             if touch_time >= remaining:
                 status = f"the time {setting.duration:g} s is over"
@@ -83,9 +90,11 @@ def trajectory(
         _check_sides(body, touch)
         if episodes:
             _check_depth(body, touch, pressed, setting)
-        # one impact: its flights are shorter than the longest period of the modes, or its contact
-        soon = bool(groups) and touch_time < max(body.slowest, episodes[groups[-1][0]].duration)
-        if not (held or soon):
+        # flights within one impact are shorter than the longest modal period or its first contact
+        same_impact = bool(groups) and touch_time < max(
+            body.slowest, episodes[groups[-1][0]].duration
+        )
+        if not (held or same_impact):
             if len(groups) >= setting.impacts:
                 status = f"{len(groups)} impacts"
                 break
@@ -93,11 +102,12 @@ def trajectory(
             pressed = 0.0
         groups[-1].append(len(episodes))
         before = episodes[-1].duration if held else np.inf
-        episodes.append(one := episode(body, touch, setting, held, before))
-        state, held = one.end, one.held
-        pressed = max(pressed, one.pressed)  # dents of one impact stay when a point parts
+        episodes.append(contact := episode(body, touch, setting, held, before))
+        state = contact.end
+        held = contact.held
+        pressed = max(pressed, contact.pressed)  # dents of one impact stay when a point parts
         _check_depth(body, state, pressed, setting)
-        if _rests(body, one.body, state, held, setting):
+        if _rests(body, contact.body, state, held, setting):
             status = "at rest"
         elif len(episodes) >= contacts:
             status = f"not at rest after {contacts:g} contacts"
@@ -105,7 +115,7 @@ def trajectory(
 
 
 def _check_sides(body: FreeBody, state: State) -> None:
-    """InputError if no point that may touch is below the centre of mass, so that it would sink."""
+    """Raise InputError if no point that may touch is below the centre of mass."""
     low = float((body.points @ state.R[2] - body.reach(state.R[2])).min())
     if low > SIDES * body.extent:
         raise InputError(
@@ -116,11 +126,11 @@ def _check_sides(body: FreeBody, state: State) -> None:
 
 
 def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting) -> None:
-    """AccuracyError if a point is below the floor by more than contacts press it in [m]."""
-    deep = -float(state.heights(body, setting.floor.ground).min())
-    if body.layer_contact is None and deep > pressed + SUNK * body.extent:
+    """Raise AccuracyError if a point is further below the floor than contacts press in [m]."""
+    depth = -float(state.heights(body, setting.floor.ground).min())
+    if body.layer_contact is None and depth > pressed + SUNK * body.extent:
         raise AccuracyError(
-            f"the part sank through the floor at {state.time:.4g} s: a point is {deep:.3g} m "
+            f"the part sank through the floor at {state.time:.4g} s: a point is {depth:.3g} m "
             f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
             f"tol, or end the fall before (until=)."
         )
@@ -135,16 +145,16 @@ def _rests(
 ) -> bool:
     """Whether the body rests on points around its centre of mass, with negligible motion.
 
-    pressed : the body whose points are the contacts that are held.
+    pressed : the body to which the points of the ongoing contacts belong.
     """
     arms = body.points @ state.R.T - body.reach(state.R[2])[:, None] * AXES[0]
-    low = arms[:, 2]
-    if state.centre[2] + low.min() > CARRIES * body.extent:
+    heights = arms[:, 2]
+    if state.centre[2] + heights.min() > CARRIES * body.extent:
         return False
-    carrying = arms[low < low.min() + CARRIES * body.extent]
-    moving = _hindered(body, state, carrying, setting.floor.friction > 0)
-    moving += _pushed(pressed, state, held, setting) + _shaken(body, state, held, setting)
-    if moving > REST * body.mass * setting.gravity * setting.height:
+    carrying = arms[heights < heights.min() + CARRIES * body.extent]
+    energy = _hindered(body, state, carrying, setting.floor.friction > 0)
+    energy += _pushed(pressed, state, held, setting) + _shaken(body, state, held, setting)
+    if energy > REST * body.mass * setting.gravity * setting.height:
         return False
     return _around(carrying[:, :2], AROUND * body.extent)
 
@@ -152,38 +162,42 @@ def _rests(
 def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> float:
     """Kinetic energy [J] of the rigid motions that forces at arms (n, 3) could stop.
 
-    The forces act upward, or in any direction if they are `sticking`: rolling of a ball, and
-    sliding without friction, do not count.
+    The forces act upward, or if `sticking` in any direction: rolling of a ball, and sliding without
+    friction, do not count.
     """
     W = body.rigid_modes(state.R)[0]
-    moved = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
-    across, singular_values, _ = np.linalg.svd(moved.reshape(6, -1) if sticking else moved[:, :, 2])
+    velocities = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
+    across, singular_values, _ = np.linalg.svd(
+        velocities.reshape(6, -1) if sticking else velocities[:, :, 2]
+    )
     directions = across[:, : singular_values.size][:, singular_values > STILL * singular_values[0]]
-    taken = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
-    return float(taken @ taken / 2)
+    stopped = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
+    return float(stopped @ stopped / 2)
 
 
 def _pushed(
     body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
-    """Energy [J] of the contacts in excess of that which carries the weight.
+    """Elastic energy [J] of the contacts beyond that which carries the weight.
 
-    Of one contact with the force F and the way d it is (F - m g)^2 d/F: of a linear law twice the
-    energy, and no less than it of a force that grows faster than the way.
+    For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
+    law, and no less than the energy for a force that grows faster than the approach.
     """
     held = {i: h for i, h in held.items() if h.force[0] > 0}
     if not held:
         return 0.0
-    W, points = body.rigid_modes(state.R)[0], list(held)
-    arms, ways = state.arms(body, points), np.diag([-h.height / h.force[0] for h in held.values()])
+    W = body.rigid_modes(state.R)[0]
+    points = list(held)
+    arms = state.arms(body, points)
+    approaches = np.diag([-h.height / h.force[0] for h in held.values()])
     if setting.floor.ground is not None:
-        ways = ways + setting.floor.ground.compliance
+        approaches = approaches + setting.floor.ground.compliance
     forces = np.array([AXES[: h.force.size].T @ h.force for h in held.values()])
     wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
     wrench[2] -= body.mass * setting.gravity
     up = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
     # up ways^-1 up' is the stiffness against rigid motions
-    root = np.linalg.cholesky(np.linalg.inv(ways))
+    root = np.linalg.cholesky(np.linalg.inv(approaches))
     impulses = np.linalg.lstsq(up @ root, W @ wrench, rcond=STILL)[0]
     return float(impulses @ impulses)
 
@@ -200,7 +214,7 @@ def _shaken(
 
 
 def _around(points: Array, close: float) -> bool:
-    """Whether the hull of points (n, 2) contains the origin, within a distance."""
+    """Whether the hull of points (n, 2) contains the origin, up to a distance `close`."""
     angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     if np.linalg.norm(points, axis=1).min() <= close:
         return True
@@ -210,18 +224,18 @@ def _around(points: Array, close: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """One impact: all contacts with less than a period of the slowest mode between them.
+    """One impact: contacts separated by less than a period of the slowest mode.
 
     Attributes
     ----------
     time : of the first touch [s]; contact_time : from there to the last release [s].
-    place : (3,) point that takes most of the impulse, in the axes of the mesh [m].
+    place : (3,) point that takes the largest impulse, in the axes of the mesh [m].
     contacts : number of points that touched.
     peak_force : largest sum of the normal forces [N]; impulse : of the normal forces [N s].
     speed_before, speed_after : of that point along the normal, > 0 toward the floor before and
         away from it after [m/s], without vibrations.
     spin_before, spin_after : (3,) in the axes of the floor [rad/s].
-    lost : energy that contacts and damping took [J].
+    lost : energy dissipated by contacts and damping [J].
     """
 
     time: float
@@ -245,11 +259,11 @@ UNITS = (
 
 
 class Impacts(tuple[Impact, ...]):
-    """The impacts of a fall; as text a table."""
+    """The impacts of a fall; its text is a table."""
 
     def column(self, name: str) -> Array:
-        """One value of all impacts: (n,) or (n, 3)."""
-        return np.array([getattr(one, name) for one in self])
+        """One quantity of all impacts: (n,) or (n, 3)."""
+        return np.array([getattr(impact, name) for impact in self])
 
     def columns(self) -> dict[str, Array]:
         """Name with unit -> (n,) values."""
@@ -270,12 +284,13 @@ class Impacts(tuple[Impact, ...]):
             f"{'':>3} {'time s':>10} {'place m':>26} {'peak N':>10} {'impulse Ns':>10} "
             f"{'contact s':>9} {'before m/s':>10} {'after m/s':>9} {'spin rad/s':>10} {'lost J':>9}"
         ]
-        for k, one in enumerate(self):
-            place = ", ".join(f"{c:.3g}" for c in one.place)
+        for k, impact in enumerate(self):
+            place = ", ".join(f"{c:.3g}" for c in impact.place)
             rows.append(
-                f"{k + 1:>3} {one.time:>10.5f} {place:>26} {one.peak_force:>10.4g} "
-                f"{one.impulse:>10.4g} {one.contact_time:>9.3g} {one.speed_before:>10.4g} "
-                f"{one.speed_after:>9.4g} {np.linalg.norm(one.spin_after):>10.4g} {one.lost:>9.3g}"
+                f"{k + 1:>3} {impact.time:>10.5f} {place:>26} {impact.peak_force:>10.4g} "
+                f"{impact.impulse:>10.4g} {impact.contact_time:>9.3g} {impact.speed_before:>10.4g} "
+                f"{impact.speed_after:>9.4g} {np.linalg.norm(impact.spin_after):>10.4g} "
+                f"{impact.lost:>9.3g}"
             )
         return "\n".join(rows)
 
@@ -304,29 +319,30 @@ class Peak(FieldsRepr):
         return self.value
 
 
-def impact_of(body: FreeBody, gravity: float, own: Sequence[Episode]) -> Impact:
-    """The impact that consists of some episodes."""
+def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> Impact:
+    """The impact that consists of the given episodes."""
     impulses: dict[int, float] = {}
     peak = 0.0
-    # a point above its dent begins an episode in which nothing pushes: flight
-    own = [one for one in own if one.forces()[1].any()] or own
-    for one in own:
-        peak = max(peak, one.peak_force())
-        for i, value in zip(one.which.tolist(), one.impulses().tolist(), strict=True):
+    # a point above its dent begins an episode without force, which counts as flight
+    episodes = [current for current in episodes if current.forces()[1].any()] or episodes
+    for current in episodes:
+        peak = max(peak, current.peak_force())
+        for i, value in zip(current.which.tolist(), current.impulses().tolist(), strict=True):
             impulses[i] = impulses.get(i, 0.0) + value
-    most = max(impulses, key=lambda i: impulses[i])
-    body = next(one.body for one in own if most in one.which)
-    before, after = own[0].start, own[-1].end
+    strongest = max(impulses, key=lambda i: impulses[i])
+    body = next(current.body for current in episodes if strongest in current.which)
+    before = episodes[0].start
+    after = episodes[-1].end
     energies = [sum(s.energies(body, gravity)) for s in (before, after)]
     return Impact(
         time=before.time,
         contact_time=after.time - before.time,
-        place=body.points[most] - body.balls[most] * before.R[2] + body.centre,
+        place=body.points[strongest] - body.balls[strongest] * before.R[2] + body.centre,
         contacts=sum(value > 0 for value in impulses.values()),
         peak_force=peak,
         impulse=sum(impulses.values()),
-        speed_before=-_rising(body, before, most),
-        speed_after=_rising(body, after, most),
+        speed_before=-_rising(body, before, strongest),
+        speed_after=_rising(body, after, strongest),
         spin_before=before.spin(body),
         spin_after=after.spin(body),
         lost=energies[0] - energies[1],
@@ -334,33 +350,45 @@ def impact_of(body: FreeBody, gravity: float, own: Sequence[Episode]) -> Impact:
 
 
 def _rising(body: FreeBody, state: State, point: int) -> float:
-    """Speed [m/s] at which a point of the rigid body rises."""
+    """Upward velocity [m/s] of a point of the rigid body."""
     (arm,) = state.arms(body, [point])
     return float((state.velocity + np.cross(state.spin(body), arm))[2])
 
 
 def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
-    """Sentence that a contact yields, with its permanent indentation; "" if not, or unknown."""
+    """Sentence that a contact yields, with its permanent indentation; "" if not, or if unknown."""
     if floor.layer is not None:
         return ""
     pressures = []
-    for one in episodes:
-        for line, forces in one.strongest().items():
+    for current in episodes:
+        for line, forces in current.strongest().items():
             if note := yielding(body, floor, line, float(forces.sum())):
                 return note
-        for i, force in zip(one.which.tolist(), one.forces()[1].max(axis=0).tolist(), strict=True):
-            known = _elastic_contact(body, law_at(body, floor, i), i, force) if force > 0 else None
-            pressures += [] if known is None else [known]
-    dents = {one.dent: one for one in point_contacts(body, floor, episodes) if one.dent is not None}
+        for i, force in zip(
+            current.which.tolist(), current.forces()[1].max(axis=0).tolist(), strict=True
+        ):
+            contact = (
+                _elastic_contact(body, law_at(body, floor, i), i, force) if force > 0 else None
+            )
+            pressures += [] if contact is None else [contact]
+    dents = {
+        current.dent: current
+        for current in point_contacts(body, floor, episodes)
+        if current.dent is not None
+    }
     if dents:
         worst = max(dents, key=lambda dent: dent.depth)
         return f"the contact yields: {worst.text}; {_law_error(dents[worst], body, floor)}"
-    return max(pressures, key=lambda one: one.share).warning() if pressures else ""
+    if pressures:
+        return max(pressures, key=lambda current: current.share).warning()
+    return ""
 
 
 class PointContact(NamedTuple):
-    """A contact at a point: its law and relative curvature [1/m], largest force [N] and indentation
-    [m], its time [s], and the dent if it yielded.
+    """A contact at a point and its largest force.
+
+    Its law, relative curvature [1/m], largest force [N] and indentation [m], duration [s], and the
+    dent if it yielded.
     """
 
     which: int
@@ -372,8 +400,9 @@ class PointContact(NamedTuple):
     dent: Dent | None
 
     def error(self, body: FreeBody, floor: Floor) -> float | None:
-        """Relative error of the force by its law; None where it is not known."""
-        soft, unknown = None, _unknown(body, floor, self.which)
+        """Relative error of the force by its law; None if unknown."""
+        soft = None
+        unknown = _unknown(body, floor, self.which)
         if isinstance(law := self.law, ElasticPlastic):
             strength = law.yield_strength
             soft = next(
@@ -388,63 +417,75 @@ class PointContact(NamedTuple):
 def point_contacts(
     body: FreeBody, floor: Floor, episodes: Sequence[Episode]
 ) -> Iterator[PointContact]:
-    """The contacts at points with a law of both surfaces."""
-    for one in episodes:
-        peaks, depths = one.forces()[1].max(axis=0).tolist(), one.sunk().tolist()
-        for k, (i, force) in enumerate(zip(one.which.tolist(), peaks, strict=True)):
-            law, history = law_at(body, floor, i), one.history.contact_histories[k]
+    """Yields the contacts at points whose law follows from both surfaces."""
+    for current in episodes:
+        peaks = current.forces()[1].max(axis=0).tolist()
+        depths = current.sunk().tolist()
+        for k, (i, force) in enumerate(zip(current.which.tolist(), peaks, strict=True)):
+            law = law_at(body, floor, i)
+            history = current.history.contact_histories[k]
             if not isinstance(law, ElasticPlastic | Hertz | Gonthier) or not history.contacts:
                 continue
             yields = isinstance(law, ElasticPlastic) and force > law.yield_force
             dent = history.dent if yields else None
-            start, end = max(history.contacts, key=lambda each: each[1] - each[0])
-            bent = 1 / float(body.radii[i].min())
-            yield PointContact(i, law, bent, force, depths[k], end - start, dent)
+            start, end = max(history.contacts, key=lambda span: span[1] - span[0])
+            curvature = 1 / float(body.radii[i].min())
+            yield PointContact(i, law, curvature, force, depths[k], end - start, dent)
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
-    """The property on which the error of a law depends and that is not known; "" if all is."""
+    """Name of the property that the error of a law depends on and that is unknown; else ""."""
     E = float(body.materials[which][0])
-    strong = body.strengths is not None and np.isfinite(body.strengths[which])
+    strength_known = body.strengths is not None and np.isfinite(body.strengths[which])
     known = (
-        strong
+        strength_known
         or np.isnan(E)
         or any(m.known and m.E == E for m in (*body.matters, floor.face.matter))
     )
-    return "" if known and floor.face.matter.known else "yield_strength"
-
-
-def strained(one: PointContact, body: FreeBody, floor: Floor) -> str:
-    """Sentence on the force of an elastic contact of large strains; "" if there is none."""
-    if one.dent is not None or one.depth * one.curvature < LEAST_STRAIN:
+    if known and floor.face.matter.known:
         return ""
-    note = _law_error(one, body, floor)
-    return f"the contact is pressed in by {one.depth * one.curvature:.2g} of its radius; {note}"
+    return "yield_strength"
 
 
-def _law_error(worst: PointContact, body: FreeBody, floor: Floor) -> str:
+def strained(contact: PointContact, body: FreeBody, floor: Floor) -> str:
+    """Sentence on the force of an elastic contact with large strains; "" if it has none."""
+    if contact.dent is not None or contact.depth * contact.curvature < LEAST_STRAIN:
+        return ""
+    note = _law_error(contact, body, floor)
+    return (
+        f"the contact is pressed in by {contact.depth * contact.curvature:.2g} of its radius; "
+        f"{note}"
+    )
+
+
+def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
     """Sentence on the error of a force by its law."""
-    if _unknown(body, floor, worst.which):
+    if _unknown(body, floor, contact.which):
         return "the error of that force is not known: give part and floor a yield strength"
-    error = worst.error(body, floor)
+    error = contact.error(body, floor)
     if error is None:
         return f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a blunter part"
-    cause = "large strains" if worst.dent is None else "the law and the range of the yield strength"
+    cause = (
+        "large strains" if contact.dent is None else "the law and the range of the yield strength"
+    )
     message = f"by {cause} that force may be off by {error:.0%}"
-    if worst.dent is None or worst.depth * worst.curvature < DEEP:
+    if contact.dent is None or contact.depth * contact.curvature < DEEP:
         return message
     return (
-        f"{message}, since it is pressed in by {engineering(worst.depth, 'm')} where the radius is "
-        f"{engineering(1 / worst.curvature, 'm')}: give corner_radius= of corners that are blunter"
+        f"{message}, since it is pressed in by {engineering(contact.depth, 'm')} where the "
+        "radius is "
+        f"{engineering(1 / contact.curvature, 'm')}: give corner_radius= of corners that are "
+        "blunter"
     )
 
 
 def _elastic_contact(
     body: FreeBody, law: ContactLaw, which: int, force: float
 ) -> HertzContact | None:
-    """A contact by Hertz's law with known strength; None for others."""
+    """The contact by Hertz's law, if the strength is known; else None."""
     strength = 0.0 if body.strengths is None else float(body.strengths[which])
-    stiffness, radii = _stiffness(law), tuple(body.radii[which].tolist())
+    stiffness = _stiffness(law)
+    radii = tuple(body.radii[which].tolist())
     if not strength > 0 or stiffness is None:
         return None
     with without_warnings():
@@ -453,15 +494,17 @@ def _elastic_contact(
 
 
 def _stiffness(law: ContactLaw) -> float | None:
-    """k_H [N m^-3/2] of Hertz's law, damped or not; None for other laws."""
+    """Stiffness k_H [N m^-3/2] of Hertz's law, damped or not; None for other laws."""
     stiffness, exponent = (getattr(law, name, None) for name in ("stiffness", "exponent"))
-    return stiffness if isinstance(law, Hertz) or exponent == 1.5 else None
+    if isinstance(law, Hertz) or exponent == 1.5:
+        return stiffness
+    return None
 
 
 def _modulus(stiffness: float, radii: tuple[float, float], material: Array) -> float:
     """E* [Pa] of a law on a plane, from the radii; at most that of the part on a rigid floor.
 
-    A stiffer law that is given is one of larger radii.
+    A given law that is stiffer stands for larger radii.
     """
     flat = relative_curvatures(radii, (np.inf, np.inf), 0.0)
     E, nu = material.tolist()
@@ -474,10 +517,10 @@ class Trajectory:
 
     Attributes
     ----------
-    body, setting : what falls, and on what.
+    body, setting : the falling body, and the conditions of the fall.
     start, end : position, orientation, velocity and spin at the start and at the end.
     episodes, flights : in the order of time.
-    groups : of each impact the indices of its episodes.
+    groups : for each impact the indices of its episodes.
     message : why it ended.
     """
 
@@ -500,17 +543,18 @@ class Trajectory:
     def energy(self) -> tuple[Array, Array]:
         """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
 
-        Of the rigid motion, of the vibration, of the height of the centre, and of the contacts.
+        The columns: rigid motion, vibration, height of the centre, contacts.
         """
         rows = [(self.start, 0.0)]
-        for one in self.episodes:
-            rows += [(one.start, rows[-1][1]), (one.end, one.stored)]
+        for contact in self.episodes:
+            rows += [(contact.start, rows[-1][1]), (contact.end, contact.stored)]
         rows.append((self.end, rows[-1][1]))
         gravity = self.setting.gravity
         energies = [(*s.energies(self.body, gravity), stored) for s, stored in rows]
         return np.array([s.time for s, _ in rows]), np.array(energies)
 
     def _episodes(self, impact: int) -> list[Episode]:
+        """The episodes of an impact."""
         if not self.groups:
             raise InputError(NO_IMPACT)
         k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)

@@ -40,7 +40,9 @@ if TYPE_CHECKING:
 
 
 #: Values of `FoundImpact.status`.
-FOUND, UNDETERMINED, UNEXPLAINED = 0, 1, 2
+FOUND = 0
+UNDETERMINED = 1
+UNEXPLAINED = 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,7 +150,8 @@ class FoundImpact(Result):
         left, right = axes[0]
         step = 2.2 * float(np.abs(self.measured / np.abs(self.measured).max(axis=0)).max())
         for s in range(count):
-            size, at = float(np.abs(self.measured[:, s]).max()), -step * s
+            size = float(np.abs(self.measured[:, s]).max())
+            at = -step * s
             t = 1e3 * self.compared_time
             left.plot(t, at + self.measured[:, s] / size, color="0.75", lw=4)
             left.plot(t, at + self.computed[:, s] / size, color="C0", lw=1)
@@ -362,17 +365,24 @@ def found_in(
     expected: tuple[float, float],
 ) -> FoundImpact:
     """The impact in one record."""
-    seen, sites = monitored.seen, monitored.seen.found.sites
+    seen = monitored.seen
+    sites = monitored.seen.found.sites
     if "place" not in unknown and len(sites) > 1:
         raise InputError(f"the place is not unknown: where gives {len(sites)} sites, not one.")
     omega = seen.omega
     decay = np.zeros(len(omega)) if damping is None else damping.decay(omega)
     elements = seen.found.elements if "place" in unknown else seen.found.elements[:0]
     model = Struck(
-        data, Surface(sites.points, sites.directions, elements), omega, decay, monitored.rows,
-        monitored.orders, np.column_stack([seen.b, monitored.r, sites.local]), sites.radii,
+        data,
+        Surface(sites.points, sites.directions, elements),
+        omega,
+        decay,
+        monitored.rows,
+        monitored.orders,
+        np.column_stack([seen.b, monitored.r, sites.local]),
+        sites.radii,
         Hertz(STIFFNESS) if contact is None else contact,
-    )  # fmt: skip
+    )
     known = {"stiffness": getattr(model.law, "stiffness", 1.0)}
     if impactor is not None:
         known |= {"mass": impactor.mass, "velocity": impactor.velocity}
@@ -389,14 +399,21 @@ def found_in(
 def _told(
     model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str], scale: float
 ) -> FoundImpact:
-    best, data = fits[0], model.data
-    blow, hit = best.blow, best.hit
+    best = fits[0]
+    data = model.data
+    blow = best.blow
+    hit = best.hit
     extent = float(np.ptp(model.surface.points, axis=0).max()) or 1.0
-    limits = np.array([
-        DETERMINED_PLACE * extent if name == "place"
-        else blow.contact_time_estimate if name == "start" else DETERMINED
-        for name in best.names
-    ])  # fmt: skip
+    limits = np.array(
+        [
+            DETERMINED_PLACE * extent
+            if name == "place"
+            else blow.contact_time_estimate
+            if name == "start"
+            else DETERMINED
+            for name in best.names
+        ]
+    )
     scaled = best.covariance / limits / limits[:, None]
     rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
     bars = _bars(best, scale)
@@ -408,22 +425,38 @@ def _told(
         and np.linalg.norm(fit.blow.place - blow.place) > near
     ]
     status, message = _verdict(best, rank, limits, others, data)
-    t, on = data.time, data.time >= blow.start
+    t = data.time
+    on = data.time >= blow.start
     force = np.zeros(len(t))
     force[on] = hit.force_at(np.minimum(t[on] - blow.start, hit.run.time[-1]))
     every = len(t) // max(len(data.compared), 1) or 1
     gain = data.sigma / float(np.abs(data.filter.sum(axis=1)).max())
     return FoundImpact(
-        place=blow.place, direction=model.surface.directions[blow.site],
-        mass=blow.mass, velocity=blow.velocity,
+        place=blow.place,
+        direction=model.surface.directions[blow.site],
+        mass=blow.mass,
+        velocity=blow.velocity,
         stiffness=blow.stiffness if hasattr(model.law, "stiffness") else None,
-        start=blow.start, E=blow.E, bars=bars, chi2=best.chi2, rank=rank,
-        unknowns=len(limits), status=status, message=message, history=hit, time=t, force=force,
-        compared_time=t[::every][: len(data.compared)], measured=data.compared * gain,
-        computed=best.signals * gain, band=data.band / (2 * np.pi), points=model.surface.points,
-        explained=scanned.explained, others=np.reshape(others, (-1, 3)),
+        start=blow.start,
+        E=blow.E,
+        bars=bars,
+        chi2=best.chi2,
+        rank=rank,
+        unknowns=len(limits),
+        status=status,
+        message=message,
+        history=hit,
+        time=t,
+        force=force,
+        compared_time=t[::every][: len(data.compared)],
+        measured=data.compared * gain,
+        computed=best.signals * gain,
+        band=data.band / (2 * np.pi),
+        points=model.surface.points,
+        explained=scanned.explained,
+        others=np.reshape(others, (-1, 3)),
         info={"sites": len(model.surface.points), "modes": len(model.omega)},
-    )  # fmt: skip
+    )
 
 
 def _bars(fit: Fit, scale: float) -> dict[str, float]:

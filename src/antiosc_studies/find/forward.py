@@ -44,7 +44,8 @@ class Chart:
         if not len(self.axes):
             return np.ones(1)
         y = self.local
-        terms, at = _quadratics(y), _quadratics(x[None])[0]
+        terms = _quadratics(y)
+        at = _quadratics(x[None])[0]
         count, extra = terms.shape
         A = np.zeros((count + extra, count + extra))
         A[:count, :count] = np.linalg.norm(y[:, None] - y[None], axis=2) ** 3
@@ -68,7 +69,9 @@ class Surface:
     """
 
     def __init__(self, points: Array, directions: Array, elements: IntArray) -> None:
-        self.points, self.directions, self.elements = points, directions, elements
+        self.points = points
+        self.directions = directions
+        self.elements = elements
         self.dimension = elements.shape[1] - 1 if len(elements) else 0
         self._tree = cKDTree(points)
         self._of: list[IntArray] = []
@@ -119,18 +122,23 @@ def _feet(x: Array, corners: Array) -> Array:
     edges = [(i, (i + 1) % count) for i in range(count if count > 2 else 1)]
     feet = []
     for i, j in edges:
-        a, along = corners[:, i], corners[:, j] - corners[:, i]
+        a = corners[:, i]
+        along = corners[:, j] - corners[:, i]
         t = np.einsum("td,td->t", x - a, along) / np.einsum("td,td->t", along, along)
         feet.append(a + np.clip(t, 0.0, 1.0)[:, None] * along)
     every = np.array(feet)
     far = np.linalg.norm(every - x, axis=2)
     best = every[np.argmin(far, axis=0), np.arange(len(corners))]
     if count == 3:
-        a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        a = corners[:, 0]
+        u = corners[:, 1] - corners[:, 0]
+        v = corners[:, 2] - corners[:, 0]
         uu, uv, vv = ((p * q).sum(axis=1) for p, q in ((u, u), (u, v), (v, v)))
-        wu, wv = ((x - a) * u).sum(axis=1), ((x - a) * v).sum(axis=1)
+        wu = ((x - a) * u).sum(axis=1)
+        wv = ((x - a) * v).sum(axis=1)
         det = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
-        s, t = (vv * wu - uv * wv) / det, (uu * wv - uv * wu) / det
+        s = (vv * wu - uv * wv) / det
+        t = (uu * wv - uv * wu) / det
         inside = (s >= 0) & (t >= 0) & (s + t <= 1)
         best = np.where(inside[:, None], a + s[:, None] * u + t[:, None] * v, best)
     return np.asarray(best)

@@ -94,11 +94,13 @@ def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     x, part, end = point_of(structure, sensor.point, sensor.part)
     if end is not None:
         raise InputError(f"{sensor.point!r} has no mesh: a sensor sits on the mesh of a part.")
-    fields, reach = source(structure), Reach("the point of the sensor")
+    fields = source(structure)
+    reach = Reach("the point of the sensor")
     if sensor.quantity != "strain":
         columns = fields.at_point(structure, shapes, x, part, reach)
         return np.asarray(d[: len(columns)] @ columns)
-    nodes, weights = np.zeros(1), np.full(1, 2.0)
+    nodes = np.zeros(1)
+    weights = np.full(1, 2.0)
     if sensor.length is not None:
         nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
     points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
@@ -257,7 +259,8 @@ def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
     taps, beta = signal.kaiserord(ATTENUATION, TRANSITION * top)
     kernel = signal.firwin(taps | 1, (1 + TRANSITION / 2) * top, window=("kaiser", beta))
     kernel /= np.linalg.norm(kernel)
-    every, half = int(1 / ((1 + TRANSITION) * top)), len(kernel) // 2
+    every = int(1 / ((1 + TRANSITION) * top))
+    half = len(kernel) // 2
     offsets = np.arange(-half, half + 1)
     short = np.abs(offsets) < n
     whole = scipy.sparse.diags(kernel[short], offsets[short], shape=(n, n), format="csr")

@@ -24,7 +24,9 @@ from antiosc_studies.measured.fit import covariance, lowered
 
 #: Durations of pulses: the shortest over the period of the band's top, the longest over the
 #: record; how many.
-SHORTEST_PULSE, LONGEST_PULSE, PULSES = 0.4, 0.3, 9
+SHORTEST_PULSE = 0.4
+LONGEST_PULSE = 0.3
+PULSES = 9
 #: Windows at which the energy of signals that the record's end cuts is known.
 WINDOWS = 9
 #: Frequency that stands for a rigid-body mode, over one over the record.
@@ -51,8 +53,12 @@ class Scan:
 
 def scan(model: Struck, spread: float) -> Scan:
     """The best pulses of all sites; `spread`: relative standard deviation of the frequencies."""
-    data, omega, decay, b = model.data, model.omega, model.decay, model.table[:, :-2]
-    n, T = len(data.values), data.duration
+    data = model.data
+    omega = model.omega
+    decay = model.decay
+    b = model.table[:, :-2]
+    n = len(data.values)
+    T = data.duration
     size = fft.next_fast_len(2 * n, real=True)
     D = fft.rfft(data.values / data.sigma, size, axis=0)
     power = float(np.sum((data.values / data.sigma) ** 2))
@@ -104,7 +110,8 @@ def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau:
 
 def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
     """Responses q, q', q'' (n, J) of modes lam = -d + i w to sin(pi t/tau)."""
-    until, rate = np.minimum(t, tau)[:, None], np.pi / tau
+    until = np.minimum(t, tau)[:, None]
+    rate = np.pi / tau
     after = t[:, None] - until
 
     def driven(w: float) -> Array:
@@ -121,9 +128,13 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
 
 #: Changes for differences: of logarithms and of the start over the contact time; of frequencies,
 #: whose phases grow with time; of the place over the spacing of sites.
-CHANGE, CHANGE_FREQUENCY, CHANGE_PLACE = 2e-3, 1e-5, 0.02
+CHANGE = 2e-3
+CHANGE_FREQUENCY = 1e-5
+CHANGE_PLACE = 0.02
 #: Longest steps: of the place over the spacing, of logarithms, of the start over the contact time.
-LONGEST_PLACE, LONGEST, LONGEST_START = 1.5, 0.7, 0.3
+LONGEST_PLACE = 1.5
+LONGEST = 0.7
+LONGEST_START = 0.3
 #: Decrease of chi² that ends a search, and over chi² itself.
 CONVERGED, ENOUGH = 0.01, 1e-6
 
@@ -162,7 +173,8 @@ class Search:
     """
 
     def __init__(self, model: Struck, unknown: Sequence[str], spread: float, doubt: float) -> None:
-        self.model, self.logs = model, [name for name in unknown if name != "place"]
+        self.model = model
+        self.logs = [name for name in unknown if name != "place"]
         self.spread = spread
         # a mode's share in a signal is wrong by its value at the sensor and by that at the struck
         # place, which all sensors have in common
@@ -172,7 +184,8 @@ class Search:
 
     def residuals(self, blow: Blow, signals: Array) -> Array:
         """Residuals of the signals, then of the model's errors, over their expected sizes."""
-        off, shares = signals - self.model.data.compared, self.unshared @ blow.share
+        off = signals - self.model.data.compared
+        shares = self.unshared @ blow.share
         return np.concatenate([off.ravel(), blow.frequency / self.spread, shares.ravel()])
 
     def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
@@ -192,7 +205,8 @@ class Search:
             if step == steps:
                 break
             # far from the blow the signals must not be laid to the errors of the model
-            data, factor = seen.signals.size, np.ones(rest.size)
+            data = seen.signals.size
+            factor = np.ones(rest.size)
             factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(rest[:data] ** 2), 1.0))))
 
             def moved(
@@ -201,7 +215,8 @@ class Search:
                 trial = self.moved(blow, chart, change)
                 return trial, factor * self.residuals(trial, self.at(trial)[2].signals)
 
-            rows, off = factor[:, None] * J, factor * rest
+            rows = factor[:, None] * J
+            off = factor * rest
             better, damping = lowered(rows.T @ rows, rows.T @ off, off, damping, moved)
             if better is None:
                 break
@@ -223,9 +238,11 @@ class Search:
 
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
         """The impact after a change of all unknowns."""
-        d, k = len(chart.axes), len(self.logs)
+        d = len(chart.axes)
+        k = len(self.logs)
         x = change[:d] * min(1.0, LONGEST_PLACE / max(float(np.linalg.norm(change[:d])), 1e-300))
-        place, site = blow.place, blow.site
+        place = blow.place
+        site = blow.site
         if d:
             place, site = self.model.surface.nearest(
                 chart.origin + chart.size * x @ chart.axes, blow.site
@@ -253,7 +270,9 @@ class Search:
 
     def _slopes(self, blow: Blow, chart: Chart, there: Array, seen: Seen) -> tuple[Array, Array]:
         """Derivatives of all residuals by all unknowns; `gains` in the units of the steps."""
-        model, columns, gains = self.model, [], []
+        model = self.model
+        columns = []
+        gains = []
 
         def changed(other: Blow, at: Array, change: float) -> None:
             new = model.seen(other, at)
@@ -291,8 +310,10 @@ class Search:
     def _finished(
         self, blow: Blow, chart: Chart, seen: Seen, rest: Array, J: Array, gains: Array
     ) -> Fit:
-        d, k = len(chart.axes), len(self.logs)
-        p, data = d + k + 1, seen.signals.size
+        d = len(chart.axes)
+        k = len(self.logs)
+        p = d + k + 1
+        data = seen.signals.size
         inverse = covariance(J.T @ J)
         used = float(np.sum((J[:data] @ inverse) * J[:data]))
         chi2 = float(rest[:data] @ rest[:data]) / max(data - used, 1.0)
@@ -319,7 +340,8 @@ FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
 HOPELESS = 10.0
 #: chi² above which the best blow does not explain the signals, and the heavier impactors that are
 #: tried then: a lighter one does not touch again, and no small step adds a contact.
-POOR, HEAVIER = 2.0, (1.3, 2.0)
+POOR = 2.0
+HEAVIER = (1.3, 2.0)
 #: Of a rigid wall: contact time over 2 × approach/velocity, and impulse over mass × velocity.
 HERTZ_TIME, REBOUND = 2.943, 1.6
 
@@ -401,18 +423,25 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
     approach = T * velocity / HERTZ_TIME
     exponent = model.exponent
     stiffness = (exponent + 1) / 2 * mass * velocity**2 / approach ** (exponent + 1)
-    J, m = len(model.omega), len(model.rows)
+    J = len(model.omega)
+    m = len(model.rows)
     guess = {"velocity": velocity, "stiffness": stiffness, "E": 1.0, **known, "mass": mass}
     return Blow(
-        model.surface.points[i], i, start=float(scanned.start[i]), contact_time_estimate=T,
-        frequency=np.zeros(J), share=np.zeros((m, J)), **guess,
-    )  # fmt: skip
+        model.surface.points[i],
+        i,
+        start=float(scanned.start[i]),
+        contact_time_estimate=T,
+        frequency=np.zeros(J),
+        share=np.zeros((m, J)),
+        **guess,
+    )
 
 
 def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
     """The impact with the best amplitude, and its cost."""
     model = search.model
-    seen, data = search.at(blow)[2].signals.ravel(), model.data.compared.ravel()
+    seen = search.at(blow)[2].signals.ravel()
+    data = model.data.compared.ravel()
     power = float(seen @ seen)
     if power == 0.0:
         return float(data @ data), blow

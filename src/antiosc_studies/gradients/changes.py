@@ -135,7 +135,8 @@ def by_matrices(model: AntiOscillators, by: ByModes) -> ByMatrices:
     The modes solve K phi = x M phi, phi' M phi = 1. With a massless site (m0 = 0) the site follows
     the others, and its compliance r is the mode without inertia.
     """
-    hidden, modes = model.hidden_count, by.modes
+    hidden = model.hidden_count
+    modes = by.modes
     assert modes.shape is not None
     phi = modes.shape[: model.n + 1, hidden:]
     x = modes.omega[hidden:] ** 2
@@ -184,9 +185,12 @@ def through_start(found: Recorded, by: Slopes) -> Slopes:
     The forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q = load
     - beta' F. Of bodies whose damping couples the modes, `changed_coupled` takes it itself.
     """
-    by, s = deepcopy(by), found.system
+    by = deepcopy(by)
+    s = found.system
     p = len(s.laws)
-    beta, R, F = s.beta[:p], s.R[:p, :p], s.pressed
+    beta = s.beta[:p]
+    R = s.R[:p, :p]
+    F = s.pressed
     depth = beta @ s.q - s.offsets[0, :p] - R @ F
     each = [_slopes(law, float(d)) for law, d in zip(s.laws, depth, strict=True)]
     stiffness = np.array([slope for slope, _ in each])
@@ -231,7 +235,8 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
     their frequencies are a matrix X with such a group, and what changes evenly is X beside the
     displacements of the site in the Krylov basis of both.
     """
-    a, b = before.system, after.system
+    a = before.system
+    b = after.system
     if found.system.first is not None:
         return changed_coupled(found, wanted, by, before, after) + _beside_modes(
             wanted, by, before, after
@@ -241,13 +246,21 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
             "the number of modes changes with an input: build models with as many anti-oscillators."
         )
     slopes: dict[str, Array] = {
-        "square": by.square, "decay": by.decay, "beta": by.beta, "loads": by.loads,
-        "q": by.q[None], "v": by.v[None], "B": wanted.B.T,
-    }  # fmt: skip
-    here, one, other = _of_modes(found), _of_modes(before), _of_modes(after)
+        "square": by.square,
+        "decay": by.decay,
+        "beta": by.beta,
+        "loads": by.loads,
+        "q": by.q[None],
+        "v": by.v[None],
+        "B": wanted.B.T,
+    }
+    here = _of_modes(found)
+    one = _of_modes(before)
+    other = _of_modes(after)
     total = 0.0
     for group, column in _groups(found):
-        x, base = here["square"][group], _krylov(here, group, column)
+        x = here["square"][group]
+        base = _krylov(here, group, column)
         # the goal does not depend on the axes of a group: hence its derivatives beside X's diagonal
         twist = np.sum([here[n][..., group].T @ slopes[n][..., group] for n in TURNING], axis=0)
         by_matrix = (twist.T - twist) / (2 * (x[:, None] - x + np.eye(x.size)))
@@ -265,9 +278,14 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
 
 def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
     """The part of `changed` due to residual compliances, gaps, friction and laws."""
-    a, b = before.system, after.system
-    pairs = [(by.residual, b.R - a.R), (by.offsets, b.offsets - a.offsets),
-             (by.friction, b.slip - a.slip), (wanted.r, after.r - before.r)]  # fmt: skip
+    a = before.system
+    b = after.system
+    pairs = [
+        (by.residual, b.R - a.R),
+        (by.offsets, b.offsets - a.offsets),
+        (by.friction, b.slip - a.slip),
+        (wanted.r, after.r - before.r),
+    ]
     total = sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
         total += float(slope @ (leading(new) - leading(old)))
@@ -281,15 +299,23 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
 def _of_modes(bodies: Assembly) -> dict[str, Array]:
     """Data of each mode, copies (…, J)."""
     s = bodies.system
-    found = {"square": s.omega**2, "decay": s.decay, "beta": s.beta, "loads": s.loads,
-             "q": s.q[None], "v": s.v[None], "B": bodies.B.T}  # fmt: skip
+    found = {
+        "square": s.omega**2,
+        "decay": s.decay,
+        "beta": s.beta,
+        "loads": s.loads,
+        "q": s.q[None],
+        "v": s.v[None],
+        "B": bodies.B.T,
+    }
     return {name: value.copy() for name, value in found.items()}
 
 
 def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
     """Groups of nearly equal frequencies of bodies of one site, and the column of the site."""
     for name, span in found.spans.items():
-        omega, column = found.system.omega[span], found.columns[name].start
+        omega = found.system.omega[span]
+        column = found.columns[name].start
         if found.columns[name].stop != column + 1 or not omega.size:
             continue
         ends = np.flatnonzero(np.diff(omega) > CLOSE * omega[:-1]) + 1
@@ -320,7 +346,9 @@ def leading(law: ContactLaw) -> Array:
 def impact_of(hit: History) -> Impact | None:
     """The arguments of `simulate` of a run; None for a scene."""
     again = hit.budget.keywords["rerun"] if isinstance(hit.budget, partial) else None
-    return None if again is None else again.args[0]
+    if again is None:
+        return None
+    return again.args[0]
 
 
 def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
@@ -351,7 +379,8 @@ def by_springs(
     """
     if not by.friction[:, 1].any():
         return
-    scene, end = hit.assembly.scene, float(hit.run.time[-1])
+    scene = hit.assembly.scene
+    end = float(hit.run.time[-1])
 
     def slope(size: float, other: Callable[[float], SceneParts]) -> float:
         step = STEPS[0] * size
@@ -400,7 +429,8 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
             "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
             " error= out."
         )
-    again, known = budget.keywords["rerun"], max(hit.error.values(), default=1e-3)
+    again = budget.keywords["rerun"]
+    known = max(hit.error.values(), default=1e-3)
     tol = max(FINER * known, LEAST)
     less = model.n - max(1, round(FEWER * model.n))
     turns: list[Turn] = [lambda one: one, lambda one: one.truncated(less), softest_model]
@@ -428,12 +458,15 @@ def bar(values: Sequence[Any]) -> Any:
         for weight, one in zip(weights, (*others, None)[:3], strict=True)
     )
     total = abs(finer - base) + np.maximum(less, soft) + mesh
-    return total if np.ndim(total) else float(total)
+    if np.ndim(total):
+        return total
+    return float(total)
 
 
 def first_order_weights(found: Recorded, weights: Array) -> Array:
     """Readings (n, 2 I + m) in first-order modes, from those (n, 2 J + m) in free modes."""
-    first, J = found.system.first, found.system.omega.size
+    first = found.system.first
+    J = found.system.omega.size
     if first is None:
         return weights
     return np.hstack(
@@ -464,7 +497,8 @@ def by_coupled(
         slopes = [_slope(model, key, share, change) for share in shares] if size.all() else [None]
         matrix = None if None in slopes else np.array(slopes, float).reshape(size.shape) / size
         result[key] = matrix if matrix is None or matrix.ndim else float(matrix)
-    at, s = found.places[name], found.system.marched
+    at = found.places[name]
+    s = found.system.marched
     if closing and not found.system.q[found.spans[name]].any():
         result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
     return result
@@ -524,16 +558,21 @@ def changed_coupled(
 
 def _of_march(bodies: Assembly) -> dict[str, Array]:
     """Data of the integrated modes, and rows (n, I) or (n, 2 I) by which they move the sites."""
-    s, first = bodies.system.marched, bodies.system.first
+    s = bodies.system.marched
+    first = bodies.system.first
     assert first is not None
     assert s.gamma is not None
     zero = np.zeros(bodies.B.T.shape)
     return {
-        "omega": s.omega[None], "decay": s.decay[None], "beta": np.hstack([s.beta, s.gamma]),
-        "loads": s.loads, "state": np.append(s.q, s.v)[None],
-        "B": first.state_gradient(bodies.B.T, zero), "V": first.state_gradient(zero, bodies.B.T),
+        "omega": s.omega[None],
+        "decay": s.decay[None],
+        "beta": np.hstack([s.beta, s.gamma]),
+        "loads": s.loads,
+        "state": np.append(s.q, s.v)[None],
+        "B": first.state_gradient(bodies.B.T, zero),
+        "V": first.state_gradient(zero, bodies.B.T),
         "rigid": first.state_gradient(zero, np.where(bodies.system.omega == 0, bodies.B.T, 0.0)),
-    }  # fmt: skip
+    }
 
 
 def _as_here(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:

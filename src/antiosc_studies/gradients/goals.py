@@ -54,7 +54,9 @@ class Recorded(Assembly):
     def places(self) -> dict[str, slice]:
         """Slices of the modes of each body among the integrated modes."""
         first = self.system.first
-        return self.spans if first is None else dict(zip(self.bodies, first.spans, strict=True))
+        if first is None:
+            return self.spans
+        return dict(zip(self.bodies, first.spans, strict=True))
 
     @property
     def driven(self) -> bool:
@@ -219,7 +221,8 @@ def _other_peaks(tops: Array, k: int, near: float) -> NDArray[np.intp]:
 def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
     """Record a reading of the largest force of a contact in step k."""
     f0, f1, f2 = found.run.force[2 * k : 2 * k + 3, c].tolist()
-    a, b = f1 - f0, f2 - f1
+    a = f1 - f0
+    b = f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
     to.value = value
     _of_force(found, c, to, k, u, stays=True)
@@ -227,7 +230,8 @@ def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
 
 def _rises(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Mask of steps whose largest value is not below that of both neighbours."""
-    before, after = tops[np.maximum(steps - 1, 0)], tops[np.minimum(steps + 1, tops.size - 1)]
+    before = tops[np.maximum(steps - 1, 0)]
+    after = tops[np.minimum(steps + 1, tops.size - 1)]
     return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
 
 
@@ -250,7 +254,10 @@ def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
     begin = 0 if found.system.pressed[c] > 0 else None  # closed at the start
     parted = begin is None
     for row in found.run.exits:
-        step, which, before, after = int(row[0]), int(row[1]), int(row[5]), int(row[9])
+        step = int(row[0])
+        which = int(row[1])
+        before = int(row[5])
+        after = int(row[9])
         if which != c:
             continue
         if before == library.APART:
@@ -268,7 +275,9 @@ def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
 
 def _contact_time(found: Recorded, c: int, to: Seeds) -> None:
     spans, _ = _touches(found, c)
-    f, edges, h = found.run.force[:, c], found.edges, np.diff(found.edges)
+    f = found.run.force[:, c]
+    edges = found.edges
+    h = np.diff(found.edges)
     area = np.append(0.0, np.cumsum(h * (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6))
     to.value = main_contact_time(
         (float(edges[a]), float(edges[b]), float(area[b] - area[a])) for a, b in spans
@@ -286,8 +295,10 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
     s = found.system
     rigid = np.where(s.omega == 0, s.beta[c], 0.0)
     states_at = found.velocities()
-    first, last = spans[0][0], spans[-1][1]
-    closing, parting = float(rigid @ states_at[first]), float(rigid @ states_at[last])
+    first = spans[0][0]
+    last = spans[-1][1]
+    closing = float(rigid @ states_at[first])
+    parting = float(rigid @ states_at[last])
     if not parted or not closing > 0:
         raise NotDifferentiableError(
             "this run has no restitution: the bodies are in contact at its end, or did not approach"
@@ -330,7 +341,8 @@ def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: flo
 
 
 def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
-    edges, columns = found.edges, _side(found, c)
+    edges = found.edges
+    columns = _side(found, c)
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
     for _ in range(REFINED):
         step, since = locate(found.run, t)
@@ -368,14 +380,17 @@ class Sampled:
 
 def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
     """Fill `to` for a goal function of samples, by finite differences of each."""
-    s, run, J = found.system, found.run, found.system.omega.size
+    s = found.system
+    run = found.run
+    J = found.system.omega.size
     n = found.edges.size - 1
     step = np.minimum(np.arange(2 * n + 1) // 2, n - 1)
     u = 0.5 * (np.arange(2 * n + 1) - 2 * step)
     since = u * np.diff(found.edges)[step]
     q, v = states(run, s, step, since)
     push = -(forces(run, step, since) @ found.G)
-    first, second = _side(found, c), _side(found, c, 1)
+    first = _side(found, c)
+    second = _side(found, c, 1)
     arrays: dict[str, Array] = {"force": forces(run, step, since)[:, c]}
     for name, body in (("", first), ("impactor_", second)):
         arrays[f"{name}displacement"] = np.asarray(q @ (found.B @ body) + push @ (found.r @ body))
@@ -401,7 +416,8 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
             to.r += np.outer(slope @ push, body)
     assert run.exits is not None
     # where a contact changes, a sample has a slope before and one after, and stands for both sides
-    before, h = np.zeros(2 * n + 1), np.diff(found.edges)
+    before = np.zeros(2 * n + 1)
+    h = np.diff(found.edges)
     bends = np.unique(run.exits[:, 0].astype(int))
     bends = bends[(bends > 0) & (bends < n)]
     before[2 * bends] = h[bends - 1] / np.maximum(h[bends - 1] + h[bends], TINY)

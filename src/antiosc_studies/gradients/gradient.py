@@ -216,7 +216,8 @@ def gradient(
     taken = [derived(each, goal, contact, time) for each, _ in runs]
     second = second_peak(taken[0][0], contact) if goal == "peak_force" else None
     if second is not None:
-        taken, runs = [*taken, second], [*runs, runs[0]]
+        taken = [*taken, second]
+        runs = [*runs, runs[0]]
     bodies = [_bodies(one, *each) for (one, _), each in zip(runs, taken, strict=True)]
     if part is not None:
         body = model_name(taken[0][0])
@@ -243,7 +244,9 @@ def overtaken(largest: Gradient, second: Gradient) -> Gradient:
             return None
         faster = np.asarray(b) - np.asarray(a)
         ratio = np.divide(lead, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
-        return ratio if ratio.ndim else float(ratio)
+        if ratio.ndim:
+            return ratio
+        return float(ratio)
 
     bodies, contacts = (change(getattr(largest, n), getattr(second, n)) for n in _PARTS)
     return Gradient(second.goal, second.value, bodies, contacts)
@@ -285,7 +288,8 @@ def _of_part(
         near = recurrence(bodies[0], part) if still else None
 
         def change(which: int, *ends: Structure) -> float:
-            one, body = chains[which], bodies[which]
+            one = chains[which]
+            body = bodies[which]
             if one is None:
                 made = [held(body, each) for each in ends]
             elif near is None:
@@ -327,9 +331,12 @@ def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: adjoint.Slopes) ->
 
 def _closing(found: Recorded, name: str) -> float:
     """Closing speed [m/s] of a body of one site at the start."""
-    span, touching = found.spans[name], found.G[:, found.columns[name].start] != 0
+    span = found.spans[name]
+    touching = found.G[:, found.columns[name].start] != 0
     rows = found.system.beta[touching][:, span]
-    return float(rows[0] @ found.system.v[span]) if len(rows) else 0.0
+    if len(rows):
+        return float(rows[0] @ found.system.v[span])
+    return 0.0
 
 
 def _contacts(found: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str], Values]:
@@ -358,6 +365,7 @@ def _by_field(law: ContactLaw, name: str) -> Array:
     room = {"restitution": min(value, 1 - value), "exponent": value - 1}.get(name, value)
     # at the end of its range a parameter changes to one side
     change = CHANGE * room or (-CHANGE if name == "restitution" and value else CHANGE)
-    low, high = value - change if room > 0 else value, value + change
+    low = value - change if room > 0 else value
+    high = value + change
     ends = [leading(replace(law, **{name: end})) for end in (low, high)]  # type: ignore[type-var]
     return (ends[1] - ends[0]) / (high - low)

@@ -112,7 +112,8 @@ def minimize(
 
     if not callable(goal) or isinstance(goal, type):
         checks.choice("goal", goal, tuple(GOALS))
-    start, tol = checks.column("x0", x0), checks.tolerance(tol)
+    start = checks.column("x0", x0)
+    tol = checks.tolerance(tol)
     if not callable(build) or isinstance(build, type) or not start.size:
         raise InputError("build must be a function of x, and x0 one number or more.")
     checks.function("build", build, "a function of x that returns what simulate takes", 1)
@@ -131,7 +132,8 @@ def minimize(
         method="SLSQP",
         options={"maxiter": MOST_STEPS, "ftol": tol},
     )
-    value, hit = search.value(optimum.x), search.hit
+    value = search.value(optimum.x)
+    hit = search.hit
     return Optimum(
         optimum.x * scale, value, hit, search.runs, bool(optimum.success), optimum.message
     )
@@ -141,7 +143,9 @@ class _Search:
     """The last run, kept for the value and the derivatives at the same inputs."""
 
     def __init__(self, build: Callable[[Array], Sequence[Any]], goal: Any, scale: Array) -> None:
-        self.build, self.goal, self.scale = build, goal, scale
+        self.build = build
+        self.goal = goal
+        self.scale = scale
         self.runs, self.at = 0, np.full(scale.size, np.nan)
         self.hit: Any = None
 

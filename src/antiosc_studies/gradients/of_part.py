@@ -45,7 +45,9 @@ if TYPE_CHECKING:
 
 #: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
 #: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
-CHANGE, TURN, SMALL = 1e-3, 0.05, 1e-4
+CHANGE = 1e-3
+TURN = 0.05
+SMALL = 1e-4
 #: Ratios of stiffness and of mass of a part and of a model from which it is not that of the model.
 SAME_PART = 1 + 1e-4, 1 + 1e-4
 #: Inputs below this have no scale of their own.
@@ -103,7 +105,8 @@ class Chain:
             for by, matrix in zip(self.by, (end.K, end.M), strict=True)
         )
         for by, motion in self.motions:
-            a, b = lower.rigid_inertia, upper.rigid_inertia
+            a = lower.rigid_inertia
+            b = upper.rigid_inertia
             assert a is not None
             assert b is not None
             total += float(by @ dot(lower.comm, self.shapes, (b[1] - a[1]) @ motion))
@@ -123,14 +126,17 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     assert model.shapes is not None
     beside = np.eye(model.n + 1)
     beside[1:, 0] = -1.0
-    motions, hidden, modes = [], model.hidden_count, by.modes
+    motions = []
+    hidden = model.hidden_count
+    modes = by.modes
     for slope, value in ((by.start, by.v), (by.load, by.g)):
         if modes.inertia is not None and value.any():
             assert modes.shape is not None
             motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
             by_modes = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
             motions.append((beside @ by_modes, motion))
-    K, M = np.diag(np.append(model.k0, model.k)), np.diag(np.append(model.m_st, model.m))
+    K = np.diag(np.append(model.k0, model.k))
+    M = np.diag(np.append(model.m_st, model.m))
     M[0, 1:] = M[1:, 0] = model.m
     of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
@@ -222,7 +228,8 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
     turn = np.diag(np.sqrt(stiffness[0] / stiffness))
     turn[0] = 1.0
     shapes = shapes @ turn
-    at, middle = Site(vector=turn[0]), _on(shapes, part)
+    at = Site(vector=turn[0])
+    middle = _on(shapes, part)
 
     def model_of(here: ByMatrices, local: float) -> AntiOscillators:
         with without_warnings():
@@ -357,7 +364,9 @@ def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
             )
     # dampers of the part are in the coordinates of its own model
     coupled = isinstance(model_of_part.damping, DampingMatrix)
-    return model_of_part if coupled else replace(model_of_part, damping=model.damping)
+    if coupled:
+        return model_of_part
+    return replace(model_of_part, damping=model.damping)
 
 
 def site_of(model: AntiOscillators) -> Site:
@@ -407,7 +416,8 @@ class DesignMap(Completed):
         """
         from antiosc.plot.surfaces import draw_design
 
-        faces, gather = self.meshed.faces, self.meshed.comm.allgather
+        faces = self.meshed.faces
+        gather = self.meshed.comm.allgather
         corners = np.concatenate(gather(faces.corners))
         value = np.concatenate(gather(self.per_mass[faces.cells]))
         return draw_design(corners, value, f"d {self.goal} / kg of {self.by}", path)
@@ -473,7 +483,9 @@ def _relative(
 ) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
     """Forms whose sums are the changes of K and M by a relative change of a parameter."""
     if by != "thickness":  # to which they are proportional
-        return (meshed.form.stiffness, []) if by == "E" else ([], meshed.form.mass)
+        if by == "E":
+            return (meshed.form.stiffness, [])
+        return ([], meshed.form.mass)
     assert part.made_of is not None
     K, M = [], []
     for sign in (1, -1):
@@ -492,7 +504,8 @@ def _relative(
 def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
     """(cells,) share of the compliance of the site's patch, as 1/E, to the cells under it."""
     site = site_of(to.model)
-    point, along = np.array([site.point]), np.array([site.direction], dtype=float)
+    point = np.array([site.point])
+    along = np.array([site.direction], dtype=float)
     at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
     assert at.weighted is not None
     on_rank = at.weighted.cell < cells

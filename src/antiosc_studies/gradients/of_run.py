@@ -19,7 +19,9 @@ GRAZING = 1e-6
 
 def shown_goal(goal: str | Callable[[Sampled], float]) -> str:
     """The name of a goal, or of a function."""
-    return goal if isinstance(goal, str) else str(getattr(goal, "__name__", "goal"))
+    if isinstance(goal, str):
+        return goal
+    return str(getattr(goal, "__name__", "goal"))
 
 
 def derived(
@@ -37,12 +39,15 @@ def derived(
 def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | None:
     """As `derived` for the second largest peak; None if it is not near the largest."""
     wanted = next_peak(found, contact_number(found, contact))
-    return None if wanted is None else _derived(found, wanted)
+    if wanted is None:
+        return None
+    return _derived(found, wanted)
 
 
 def _derived(found: Recorded, wanted: Seeds) -> Taken:
     places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
-    weights, s = first_order_weights(found, weights), found.system.marched
+    weights = first_order_weights(found, weights)
+    s = found.system.marched
     slopes, grazing, answer = adjoint.gradient(
         s, found.run, found.states(), places, weights, wanted.force, wanted.time
     )
@@ -64,7 +69,9 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
 def settled(found: Recorded, slopes: adjoint.Slopes) -> adjoint.Slopes:
     """The derivatives including those through the initial forces and state."""
     closed = found.scene.preload or found.system.pressed.any()
-    return through_start(found, slopes) if closed else slopes
+    if closed:
+        return through_start(found, slopes)
+    return slopes
 
 
 def _refuse(found: Recorded) -> None:
@@ -95,8 +102,13 @@ def contact_ends(found: Recorded) -> list[tuple[str, str]]:
 
 def by_modes(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> ByModes | None:
     """Derivatives by the modes of a body of one site; None for other bodies."""
-    s, span, columns, at = found.system, found.spans[name], found.columns[name], found.places[name]
-    k, one_site, modes = columns.start, columns.stop - columns.start == 1, found.bodies[name].modes
+    s = found.system
+    span = found.spans[name]
+    columns = found.columns[name]
+    at = found.places[name]
+    k = columns.start
+    one_site = columns.stop - columns.start == 1
+    modes = found.bodies[name].modes
     if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
         return None
     return ByModes(

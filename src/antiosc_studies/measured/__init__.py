@@ -37,13 +37,17 @@ LEAST_RIGID = 0.05
 #: Least eigenvalue of a residual compliance over the largest, and shift over the lowest omega^2.
 LEAST_RESIDUAL, SHIFT = 1e-7, 0.1
 #: Most modes of a mesh above the band; their relative standard deviations of frequency and square.
-MOST_GIVEN, GIVEN_SPREAD, GIVEN_DOUBT = 30, 0.03, 0.3
+MOST_GIVEN = 30
+GIVEN_SPREAD = 0.03
+GIVEN_DOUBT = 0.3
 #: Share of the power at the driving points that flows out of the part: where the sign is turned,
 #: and above which the sensor lies beside the point.
 TURNED, BESIDE = 0.8, 0.2
 #: Modes in which that is so: height of their peaks over the largest, lines to both sides of which
 #: the power is summed, and how many are told.
-SHOWN, BESIDE_PEAK, MOST_SHOWN = 0.03, 5, 6
+SHOWN = 0.03
+BESIDE_PEAK = 5
+MOST_SHOWN = 6
 
 
 @checks.within_range
@@ -110,7 +114,8 @@ def from_frf(
 
 def _data(frf: FRF) -> Measured:
     """The measurement in the form of the fit."""
-    size, w = max(len(frf.sites), 1), 2 * np.pi * frf.frequency
+    size = max(len(frf.sites), 1)
+    w = 2 * np.pi * frf.frequency
     if frf.values.size > MOST_FITTED:
         raise InputError(
             f"the band holds {frf.values.size} values, more than the {MOST_FITTED} that can be"
@@ -167,7 +172,8 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
     H = fit.modes.receptance(data.w, data.pairs)
     off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
     if (out := _outflow(data)) > BESIDE:
-        power, mobility = _power(data).sum(axis=1), data.w * np.abs(data.H).sum(axis=1)
+        power = _power(data).sum(axis=1)
+        mobility = data.w * np.abs(data.H).sum(axis=1)
         peaks, _ = find_peaks(mobility, prominence=SHOWN * mobility.max())
         turned = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
         where = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in turned[:MOST_SHOWN])
@@ -238,7 +244,8 @@ def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], fl
     """(omega, decay, b, r) of one site, the rigid-body mode first."""
     still = [] if modes.rigid is None else [0.0]
     along = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
-    omega, b = modes.omega.tolist(), modes.b[:, 0].tolist()
+    omega = modes.omega.tolist()
+    b = modes.b[:, 0].tolist()
     decay = (modes.zeta * modes.omega).tolist()
     return still + omega, still + decay, along + b, float(modes.root[0, 0] ** 2)
 
@@ -246,12 +253,15 @@ def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], fl
 def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> AntiOscillators:
     """The model of a fitted body."""
     order = np.argsort(modes.omega)
-    omega, zeta, b = modes.omega[order], modes.zeta[order], modes.b[order]
+    omega = modes.omega[order]
+    zeta = modes.zeta[order]
+    b = modes.b[order]
     r = modes.root @ modes.root.T
     if modes.rigid is not None:
         moved = np.linalg.norm(modes.rigid, axis=0)
         rigid = modes.rigid.T[moved > LEAST_RIGID * moved.max()]
-        b, omega = np.vstack((rigid, b)), np.append(np.zeros(len(rigid)), omega)
+        b = np.vstack((rigid, b))
+        omega = np.append(np.zeros(len(rigid)), omega)
     shift = SHIFT * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
     if sites:
         model = _several(omega, b, r, sites)

@@ -129,16 +129,19 @@ def compare(
     def off(shift: float) -> float:
         return float(np.sum(weight * (F - computed(t + shift)) ** 2))
 
-    low, high = at[0] - t[-1], at[-1] - t[0]
+    low = at[0] - t[-1]
+    high = at[-1] - t[0]
     tried = np.linspace(low, high, SHIFTS)
     tried = np.append(tried, at[int(np.argmax(values))] - t[int(np.argmax(F))])
     best = float(tried[int(np.argmin([off(each) for each in tried]))])
     width = (high - low) / (SHIFTS - 1)
-    best_shift = minimize_scalar(off, bounds=(best - width, best + width), method="bounded",
-                            options={"xatol": 1e-6 * width})  # fmt: skip
+    best_shift = minimize_scalar(
+        off, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6 * width}
+    )
     shift = float(best_shift.x) if best_shift.fun < off(best) else best
     shifted = computed(t + shift)
-    energy, peak = float(np.sum(weight * shifted**2)), float(shifted.max())
+    energy = float(np.sum(weight * shifted**2))
+    peak = float(shifted.max())
     if energy == 0:
         raise InputError("the histories do not overlap: their times differ by more than they last.")
     scale = float(np.sum(weight * shifted * F)) / energy

@@ -89,7 +89,8 @@ def _triangular(A: Array) -> Array:
 def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
     """The zeros of sigma in the left half-plane; of conjugate pairs only the upper one."""
     real = a.imag == 0
-    first, second = 1 / (s[:, None] - a), 1 / (s[:, None] - a.conj())
+    first = 1 / (s[:, None] - a)
+    second = 1 / (s[:, None] - a.conj())
     basis = np.hstack([np.where(real, first, first + second), (1j * (first - second))[:, ~real]])
     ones = np.ones((len(s), 1))
     with_rest = np.hstack([basis, ones, 1 / s[:, None] ** 2])
@@ -107,7 +108,8 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     c = np.linalg.lstsq(A / size, right, rcond=None)[0] / size
     if abs(c[-1]) < 1e-8:
         c[-1] = 1e-8 if c[-1] >= 0 else -1e-8
-    n, pairs = len(a), np.flatnonzero(~real)
+    n = len(a)
+    pairs = np.flatnonzero(~real)
     # real form of diag(a) - b c': a pair holds the real and imaginary parts of its state
     state = np.zeros((n + len(pairs), n + len(pairs)))
     state[np.arange(n), np.arange(n)] = a.real
@@ -123,7 +125,10 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
 
 #: Steps of Gauss-Newton: in a round, at the end, and for a body of other noise; the decrease of
 #: chi^2 that ends them.
-STEPS, LAST_STEPS, FEW_STEPS, CONVERGED = 8, 40, 8, 0.1
+STEPS = 8
+LAST_STEPS = 40
+FEW_STEPS = 8
+CONVERGED = 0.1
 #: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
 LONGEST = (3.0, 0.1, 1.0)
 #: Slope, squared and over the largest, of a parameter that the measurement does not see.
@@ -139,7 +144,9 @@ LEAST_NOISE = 1e-4
 #: Relative variance of a fit without any residual.
 EXACT = 1e-30
 #: Steps of the search for the noise: how many, and their longest and least, in logarithms.
-MOST_SCORES, LONGEST_SCORE, LEAST_SCORE = 40, 1.0, 1e-3
+MOST_SCORES = 40
+LONGEST_SCORE = 1.0
+LEAST_SCORE = 1e-3
 #: Largest damping ratio of a mode.
 MOST_DAMPED = 0.4
 
@@ -167,7 +174,8 @@ def refined(
 
     `shift` is added to all residuals: that of a measurement with other noise.
     """
-    damping, residual = 1e-6, residuals(data, weight, modes) + shift
+    damping = 1e-6
+    residual = residuals(data, weight, modes) + shift
     top = float(data.w[-1])
 
     def moved(step: Array) -> tuple[Modes, Array]:
@@ -206,7 +214,8 @@ def lowered(
     cost = float(residual @ residual)
     diagonal = np.diag(normal)
     size = np.sqrt(np.where(diagonal > FLAT * diagonal.max(), diagonal, np.inf))
-    unit, slope = normal / size / size[:, None], -slope / size
+    unit = normal / size / size[:, None]
+    slope = -slope / size
     while damping < MOST_DAMPING:
         trial, rest = moved(np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size)
         if float(rest @ rest) < cost:
@@ -217,7 +226,8 @@ def lowered(
 
 def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
     """The step, shortened so that modes move by at most this many widths of their peaks."""
-    seen, count = modes.seen, len(modes.omega)
+    seen = modes.seen
+    count = len(modes.omega)
     damping = modes.zeta[:seen]
     longest = np.minimum(widths * np.maximum(damping, 1e-4), LONGEST[1])
     step = step.copy()
@@ -243,7 +253,8 @@ def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> 
     lines = 2 * data.H.size
     off = residual[:lines].reshape(2, *data.H.shape)
     J = modes.expected_jacobian()
-    normal, slope = J.T @ J, J.T @ residual[lines:]
+    normal = J.T @ J
+    slope = J.T @ residual[lines:]
     for rows in _blocks(len(data.w)):
         complex_J = _derivatives(data, weight, modes, rows)
         J = whitened(complex_J.reshape(-1, complex_J.shape[2]))
@@ -281,7 +292,9 @@ def lifted(data: Measured, modes: Modes) -> Modes:
     low = slice(len(data.w) // 8 + 1)
     size = LIFTED * float(np.median(np.abs(data.H)))
     mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
-    rigid, seen, b = modes.rigid, modes.seen, modes.b.copy()
+    rigid = modes.rigid
+    seen = modes.seen
+    b = modes.b.copy()
     least = np.sqrt(LIFTED * modes.tail.b2)
     b[seen:] = np.where(np.abs(b[seen:]) < least, least, b[seen:])
     return replace(
@@ -337,10 +350,14 @@ ROUNDS, AT_ONCE = 10, 12
 #: Least damping ratio of a pole that is taken for a mode.
 LEAST_DAMPED = 1e-6
 #: Peaks of the residual where a mode is sought, and its damping over the median.
-PLACES, WIDTHS = 40, (0.4, 1.0, 2.5)
+PLACES = 40
+WIDTHS = (0.4, 1.0, 2.5)
 #: Bodies of other noise; other tails that are tried, twice; loss of twice the logarithm of the
 #: probability up to which a body counts, and bodies that always do.
-DRAWS, STARTS, PROBABLE, FEW_BODIES = 8, 4, 20.0, 3
+DRAWS = 8
+STARTS = 4
+PROBABLE = 20.0
+FEW_BODIES = 3
 #: Least square of a rigid-body motion over the mean of the modes, where the lowest line shows none:
 #: without noise 1e-11 to 1e-3 of it fit what the modes do not (benchmarks/measured_frf.py).
 LEAST_MOTION = 0.01
@@ -376,14 +393,17 @@ def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Ta
     """
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
     modes = _first(data, weight, free, bool(hysteretic), given)
-    kept, least, count = (modes, weight, np.zeros(0)), np.inf, AT_ONCE
+    kept = (modes, weight, np.zeros(0))
+    least = np.inf
+    count = AT_ONCE
     for _ in range(ROUNDS):
         modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
         if data.sigma is None:
             weight = 1 / noise(data, modes)
         score = _unlikely(data, weight, modes) + STANDS**2 * modes.seen
         if score < least:
-            kept, least = (modes, weight, normal), score
+            kept = (modes, weight, normal)
+            least = score
         elif count > 1:  # so many modes at once have led the search astray
             (modes, weight, normal), count = kept, count // 4
         standing = _standing(modes, covariance(normal))
@@ -446,7 +466,8 @@ def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
         modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
         if data.sigma is not None:
             break
-        before, weight = weight, 1 / noise(data, modes)
+        before = weight
+        weight = 1 / noise(data, modes)
         if np.median(weight / before) < SETTLED:
             break
     return Fit(modes, weight, chi2, _unlikely(data, weight, modes))
@@ -474,9 +495,11 @@ def _first(
 ) -> Modes:
     """Initial modes: poles of vector fitting with residues by least squares."""
     omega, zeta = poles(data.w, data.H, weight)
-    low, top = data.w[0] * (1 - BEYOND), data.w[-1] * (1 + BEYOND)
+    low = data.w[0] * (1 - BEYOND)
+    top = data.w[-1] * (1 + BEYOND)
     real = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
-    omega, zeta = omega[real], zeta[real]
+    omega = omega[real]
+    zeta = zeta[real]
     beyond = data.w[-1] * np.array([1.2, 1.6, 2.5])
     D = factors(data.w, np.append(omega, beyond), np.append(zeta, np.full(3, TYPICAL)), hysteretic)
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
@@ -549,7 +572,8 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
     smooth = np.convolve(np.sum(np.abs(off) ** 2, axis=1), np.ones(5) / 5, mode="same")
     at = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
     at = at[np.argsort(-smooth[at])][:PLACES]
-    omega, zeta = np.repeat(data.w[at], len(WIDTHS)), np.tile(typical * np.array(WIDTHS), len(at))
+    omega = np.repeat(data.w[at], len(WIDTHS))
+    zeta = np.tile(typical * np.array(WIDTHS), len(at))
     D = factors(data.w, omega, zeta, modes.hysteretic)
     score = np.full(len(omega), -np.inf)
     compliance = np.zeros((len(omega), data.sites, data.sites))
@@ -572,7 +596,8 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
     if not chosen:
         return None
     parts = _completed(compliance[chosen], data.pairs)
-    seen, b = modes.seen, np.array([rank_one(each) for each in parts])
+    seen = modes.seen
+    b = np.array([rank_one(each) for each in parts])
     return modes.with_seen(
         np.append(modes.omega[:seen], omega[chosen]),
         np.append(modes.zeta[:seen], zeta[chosen]),
@@ -585,7 +610,8 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
 
 def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
     """Bodies fitted to other random noise, with a seed."""
-    random, lines = np.random.default_rng(0), 2 * data.H.size
+    random = np.random.default_rng(0)
+    lines = 2 * data.H.size
     models = []
     for _ in range(DRAWS):
         shift = np.zeros(lines + len(fit.modes.expected()))

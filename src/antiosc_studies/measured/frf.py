@@ -33,7 +33,9 @@ BEYOND = 0.02
 TYPICAL, LEAST_SQUARE = 0.01, 1e-3
 #: Modes above the band: the highest over its top, the least distance over the frequency, and the
 #: modes in the band whose mean distance and mean square go on.
-TAIL_END, TAIL_STEP, GOING_ON = 5.0, 0.15, 6
+TAIL_END = 5.0
+TAIL_STEP = 0.15
+GOING_ON = 6
 #: Standard deviations: of a frequency over the distance, of a square over the mean.
 SPREAD, DOUBT = 0.5, 1.0
 #: Variance of the relative mean square times the number of modes that it is taken of.
@@ -95,7 +97,8 @@ class Modes:
         """Derivatives (W, M, n) of H by the fitted `values`."""
         D = factors(w, self.omega, self.zeta, self.hysteretic)
         m, n = np.array(pairs).T
-        at, p = w[:, None], self.b.shape[1]
+        at = w[:, None]
+        p = self.b.shape[1]
         weight = (self.b[:, m] * self.b[:, n]).T  # (M, J)
         loss = self.zeta * self.omega * (self.omega if self.hysteretic else at)
         square = D * D
@@ -116,13 +119,17 @@ class Modes:
 
     def expected(self) -> Array:
         """Deviation of the tail from its expectation, in standard deviations (E,)."""
-        omega, b, tail = self.omega[self.seen :], self.b[self.seen :], self.tail
+        omega = self.omega[self.seen :]
+        b = self.b[self.seen :]
+        tail = self.tail
         off = (b**2 - tail.b2) / (tail.doubt[:, None] * tail.b2)
         return np.append(np.log(omega / tail.omega) / tail.spread, off)
 
     def expected_jacobian(self) -> Array:
         """Derivatives (E, n) of `expected` by `values`."""
-        seen, p, U = self.seen, self.b.shape[1], len(self.tail.omega)
+        seen = self.seen
+        p = self.b.shape[1]
+        U = len(self.tail.omega)
         J = np.zeros((U + U * p, sum(self.sizes)))
         J[np.arange(U), seen + np.arange(U)] = 1 / self.tail.spread
         first = len(self.omega) + seen + seen * p
@@ -159,7 +166,8 @@ class Modes:
 
     def with_seen(self, omega: Array, zeta: Array, b: Array) -> Modes:
         """The body with other modes in the band."""
-        order, seen = np.argsort(omega), self.seen
+        order = np.argsort(omega)
+        seen = self.seen
         return replace(
             self,
             omega=np.append(omega[order], self.omega[seen:]),
@@ -172,7 +180,8 @@ def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArr
     """Dynamic factors D (W, J) of modes (J,) at circular frequencies (W,)."""
     at = w[:, None]
     # in real numbers and in place: a complex quotient takes twice as long
-    stiff, loss = omega**2 - at**2, 2 * zeta * omega * (omega if hysteretic else at)
+    stiff = omega**2 - at**2
+    loss = 2 * zeta * omega * (omega if hysteretic else at)
     size = stiff**2 + loss**2
     np.reciprocal(size, out=size)
     D = np.empty(size.shape, dtype=complex)
@@ -210,7 +219,8 @@ def expected_tail(modes: Modes, top: float) -> Tail:
     Where the distances grow beyond those of the part, each stands for several modes.
     """
     seen = modes.seen
-    omega, last = modes.omega[:seen], slice(max(seen - GOING_ON, 0), seen)
+    omega = modes.omega[:seen]
+    last = slice(max(seen - GOING_ON, 0), seen)
     own = np.append(0.0, omega)[-GOING_ON - 1 :]
     gap = max(float(own[-1] - own[0]) / max(len(own) - 1, 1), 0.01 * top) if seen else top
     rigid = modes.root if modes.rigid is None else modes.rigid
@@ -230,7 +240,8 @@ def expected_tail(modes: Modes, top: float) -> Tail:
 
 def with_tail(modes: Modes, tail: Tail) -> Modes:
     """The body with a tail of expected size; the signs of its displacements are random."""
-    seen, U = modes.seen, len(tail.omega)
+    seen = modes.seen
+    U = len(tail.omega)
     typical = float(np.median(modes.zeta[:seen])) if seen else TYPICAL
     signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
     signs[:, 0] = 1.0

@@ -92,7 +92,8 @@ def functions(path: Path) -> list[Function]:
 
 def _units(one: DataSet) -> float:
     """Units in the file per m/N, from its data set 164."""
-    length, force = one.get("length"), one.get("force")
+    length = one.get("length")
+    force = one.get("force")
     if not (length and force and np.isfinite(length) and np.isfinite(force)):
         raise InputError("the units in data set 164 are no positive numbers.")
     return abs(float(force) / float(length))
@@ -104,12 +105,14 @@ def _wanted(one: DataSet) -> bool:
 
 def _function(one: DataSet, scale: float) -> Function:
     try:
-        count, values = int(one["num_pts"]), np.asarray(one["data"])
+        count = int(one["num_pts"])
+        values = np.asarray(one["data"])
         f = np.asarray(one["x"], dtype=float)
         ends = [_end(one, side) for side in ("rsp", "ref")]
         labels = [one.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
         numerator, denominator = map(motion_label, labels)
-        motion, force = int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"])
+        motion = int(one["ordinate_spec_data_type"])
+        force = int(one["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             "a data set 58 lacks fields of its header: the file is damaged."
@@ -142,7 +145,8 @@ def _function(one: DataSet, scale: float) -> Function:
 def _end(one: DataSet, side: str) -> tuple[End, int]:
     """(entity, node, axis) of the response or reference of a function; sign of its axis."""
     name = str(one.get(f"{side}_ent_name", "")).strip()
-    node, axis = int(one[f"{side}_node"]), int(one[f"{side}_dir"])
+    node = int(one[f"{side}_node"])
+    axis = int(one[f"{side}_dir"])
     name = "" if name.upper() == "NONE" else name
     return (name, node, abs(axis)), -1 if axis < 0 else 1
 
@@ -193,9 +197,8 @@ def _named(measured: list[Function], name: str | int) -> End:
     wanted = str(name).strip().lower()
     ends = {end for one in measured for end in (one.response, one.reference)}
     fits = [
-        end for end in ends
-        if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
-    ]  # fmt: skip
+        end for end in ends if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
+    ]
     if len(fits) == 1:
         return fits[0]
     known = ", ".join(sorted(map(_in_words, fits or ends)))
@@ -252,9 +255,14 @@ def _joined(
         return FRF(f, values[0, 0], given, coherence, averages)
     coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
     return FRF(
-        f, np.moveaxis(values, 2, 0), given, coherence, averages,
-        sites=tuple(ends), references=tuple(forced),
-    )  # fmt: skip
+        f,
+        np.moveaxis(values, 2, 0),
+        given,
+        coherence,
+        averages,
+        sites=tuple(ends),
+        references=tuple(forced),
+    )
 
 
 #: Columns of a table without a header.
@@ -350,10 +358,12 @@ def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
 
 def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
     """Numbers and kind of a column: real or imaginary part, magnitude or sigma."""
-    values, unit = column.values, column.unit
+    values = column.values
+    unit = column.unit
     decibels = _DECIBELS.fullmatch(unit)
     if decibels is not None and column.kind == "magnitude":
-        scale, unit = decibels[1] or "1", decibels[2] or ""
+        scale = decibels[1] or "1"
+        unit = decibels[2] or ""
         try:
             values = float(scale) * 10 ** (checks.array("magnitude", values / 20, None))
         except ValueError:

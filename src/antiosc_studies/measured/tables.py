@@ -96,14 +96,17 @@ def motion_label(given: object) -> str:
     mega = text.endswith("MN")
     text = text.lower().replace("/s/s", "/s2").replace("sec", "s")
     text = text[:-2] + "MN" if mega else text
-    return "" if text in ("none", "unknown") else text
+    if text in ("none", "unknown"):
+        return ""
+    return text
 
 
 def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, Quantity | None]:
     """(factor to SI, quantity) for the unit of a response; None for unknown units."""
     for name in FORCE_UNITS:
         if not denominator and numerator.endswith(f"/{name}"):
-            numerator, denominator = numerator.removesuffix(f"/{name}"), name
+            numerator = numerator.removesuffix(f"/{name}")
+            denominator = name
     if numerator not in MOTIONS or MOTIONS.get(denominator or "n", (0.0, "mobility"))[1]:
         return None, None
     (top, quantity), (below, _) = MOTIONS[numerator], MOTIONS[denominator or "n"]
@@ -114,7 +117,9 @@ def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
     """The factor of a unit, in any case where it is unambiguous."""
     plain = re.sub(r"\s", "", unit)
     fits = [plain] if plain in known else [k for k in known if k.lower() == plain.lower()]
-    return known[fits[0]] if len(fits) == 1 else None
+    if len(fits) == 1:
+        return known[fits[0]]
+    return None
 
 
 def table(path: Path, default: list[str]) -> dict[str, Column]:
@@ -183,7 +188,9 @@ def _cells(text: str) -> list[str]:
     for mark in (";", "\t", ","):
         if mark in text:
             cells = [cell.strip() for cell in text.split(mark)]
-            return [cell.replace(",", ".") for cell in cells] if mark != "," else cells
+            if mark != ",":
+                return [cell.replace(",", ".") for cell in cells]
+            return cells
     return text.split()
 
 
@@ -212,7 +219,9 @@ def _kind(name: str) -> str:
     """The kind of a column, by the longest known beginning of its name; "" if unknown."""
     plain = name.strip().lower()
     fits = [key for key in COLUMNS if plain.startswith(key)]
-    return COLUMNS[max(fits, key=len)] if fits else ""
+    if fits:
+        return COLUMNS[max(fits, key=len)]
+    return ""
 
 
 def _named(cell: str) -> tuple[str, str, str]:
@@ -220,7 +229,8 @@ def _named(cell: str) -> tuple[str, str, str]:
     name = cell.strip()[:_LONGEST]
     if factor_of(name, FREQUENCIES) is not None:  # a unit is the name: "Hz", "rpm"
         return "frequency", name, name
-    kind, match = _kind(name), _BRACKETS.match(name)
+    kind = _kind(name)
+    match = _BRACKETS.match(name)
     unit = match[2].strip() if match else ""
     if match and match[1].lower() in _FUNCTIONS and name[-1] == ")" and not _is_known(kind, unit):
         unit = ""  # an argument
@@ -246,7 +256,9 @@ def _is_known(kind: str, unit: str) -> bool:
 
 def _bare(name: str) -> str:
     """The unit without brackets if a cell is a unit in brackets; else the cell."""
-    return _BRACKETS.sub(r"\2", name) if not _BRACKETS.sub(r"\1", name).strip() else name
+    if not _BRACKETS.sub(r"\1", name).strip():
+        return _BRACKETS.sub(r"\2", name)
+    return name
 
 
 def _is_unit(name: str) -> bool:
