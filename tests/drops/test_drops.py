@@ -18,7 +18,7 @@ from antiosc_studies.drops.body import FreeBody, free_body
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of
 from antiosc_studies.drops.fall import fall_of
-from antiosc_studies.drops.flight import Flight, State, free_rotation, most, ringing
+from antiosc_studies.drops.flight import Flight, State, displacement_bounds, free_rotation, ringing
 from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.trajectory import initial_state
@@ -619,7 +619,7 @@ def test_modes_ring_whatever_their_damping() -> None:
         known = np.array([expm(A * s) @ [q0[j], p0[j]] for s in t])
         np.testing.assert_allclose(np.column_stack((q[:, j], p[:, j])), known, atol=1e-12)
     later = np.maximum.accumulate(np.abs(q)[::-1])[::-1]
-    assert (np.abs(most(omega, q, p)) >= later - 1e-12).all()
+    assert (np.abs(displacement_bounds(omega, q, p)) >= later - 1e-12).all()
 
 
 @pytest.mark.parametrize(

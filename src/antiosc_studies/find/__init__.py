@@ -1,9 +1,10 @@
 """`find_impact`: the place and the strength of a blow from the signals of sensors.
 
 The structure's free modes give the model of every candidate place (`antiosc.strikes.impact_map`). A
-scan with half-sine pulses (`scan`) finds the places at which a search begins; Gauss–Newton in
-logarithms (`fit`) finds the blow. Errors of the model are unknowns of known size: a relative change
-of each natural frequency, and of each mode's share in each signal. The bars contain them.
+scan with half-sine pulses (`scan`) finds the places at which the search starts; a Gauss–Newton
+iteration in logarithms (`Search`) finds the blow. Model errors are unknowns of known size: a
+relative change of each natural frequency, and of each mode's share in each signal. The error bars
+contain them.
 """
 
 from __future__ import annotations
@@ -54,13 +55,13 @@ class FoundImpact(Result):
     place, direction : (3,) struck point [m], and unit vector of the blow.
     mass [kg], velocity [m/s], stiffness (of the contact law; None of a law without one) : of the
         impactor.
-    start : time of the first touch after the first sample [s], perhaps negative.
+    start : time of the first touch after the first sample [s]; may be negative.
     E : factor of the stiffness of the structure; 1 unless it was unknown.
-    bars : name -> half the width of the interval that holds the error with 95 %: "place" [m],
-        "start" [s]; relative for "mass", "velocity", "stiffness", "E", "peak_force", "impulse".
-        inf: the signals do not tell it. 0 of what was known.
-    chi2 : squared difference of the signals over what the noise explains, 1 for a sound fit.
-    rank, unknowns : how many of the unknowns the signals determine, and how many there are.
+    bars : name -> half-width of the 95 % confidence interval: "place" [m], "start" [s]; relative
+        for "mass", "velocity", "stiffness", "E", "peak_force", "impulse". inf: the signals do not
+        determine it; 0: it was known.
+    chi2 : squared difference of the signals over that expected from the noise; 1 for a sound fit.
+    rank, unknowns : number of unknowns that the signals determine, and number of all.
     status : 0: found; 1: not all unknowns are determined, or other places are as probable; 2: the
         model does not explain the signals.
     message : the status in words.
@@ -68,9 +69,9 @@ class FoundImpact(Result):
     time : (n,) samples [s]; force : (n,) contact force there [N].
     measured, computed : (n', m) signals in their units, in the compared band, at `compared_time`.
     band : the band that is compared [Hz].
-    points, explained : (P, 3) sites of the scan [m], and (P,) the share of the signals that the
-        best pulse at each explains.
-    others : places [m] that explain the signals as well.
+    points, explained : (P, 3) sites of the scan [m]; (P,) share of the signals that the best
+        pulse at each site explains.
+    others : other places [m] that explain the signals equally well.
     info : seconds, numbers of sites and modes.
     """
 
@@ -110,11 +111,11 @@ class FoundImpact(Result):
         return self.history.impulse
 
     def summary(self) -> str:
-        """A table of what was found with its bars, and the message."""
+        """A table of the results with their error bars, and the message."""
         return "\n".join([*(f"{name:<12}{value}" for name, value in self.rows()), self.message])
 
     def rows(self) -> list[tuple[str, str]]:
-        """Names and values of the results, with their bars."""
+        """(name, value with error bar) of each result."""
         place = ", ".join(f"{c:.5g}" for c in self.place)
         rows = [
             ("place", f"{place} m  ± {self.bars['place']:.2g} m"),
@@ -125,9 +126,9 @@ class FoundImpact(Result):
             if value is None:
                 continue
             bar = self.bars[name]
-            told = "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {bar:.2%}"
+            bar_text = "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {bar:.2%}"
             unit = {"peak_force": " N", "impulse": " N s", "mass": " kg", "velocity": " m/s"}
-            rows.append((name, f"{value:.5g}{unit.get(name, '')}  {told}"))
+            rows.append((name, f"{value:.5g}{unit.get(name, '')}  {bar_text}"))
         return [*rows, ("chi2", f"{self.chi2:.3g}")]
 
     def numbers(self) -> dict[str, object]:
@@ -164,24 +165,24 @@ class FoundImpact(Result):
         return figure_or_path(figure, path)
 
 
-#: What may be unknown, besides the start.
+#: Quantities that may be unknown, besides the start.
 UNKNOWN = ("place", "mass", "velocity", "stiffness", "E")
-#: Free modes where neither `modes` nor a band says how many.
+#: Default number of free modes, if no band is given.
 MODES = 60
-#: Stiffness of Hertz's law with which a search begins where it is known of none.
+#: Initial stiffness of Hertz's law, if no law is given.
 STIFFNESS = 1e9
-#: Standard deviations that a determined unknown has at most: of logarithms, and of the place over
-#: the extent of the sites.
+#: Largest standard deviation of an unknown that counts as determined: of a logarithm; of the place
+#: over the extent of the sites.
 DETERMINED, DETERMINED_PLACE = 0.3, 0.05
-#: Standard deviations of the half-widths of intervals of 95 %: of one number, of a place.
+#: Half-width of a 95 % interval in standard deviations, by the dimension of the unknown.
 BAR = {0: 1.96, 1: 1.96, 2: 2.45}
-#: Standard deviation of a place by the interpolation between sites, over their spacing: what 17
-#: blows on two meshes showed.
+#: Standard deviation of a place by the interpolation between sites, over their spacing (from 17
+#: blows on two meshes).
 INTERPOLATION = 0.01
-#: Relative error that all modes have in common, over `shape_error`: it scales the force, and no
-#: signal shows it. Chosen by 64 blows on two meshes (benchmarks/find_impact.py).
+#: Relative error common to all modes, over `shape_error`: it scales the force, and no signal shows
+#: it. Chosen by 64 blows on two meshes (benchmarks/find_impact.py).
 COMMON = 0.25
-#: Difference of the costs of two blows that are as probable, per chi².
+#: Two blows are equally probable if their costs differ by less than this times chi².
 AS_PROBABLE = 9.0
 
 
@@ -191,8 +192,9 @@ class Monitored:
 
     Attributes
     ----------
-    seen : its sites in its free modes; rows (m, J) of the sensors, orders (m,) their derivatives.
-    r : (P,) residual compliances; mass : of the structure [kg].
+    seen : its sites in free modes.
+    rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
+    r : (P,) residual compliances of the sites; mass : of the structure [kg].
     """
 
     seen: FreeSites
@@ -232,25 +234,25 @@ def find_impact(
         With a mesh.
     sensors : sequence of Sensor
     signals : array_like (n, m), or path
-        A column for each sensor, in its unit; the record may begin before the blow or after it. A
+        One column for each sensor, in its unit; the record may begin before or after the blow. A
         file is a table in text, with the times [s] in a column before them or without.
     rate : float, optional
         Samples a second [Hz]; not needed for a file with times.
     where, direction, radius
-        Where the blow may have been: as for `impact_map`. Among given points the place is one of
-        them; on surfaces it lies between the vertices.
+        Candidate places of the blow, as for `impact_map`. Among given points the place is one of
+        them; on surfaces it may lie between the vertices.
     unknown : sequence of "place", "mass", "velocity", "stiffness", "E"
-        What is to be found, besides the start. "E" is one factor for the stiffness of the whole
+        Quantities to be found, besides the start. "E" is one factor for the stiffness of the whole
         structure.
     impactor : RigidMass, optional
         Mass and velocity that are not unknown.
     contact : ContactLaw or "auto", optional
-        With the stiffness, if that is not unknown; "auto": the law of the impactor's tip on a flat
-        face of the structure. Default: Hertz's law, whose stiffness is found. What strikes is not
-        known as a rule, and a law is chosen of two surfaces; where the stiffness is not unknown and
-        the impactor has a surface (tip_radius, material), the default is "auto".
+        The contact law, with its stiffness if that is known; "auto": the law of the impactor's tip
+        on a flat face of the structure. Default: Hertz's law with an unknown stiffness; if the
+        stiffness is not among the unknowns and the impactor has a surface (tip_radius, material),
+        "auto".
     damping : float or Damping, optional
-        Of the structure.
+        Damping of the structure.
     noise : float or (m,), optional
         Standard deviation of a sample, in the unit of each signal; default: from the signals above
         the band.
@@ -266,7 +268,7 @@ def find_impact(
     Returns
     -------
     FoundImpact
-        With status 1 or 2, and a message, where the signals do not tell.
+        If the signals do not determine the blow, its status is 1 or 2, with a message.
 
     Raises
     ------
@@ -390,15 +392,16 @@ def found_in(
     scanned = scan(model, expected[0])
     fits = most_probable(model, scanned, unknown, known, monitored.mass, *expected)
     scale = COMMON * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
-    return _told(model, scanned, fits, unknown, scale)
+    return _result(model, scanned, fits, unknown, scale)
 
 
-# -- what is told
+# -- the result
 
 
-def _told(
+def _result(
     model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str], scale: float
 ) -> FoundImpact:
+    """The result from the best fits; `scale` is the relative error common to all modes."""
     best = fits[0]
     data = model.data
     blow = best.blow
@@ -426,10 +429,10 @@ def _told(
     ]
     status, message = _verdict(best, rank, limits, others, data)
     t = data.time
-    on = data.time >= blow.start
+    after_start = data.time >= blow.start
     force = np.zeros(len(t))
-    force[on] = hit.force_at(np.minimum(t[on] - blow.start, hit.run.time[-1]))
-    every = len(t) // max(len(data.compared), 1) or 1
+    force[after_start] = hit.force_at(np.minimum(t[after_start] - blow.start, hit.run.time[-1]))
+    stride = len(t) // max(len(data.compared), 1) or 1
     gain = data.sigma / float(np.abs(data.filter.sum(axis=1)).max())
     return FoundImpact(
         place=blow.place,
@@ -448,7 +451,7 @@ def _told(
         history=hit,
         time=t,
         force=force,
-        compared_time=t[::every][: len(data.compared)],
+        compared_time=t[::stride][: len(data.compared)],
         measured=data.compared * gain,
         computed=best.signals * gain,
         band=data.band / (2 * np.pi),
@@ -460,19 +463,19 @@ def _told(
 
 
 def _bars(fit: Fit, scale: float) -> dict[str, float]:
-    """Half-widths of 95 % intervals; `scale`: relative error of the whole model."""
+    """Half-widths of 95 % intervals by name; `scale`: relative error of the whole model."""
     variance = np.diag(fit.covariance)
-    along = np.array([name == "place" for name in fit.names])
-    d = int(along.sum())
-    place = fit.covariance[np.ix_(along, along)]
+    of_place = np.array([name == "place" for name in fit.names])
+    d = int(of_place.sum())
+    place = fit.covariance[np.ix_(of_place, of_place)]
     bars = {"place": 0.0}
     if d:
-        between = (INTERPOLATION * fit.chart.size) ** 2
-        bars["place"] = BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1] + between))
-    for name, own in zip(fit.names[d:], variance[d:], strict=True):
-        deviation = float(np.sqrt(own + scale**2 * (name == "velocity")))
-        told = name == "start" or deviation < DETERMINED
-        bars[name] = BAR[1] * deviation if told else np.inf
+        interpolation = (INTERPOLATION * fit.chart.size) ** 2
+        bars["place"] = BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation))
+    for name, variance_of in zip(fit.names[d:], variance[d:], strict=True):
+        deviation = float(np.sqrt(variance_of + scale**2 * (name == "velocity")))
+        determined = name == "start" or deviation < DETERMINED
+        bars[name] = BAR[1] * deviation if determined else np.inf
     for k, name in enumerate(("peak_force", "impulse")):
         g = fit.gains[k]
         bars[name] = BAR[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
@@ -482,7 +485,7 @@ def _bars(fit: Fit, scale: float) -> dict[str, float]:
 def _verdict(
     fit: Fit, rank: int, limits: Array, others: list[Array], data: Recording
 ) -> tuple[int, str]:
-    """Status and message."""
+    """(status, message)."""
     count = len(limits)
     if fit.chi2 > POOR:
         return UNEXPLAINED, (
@@ -498,7 +501,9 @@ def _verdict(
         )
     if rank < count:
         deviations = np.sqrt(np.diag(fit.covariance))
-        free = [n for n, s, limit in zip(fit.names, deviations, limits, strict=True) if s > limit]
+        free = [
+            n for n, s, largest in zip(fit.names, deviations, limits, strict=True) if s > largest
+        ]
         named = ", ".join(dict.fromkeys(free)) or "a combination of them"
         return UNDETERMINED, (
             f"the signals determine {rank} of {count} unknowns; not told: {named}. Give what is"

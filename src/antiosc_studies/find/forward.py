@@ -1,4 +1,4 @@
-"""The signals of a blow anywhere on a surface: an impact there, and what the sensors see of it."""
+"""The computed signals of a blow anywhere on a surface."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from antiosc.extension import Impact, Settings, simulate_impact
 from antiosc.models.body import ModalModel
 from antiosc_studies.find.recording import Recording
 
-#: Sites from which a value is interpolated, of surfaces and of lines.
+#: Dimension of the surface -> number of sites from which a value is interpolated.
 NEIGHBOURS = {1: 7, 2: 24}
-#: Cosine between the directions of two sites of one smooth surface, at least.
+#: Least cosine between the directions of two sites on one smooth surface.
 SAME_SIDE = 0.7
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Local coordinates around a place: tangents, and the sites for interpolation.
+    """Local coordinates around a place, and the sites from which values are interpolated.
 
     Attributes
     ----------
     origin : (3,) [m]; axes : (d, 3) unit tangents, d = 0 among given points.
-    near : (K,) numbers of sites; local : (K, d) their coordinates over `size` [m].
+    near : (K,) numbers of the sites; local : (K, d) their coordinates over `size` [m].
     """
 
     origin: Array
@@ -38,34 +38,34 @@ class Chart:
     def weights(self, x: Array) -> Array:
         """(K,) weights of the sites for the value at local coordinates x (d,).
 
-        Polyharmonic splines r³ with polynomials of second degree: exact at the sites, and of third
-        order between them.
+        Polyharmonic splines r³ with quadratic polynomials: exact at the sites, of third order
+        between them.
         """
         if not len(self.axes):
             return np.ones(1)
         y = self.local
         terms = _quadratics(y)
-        at = _quadratics(x[None])[0]
+        terms_at_x = _quadratics(x[None])[0]
         count, extra = terms.shape
         A = np.zeros((count + extra, count + extra))
         A[:count, :count] = np.linalg.norm(y[:, None] - y[None], axis=2) ** 3
         A[:count, count:], A[count:, :count] = terms, terms.T
-        right = np.append(np.linalg.norm(y - x, axis=1) ** 3, at)
+        right = np.append(np.linalg.norm(y - x, axis=1) ** 3, terms_at_x)
         return np.asarray(np.linalg.lstsq(A, right, rcond=1e-12)[0][:count])
 
 
 def _quadratics(y: Array) -> Array:
-    """Monomials (K, .) of coordinates (K, d) up to the second degree."""
+    """Monomials (K, .) of coordinates (K, d) up to degree 2."""
     products = [y[:, i] * y[:, j] for i in range(y.shape[1]) for j in range(i + 1)]
     return np.column_stack([np.ones(len(y)), y, *products])
 
 
 class Surface:
-    """The sites of a map with the elements between them.
+    """The sites of a map and the elements between them.
 
     Parameters
     ----------
-    points, directions : (P, 3); elements : (T, 3) triangles, (T, 2) segments, or none.
+    points, directions : (P, 3); elements : (T, 3) triangles, (T, 2) segments, or empty.
     """
 
     def __init__(self, points: Array, directions: Array, elements: IntArray) -> None:
@@ -81,43 +81,47 @@ class Surface:
             self._of = np.split(order // elements.shape[1], ends)
 
     def spacing(self, i: int) -> float:
-        """Mean length of the edges of the elements at site i [m]; 0 among given points."""
+        """Mean edge length of the elements at site i [m]; 0 among given points."""
         if not self.dimension or not len(self._of[i]):
             return 0.0
         corners = self.points[self.elements[self._of[i]]]
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
     def chart(self, place: Array, site: int) -> Chart:
-        """The local coordinates around a place (3,) near a site."""
+        """Local coordinates around a place (3,) near a site."""
         size = self.spacing(site)
         if size == 0.0:
             return Chart(place, np.zeros((0, 3)), np.array([site]), np.zeros((1, 0)), 1.0)
-        wanted = NEIGHBOURS[self.dimension]
-        near = np.atleast_1d(self._tree.query(place, min(3 * wanted, len(self.points)))[1])
-        near = near[self.directions[near] @ self.directions[site] > SAME_SIDE][:wanted]
-        spread = self.points[near[: min(9, len(near))]] - self.points[site]
+        count = NEIGHBOURS[self.dimension]
+        neighbours = np.atleast_1d(self._tree.query(place, min(3 * count, len(self.points)))[1])
+        neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE][
+            :count
+        ]
+        spread = self.points[neighbours[: min(9, len(neighbours))]] - self.points[site]
         axes = np.linalg.svd(spread, full_matrices=False)[2][: self.dimension]
-        return Chart(place, axes, near, (self.points[near] - place) @ axes.T / size, size)
+        return Chart(
+            place, axes, neighbours, (self.points[neighbours] - place) @ axes.T / size, size
+        )
 
     def nearest(self, place: Array, site: int) -> tuple[Array, int]:
-        """The surface point nearest to a place, and its nearest site, on the side of `site`."""
+        """(nearest point of the surface, its nearest site), on the side of `site`."""
         if not self.dimension:
             return self.points[site], site
-        near = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
-        near = near[self.directions[near] @ self.directions[site] > SAME_SIDE]
-        around = [self._of[i] for i in near]
+        neighbours = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
+        neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE]
+        around = [self._of[i] for i in neighbours]
         if not sum(map(len, around)):
             return self.points[site], site
-        found = self.elements[np.unique(np.concatenate(around))]
-        feet = _feet(place, self.points[found])
+        candidates = self.elements[np.unique(np.concatenate(around))]
+        feet = _feet(place, self.points[candidates])
         best = int(np.argmin(np.linalg.norm(feet - place, axis=1)))
-        corners = found[best]
-        far = np.linalg.norm(self.points[corners] - feet[best], axis=1)
-        return feet[best], int(corners[np.argmin(far)])
+        corners = candidates[best]
+        distances = np.linalg.norm(self.points[corners] - feet[best], axis=1)
+        return feet[best], int(corners[np.argmin(distances)])
 
 
 def _feet(x: Array, corners: Array) -> Array:
-    """Points (T, 3) nearest to x (3,) of triangles (T, 3, 3) or segments (T, 2, 3)."""
+    """Points (T, 3) of triangles (T, 3, 3) or segments (T, 2, 3) that are nearest to x (3,)."""
     count = corners.shape[1]
     edges = [(i, (i + 1) % count) for i in range(count if count > 2 else 1)]
     feet = []
@@ -126,9 +130,9 @@ def _feet(x: Array, corners: Array) -> Array:
         along = corners[:, j] - corners[:, i]
         t = np.einsum("td,td->t", x - a, along) / np.einsum("td,td->t", along, along)
         feet.append(a + np.clip(t, 0.0, 1.0)[:, None] * along)
-    every = np.array(feet)
-    far = np.linalg.norm(every - x, axis=2)
-    best = every[np.argmin(far, axis=0), np.arange(len(corners))]
+    edge_feet = np.array(feet)
+    distances = np.linalg.norm(edge_feet - x, axis=2)
+    best = edge_feet[np.argmin(distances, axis=0), np.arange(len(corners))]
     if count == 3:
         a = corners[:, 0]
         u = corners[:, 1] - corners[:, 0]
@@ -145,23 +149,23 @@ def _feet(x: Array, corners: Array) -> Array:
 
 
 def has_stiffness(law: ContactLaw) -> bool:
-    """Whether a law has a free stiffness; for a yielding ball it follows from E*."""
+    """Whether the stiffness of a law is free; for an elastic-plastic ball it follows from E*."""
     return hasattr(law, "stiffness") and not isinstance(law, ElasticPlastic)
 
 
-#: Steps of an impact over its contact time, or the shortest time between two samples.
+#: Number of steps in the expected contact time.
 STEPS = 150
-#: Most contacts of a blow.
+#: Largest number of contacts of a blow.
 CONTACTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """A candidate impact: a place near a site, and logarithms of the unknown quantities.
+    """A candidate impact.
 
     Attributes
     ----------
-    place : (3,) [m]; site : the next of the map.
+    place : (3,) [m]; site : the nearest site of the map.
     mass, velocity, stiffness : [kg], [m/s], [of the law].
     start : time of the first touch after the first sample [s].
     E : factor of the stiffness of the whole structure.
@@ -184,12 +188,12 @@ class Blow:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The response of the sensors to an impact, in the band and over their noise.
+    """The computed signals of an impact, filtered and divided by the noise.
 
     Attributes
     ----------
-    parts : (n', m, J) of each mode, without `Blow.share`.
-    signals : (n', m); hit : the impact.
+    parts : (n', m, J) contribution of each mode, without `Blow.share`.
+    signals : (n', m) the sum; hit : the impact.
     """
 
     parts: Array
@@ -204,7 +208,7 @@ class Struck:
     Attributes
     ----------
     omega, decay : (J,) frequencies [rad/s] and decay constants [1/s].
-    rows, orders : (m, J), (m,) of the sensors.
+    rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
     table : (P, J + 2) b, residual compliance and local compliance of the sites.
     """
 
@@ -220,7 +224,7 @@ class Struck:
 
     @property
     def exponent(self) -> float:
-        """Exponent n of the law F = k d^n; 1.5 for a law that has none."""
+        """Exponent n of the law F = k d^n; 1.5 if the law has none."""
         if isinstance(self.law, Linear):
             return 1.0
         return float(getattr(self.law, "exponent", 1.5))
@@ -229,10 +233,10 @@ class Struck:
         """(J + 2,) b, residual and local compliance at local coordinates x of a chart."""
         return np.asarray(chart.weights(x) @ self.table[chart.near])
 
-    def hit(self, blow: Blow, seen: Array) -> History:
-        """The impact at the place with the modal data `seen` (J + 2,)."""
+    def hit(self, blow: Blow, site_data: Array) -> History:
+        """The impact at a place with the modal data `seen` (J + 2,)."""
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
-        b, (r, local) = seen[:-2], np.maximum(seen[-2:], 0.0) / blow.E
+        b, (r, local) = site_data[:-2], np.maximum(site_data[-2:], 0.0) / blow.E
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
         radius = float(self.radius[blow.site])
         body = ModalModel(modes, float(local), None if np.isnan(radius) else radius)
@@ -244,17 +248,21 @@ class Struck:
         scene = Impact(body, RigidMass(blow.mass, blow.velocity), law, end)
         return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
 
-    def seen(self, blow: Blow, at: Array) -> Seen:
-        """The response of the sensors to an impact at the place with modal data `at` (J + 2,)."""
-        hit = self.hit(blow, at)
+    def seen(self, blow: Blow, site_data: Array) -> Seen:
+        """The computed signals of an impact at a place with modal data `at` (J + 2,)."""
+        hit = self.hit(blow, site_data)
         t = self.data.time - blow.start
-        on = np.flatnonzero((t >= 0) & (t <= hit.run.time[-1]))
+        after_start = np.flatnonzero((t >= 0) & (t <= hit.run.time[-1]))
         J = len(self.omega)
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
-        q, v = (x[:, :J] for x in hit.states(t[on]))
-        a = hit.force_at(t[on])[:, None] * at[:J] - omega**2 * q - 2 * self.decay * v
-        keep = self.data.filter[:, on]
-        motions = {order: keep @ (q, v, a)[order] for order in set(self.orders.tolist())}
+        q, v = (x[:, :J] for x in hit.states(t[after_start]))
+        a = (
+            hit.force_at(t[after_start])[:, None] * site_data[:J]
+            - omega**2 * q
+            - 2 * self.decay * v
+        )
+        filter_columns = self.data.filter[:, after_start]
+        motions = {order: filter_columns @ (q, v, a)[order] for order in set(self.orders.tolist())}
         rows = self.rows / self.data.sigma[:, None]
         parts = np.stack([motions[k] * row for k, row in zip(self.orders, rows, strict=True)], 1)
         return Seen(parts, np.sum(parts * (1 + blow.share), axis=2), hit)

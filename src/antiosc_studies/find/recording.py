@@ -1,4 +1,4 @@
-"""What sensors measure: where they are, and the band, noise and filter of their signals."""
+"""Sensors, and the band, noise and filter of their signals."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from antiosc_studies.measured.tables import (
     unknown_unit,
 )
 
-#: Quantities of sensors: the time derivative of the displacement that each is made of.
+#: Quantity of a sensor -> order of the time derivative of displacement.
 DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2, "strain": 0}
-#: Points of a strain gauge along its length (Gauss–Legendre).
+#: Number of Gauss–Legendre points along a strain gauge.
 GAUGE_POINTS = 6
 
 
@@ -46,14 +46,14 @@ class Sensor(FieldsRepr):
     point : sequence of 3 (2) floats, or str
         Coordinates [m], or the name of a group, as of `probe`.
     direction : sequence of 3 (2) floats
-        Along which it measures; of strains the direction of the gauge.
+        Direction in which it measures; for strains that of the gauge.
     quantity : "acceleration" m/s², "velocity" m/s, "displacement" m or "strain"
     length : float, optional
-        Of a strain gauge [m], over which it takes the mean; default: the strain at the point.
+        Length [m] over which a strain gauge takes the mean; default: the strain at the point.
     surface : "top", "bottom", "middle" or sequence of 3 floats
-        Of a shell: the surface with the gauge, as of `probe`.
+        For a shell: the surface with the gauge, as for `probe`.
     part : str, optional
-        Of an assembly: the part on which it sits.
+        For an assembly: the part with the sensor.
     """
 
     point: Sequence[float] | str
@@ -104,8 +104,8 @@ def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     if sensor.length is not None:
         nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
     points = x + np.outer(nodes, d) * (sensor.length or 0.0) / 2
-    there = place(sensor.surface, None, (0.0, 0.0), "global")
-    strain = fields.recovered(structure, shapes, points, part, "strain", there, reach)
+    surface_place = place(sensor.surface, None, (0.0, 0.0), "global")
+    strain = fields.recovered(structure, shapes, points, part, "strain", surface_place, reach)
     return np.asarray(np.einsum("p,i,pijk,j->k", weights / 2, d, strain, d, optimize=True))
 
 
@@ -114,17 +114,17 @@ STRAINS = {
     **{"-": 1.0, "1": 1.0, "m/m": 1.0, "%": 0.01},
     **dict.fromkeys(("µm/m", "μm/m", "um/m", "µε", "με", "microstrain"), 1e-6),
 }
-#: Fewest samples, and most values of all signals.
+#: Least number of samples; largest number of values of all signals.
 FEWEST, MOST = 32, 200_000
-#: Share of the power of a signal above its noise that lies in its band.
+#: Share of a signal's power above the noise that its band contains.
 IN_BAND = 0.995
-#: Most difference of two steps of a table's times over the step.
+#: Largest relative deviation of a table's time steps.
 UNEVEN = 0.01
-#: Periods of the record that the band holds at least.
+#: Least highest frequency of the band over the inverse of the record's length.
 LINES = 4
-#: Transition of the filter over its band, and its attenuation [dB].
+#: Width of the filter's transition over its band; attenuation [dB].
 TRANSITION, ATTENUATION = 0.3, 60.0
-#: Least noise of a signal over its root mean square: no sensor is better.
+#: Least noise of a signal over its root mean square.
 LEAST_NOISE = 1e-3
 
 
@@ -137,7 +137,7 @@ class Recording:
     values : (n, m); dt : sampling interval [s].
     sigma : (m,) standard deviation of the noise of a sample.
     band : circular frequency (rad/s) up to which they are compared.
-    filter : (n', n) low-pass filter that keeps the noise of a sample and leaves out samples.
+    filter : (n', n) low-pass filter with decimation; it preserves a sample's noise level.
     """
 
     values: Array
@@ -158,7 +158,7 @@ class Recording:
 
     @cached_property
     def compared(self) -> Array:
-        """(n', m) the signals in the band, over their noise."""
+        """(n', m) the filtered signals divided by their noise."""
         return np.asarray(self.filter @ (self.values / self.sigma))
 
 
@@ -170,7 +170,7 @@ def recording(
     band: float | None,
     most: float,
 ) -> Recording:
-    """Checked signals (n, m) of m sensors; InputError for others."""
+    """Checked signals (n, m) of m sensors with their noise and band; InputError if unsound."""
     count = len(sensors)
     if isinstance(signals, str | os.PathLike):
         signals, rate = _read(checks.path("signals", signals), sensors, rate)
@@ -212,19 +212,21 @@ def recording(
 
 
 def _read(path: Path, sensors: Sequence[Sensor], rate: float | None) -> tuple[Array, float | None]:
-    """The signals of a table, and their rate where its first column has the times."""
+    """The signals of a table, and their sampling rate if its first column contains times."""
     check_readable(path, "the signals")
-    found = columns(path, [])
-    timed = len(found) == len(sensors) + 1
-    signals = found[1:] if timed else found
+    table_columns = columns(path, [])
+    timed = len(table_columns) == len(sensors) + 1
+    signals = table_columns[1:] if timed else table_columns
     if len(signals) == len(sensors):
         pairs = zip(signals, sensors, strict=True)
-        values = np.column_stack([_in_si(each, _units(sensor.quantity)) for each, sensor in pairs])
+        values = np.column_stack(
+            [_in_si(column, _units(sensor.quantity)) for column, sensor in pairs]
+        )
     else:
-        values = np.column_stack([each.values for each in signals])  # refused by its shape
+        values = np.column_stack([column.values for column in signals])  # refused by its shape
     if not timed:
         return values, rate
-    t = _in_si(found[0], TIMES)
+    t = _in_si(table_columns[0], TIMES)
     if len(t) < FEWEST:
         raise InputError(f"{path.name} has {len(t)} samples; {FEWEST} or more are needed.")
     step = (t[-1] - t[0]) / (len(t) - 1)
@@ -244,27 +246,27 @@ def _in_si(column: Column, known: Mapping[str, float]) -> Array:
 
 
 def _units(quantity: str) -> dict[str, float]:
-    """Units of the quantity that a sensor measures, with factors to SI."""
+    """Units of a sensor's quantity, with factors to SI."""
     if quantity == "strain":
         return STRAINS
     per_force = {"displacement": "receptance", "velocity": "mobility"}
-    own = per_force.get(quantity, "accelerance")
-    return {unit: factor for unit, (factor, kind) in MOTIONS.items() if kind == own}
+    response_kind = per_force.get(quantity, "accelerance")
+    return {unit: factor for unit, (factor, kind) in MOTIONS.items() if kind == response_kind}
 
 
 def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
-    """Filter matrix (n', n) that keeps frequencies up to `top` times the highest one."""
+    """Filter matrix (n', n) that keeps frequencies up to `top` times the highest frequency."""
     if top * (1 + TRANSITION) >= 1:
         return scipy.sparse.identity(n, format="csr")
     taps, beta = signal.kaiserord(ATTENUATION, TRANSITION * top)
     kernel = signal.firwin(taps | 1, (1 + TRANSITION / 2) * top, window=("kaiser", beta))
     kernel /= np.linalg.norm(kernel)
-    every = int(1 / ((1 + TRANSITION) * top))
+    stride = int(1 / ((1 + TRANSITION) * top))
     half = len(kernel) // 2
     offsets = np.arange(-half, half + 1)
-    short = np.abs(offsets) < n
-    whole = scipy.sparse.diags(kernel[short], offsets[short], shape=(n, n), format="csr")
-    return whole[::every]
+    inside = np.abs(offsets) < n
+    all_rows = scipy.sparse.diags(kernel[inside], offsets[inside], shape=(n, n), format="csr")
+    return all_rows[::stride]
 
 
 def _spectrum(values: Array, rate: float) -> tuple[Array, Array]:

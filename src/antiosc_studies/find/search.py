@@ -89,15 +89,15 @@ def scan(model: Struck, spread: float) -> Scan:
 
 
 def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau: float) -> None:
-    """Replace the best pulses (4, P) of sites b (P, J) where those of duration tau fit better."""
+    """Replace the best pulses (4, P) of sites b (P, J) where pulses of duration tau fit better."""
     lags = products.shape[1]
     energy = np.einsum("pj,kjl,pl->pk", b, gram, b, optimize=True)
-    left = ends[-1] - np.arange(lags)
-    at = np.interp(left, ends, np.arange(len(ends)))
-    low = np.floor(at).astype(int)
-    high = np.minimum(low + 1, len(ends) - 1)
+    remaining = ends[-1] - np.arange(lags)
+    position = np.interp(remaining, ends, np.arange(len(ends)))
+    lower = np.floor(position).astype(int)
+    upper = np.minimum(lower + 1, len(ends) - 1)
     # the energy of the longest lags is that of the shortest window at least
-    E = energy[:, low] + (at - low) * (energy[:, high] - energy[:, low])
+    E = energy[:, lower] + (position - lower) * (energy[:, upper] - energy[:, lower])
     A = np.maximum(b @ products, 0.0)
     gain = A**2 / np.maximum(E, np.finfo(float).tiny)
     lag = np.argmax(gain, axis=1)
@@ -109,7 +109,7 @@ def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau:
 
 
 def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
-    """Responses q, q', q'' (n, J) of modes lam = -d + i w to sin(pi t/tau)."""
+    """Responses q, q', q'' (n, J) of modes lam = -d + i w to the half-sine sin(pi t/tau)."""
     until = np.minimum(t, tau)[:, None]
     rate = np.pi / tau
     after = t[:, None] - until
@@ -126,8 +126,8 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
     return [np.asarray(q), np.asarray(v), np.asarray(a)]
 
 
-#: Changes for differences: of logarithms and of the start over the contact time; of frequencies,
-#: whose phases grow with time; of the place over the spacing of sites.
+#: Difference steps: of logarithms, and of the start over the contact time; of frequencies, whose
+#: phase errors grow with time; of the place over the spacing of sites.
 CHANGE = 2e-3
 CHANGE_FREQUENCY = 1e-5
 CHANGE_PLACE = 0.02
@@ -135,7 +135,7 @@ CHANGE_PLACE = 0.02
 LONGEST_PLACE = 1.5
 LONGEST = 0.7
 LONGEST_START = 0.3
-#: Decrease of chi² that ends a search, and over chi² itself.
+#: Decrease of chi² below which a search ends: absolute; relative to chi².
 CONVERGED, ENOUGH = 0.01, 1e-6
 
 
@@ -145,11 +145,11 @@ class Fit:
 
     Attributes
     ----------
-    cost : squares of weighted residuals and of the model's errors over their expected sizes.
+    cost : sum of squares of weighted residuals and of model errors over their expected sizes.
     covariance : of the unknowns `names`: coordinates along `chart.axes` [m], logarithms, start [s].
-    gains : (2, .) derivatives of the logarithms of peak force and impulse by them.
-    chi2 : residual over its degrees of freedom.
-    signals : (n', m) over their noise.
+    gains : (2, .) derivatives of the logarithms of peak force and impulse by these unknowns.
+    chi2 : squared residual over its degrees of freedom.
+    signals : (n', m) computed signals over the noise.
     """
 
     blow: Blow
@@ -168,7 +168,7 @@ class Search:
 
     Parameters
     ----------
-    unknown : logarithms to be found, of mass, velocity, stiffness, E.
+    unknown : names among mass, velocity, stiffness, E, whose logarithms are found.
     spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.
     """
 
@@ -176,38 +176,38 @@ class Search:
         self.model = model
         self.logs = [name for name in unknown if name != "place"]
         self.spread = spread
-        # a mode's share in a signal is wrong by its value at the sensor and by that at the struck
-        # place, which all sensors have in common
+        # the error of a mode's share has two parts: its value at the sensor, and that at the struck
+        # place, which is common to all sensors
         count = len(model.rows)
-        together = doubt**2 * (np.eye(count) + 1) / 2
-        self.unshared = np.linalg.inv(np.linalg.cholesky(together))
+        share_covariance = doubt**2 * (np.eye(count) + 1) / 2
+        self.unshared = np.linalg.inv(np.linalg.cholesky(share_covariance))
 
     def residuals(self, blow: Blow, signals: Array) -> Array:
-        """Residuals of the signals, then of the model's errors, over their expected sizes."""
-        off = signals - self.model.data.compared
+        """Residuals of the signals, then model errors, all over their expected sizes."""
+        signal_errors = signals - self.model.data.compared
         shares = self.unshared @ blow.share
-        return np.concatenate([off.ravel(), blow.frequency / self.spread, shares.ravel()])
+        return np.concatenate([signal_errors.ravel(), blow.frequency / self.spread, shares.ravel()])
 
     def at(self, blow: Blow) -> tuple[Chart, Array, Seen]:
-        """(local coordinates of the place, modal data there, response of the sensors)."""
+        """(chart at the place, modal data there, computed signals)."""
         chart = self.model.surface.chart(blow.place, blow.site)
-        there = self.model.modes_at(chart, np.zeros(len(chart.axes)))
-        return chart, there, self.model.seen(blow, there)
+        site_data = self.model.modes_at(chart, np.zeros(len(chart.axes)))
+        return chart, site_data, self.model.seen(blow, site_data)
 
     def refined(self, blow: Blow, steps: int) -> Fit:
-        """The impact of least cost near the start, after at most this many steps."""
+        """The impact of least cost near the start, after at most `steps` steps."""
         damping, step = 1e-3, -1
         while True:
             step += 1
-            chart, there, seen = self.at(blow)
-            rest = self.residuals(blow, seen.signals)
-            J, gains = self._slopes(blow, chart, there, seen)
+            chart, site_data, seen = self.at(blow)
+            residual = self.residuals(blow, seen.signals)
+            J, gains = self._slopes(blow, chart, site_data, seen)
             if step == steps:
                 break
-            # far from the blow the signals must not be laid to the errors of the model
+            # far from the blow, signal differences must not be explained by model errors
             data = seen.signals.size
-            factor = np.ones(rest.size)
-            factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(rest[:data] ** 2), 1.0))))
+            factor = np.ones(residual.size)
+            factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(residual[:data] ** 2), 1.0))))
 
             def moved(
                 change: Array, blow: Blow = blow, chart: Chart = chart, factor: Array = factor
@@ -216,8 +216,10 @@ class Search:
                 return trial, factor * self.residuals(trial, self.at(trial)[2].signals)
 
             rows = factor[:, None] * J
-            off = factor * rest
-            better, damping = lowered(rows.T @ rows, rows.T @ off, off, damping, moved)
+            scaled_residual = factor * residual
+            better, damping = lowered(
+                rows.T @ rows, rows.T @ scaled_residual, scaled_residual, damping, moved
+            )
             if better is None:
                 break
             trial, new = better
@@ -228,13 +230,13 @@ class Search:
                     5 * blow.contact_time_estimate,
                 )
             )
-            blow, before = (
+            blow, cost_before = (
                 replace(trial, contact_time_estimate=contact_time_estimate),
-                float(np.sum((factor * rest) ** 2)),
+                float(np.sum((factor * residual) ** 2)),
             )
-            if before - float(new @ new) < max(CONVERGED, ENOUGH * before):
+            if cost_before - float(new @ new) < max(CONVERGED, ENOUGH * cost_before):
                 steps = step + 1
-        return self._finished(blow, chart, seen, rest, J, gains)
+        return self._finished(blow, chart, seen, residual, J, gains)
 
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
         """The impact after a change of all unknowns."""
@@ -257,19 +259,21 @@ class Search:
         )
         T = self.model.data.duration
         J = len(blow.frequency)
-        rest = change[d + k + 1 :]
+        model_changes = change[d + k + 1 :]
         return replace(
             blow,
             place=place,
             site=site,
             start=float(np.clip(start, -0.5 * T, 0.95 * T)),
-            frequency=np.clip(blow.frequency + rest[:J], -0.2, 0.2),
-            share=blow.share + rest[J:].reshape(blow.share.shape),
+            frequency=np.clip(blow.frequency + model_changes[:J], -0.2, 0.2),
+            share=blow.share + model_changes[J:].reshape(blow.share.shape),
             **values,
         )
 
-    def _slopes(self, blow: Blow, chart: Chart, there: Array, seen: Seen) -> tuple[Array, Array]:
-        """Derivatives of all residuals by all unknowns; `gains` in the units of the steps."""
+    def _slopes(
+        self, blow: Blow, chart: Chart, site_data: Array, seen: Seen
+    ) -> tuple[Array, Array]:
+        """Derivatives of all residuals by all unknowns, and `gains` in the units of the steps."""
         model = self.model
         columns = []
         gains = []
@@ -286,42 +290,53 @@ class Search:
         for name in self.logs:
             change = CHANGE_FREQUENCY if name == "E" else CHANGE
             value = {name: getattr(blow, name) * float(np.exp(change))}
-            changed(replace(blow, **value), there, change)
+            changed(replace(blow, **value), site_data, change)
         changed(
-            replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), there, CHANGE
+            replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), site_data, CHANGE
         )
         n, m, J = seen.parts.shape
         p = len(columns)
-        found = np.zeros((n * m + J + m * J, p + J + m * J))
-        found[: n * m, :p] = np.transpose(columns)
+        jacobian = np.zeros((n * m + J + m * J, p + J + m * J))
+        jacobian[: n * m, :p] = np.transpose(columns)
         # all frequencies at once: each mode's own part of the change
         other = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
-        moved = (model.seen(other, there).parts - seen.parts) * (1 + blow.share)
-        by_frequency = moved / (CHANGE_FREQUENCY * (1 + blow.frequency))
-        found[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
+        part_changes = (model.seen(other, site_data).parts - seen.parts) * (1 + blow.share)
+        by_frequency = part_changes / (CHANGE_FREQUENCY * (1 + blow.frequency))
+        jacobian[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
         for s in range(m):
             at = p + J + s * J
-            found[s : n * m : m, at : at + J] = seen.parts[:, s]
+            jacobian[s : n * m : m, at : at + J] = seen.parts[:, s]
         rows = np.arange(J)
-        found[n * m + rows, p + rows] = 1 / self.spread
-        found[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
-        return found, np.transpose(gains)
+        jacobian[n * m + rows, p + rows] = 1 / self.spread
+        jacobian[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
+        return jacobian, np.transpose(gains)
 
     def _finished(
-        self, blow: Blow, chart: Chart, seen: Seen, rest: Array, J: Array, gains: Array
+        self, blow: Blow, chart: Chart, seen: Seen, residual: Array, J: Array, gains: Array
     ) -> Fit:
+        """The fit at the end of a search."""
         d = len(chart.axes)
         k = len(self.logs)
         p = d + k + 1
         data = seen.signals.size
         inverse = covariance(J.T @ J)
         used = float(np.sum((J[:data] @ inverse) * J[:data]))
-        chi2 = float(rest[:data] @ rest[:data]) / max(data - used, 1.0)
+        chi2 = float(residual[:data] @ residual[:data]) / max(data - used, 1.0)
         unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.contact_time_estimate]])
-        main = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
+        covariance_of_unknowns = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
         names = (*("place",) * d, *self.logs, "start")
-        cost = float(rest @ rest)
-        return Fit(blow, chart, seen.hit, cost, names, main, gains / unit, chi2, seen.signals)
+        cost = float(residual @ residual)
+        return Fit(
+            blow,
+            chart,
+            seen.hit,
+            cost,
+            names,
+            covariance_of_unknowns,
+            gains / unit,
+            chi2,
+            seen.signals,
+        )
 
 
 def strength(hit: History) -> Array:
@@ -329,20 +344,20 @@ def strength(hit: History) -> Array:
     return np.log(np.maximum([hit.peak_force, hit.impulse], np.finfo(float).tiny))
 
 
-#: Places at which a search starts, and their least distance over the spacing of sites.
+#: Number of places at which searches start; their least distance over the spacing of sites.
 PLACES, APART = 8, 2.5
-#: Masses that each is tried with, over that of the structure.
+#: Initial masses of the impactor, over that of the structure.
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
-#: Searches that begin, that go on, and the steps of both.
+#: Number of searches that begin, and that are continued.
 BEGUN, KEPT = 4, 2
 FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
-#: Cost of a second search over that of the first, above which it does not go on.
+#: A second search is not continued if its cost exceeds this times the first's.
 HOPELESS = 10.0
-#: chi² above which the best blow does not explain the signals, and the heavier impactors that are
-#: tried then: a lighter one does not touch again, and no small step adds a contact.
+#: chi² above which the best blow does not explain the signals; mass factors of heavier impactors
+#: that are tried then: they may touch a second time, which no small step from a lighter one does.
 POOR = 2.0
 HEAVIER = (1.3, 2.0)
-#: Of a rigid wall: contact time over 2 × approach/velocity, and impulse over mass × velocity.
+#: Impact on a rigid wall: contact time × velocity/approach; impulse over mass × velocity.
 HERTZ_TIME, REBOUND = 2.943, 1.6
 
 
@@ -378,28 +393,30 @@ def most_probable(
             begun.append(search.refined(blow, FIRST_STEPS))
             ready(count)
         begun.sort(key=lambda fit: fit.cost)
-        found = []
+        fits = []
         for count, fit in enumerate(_kept(model, begun), start=BEGUN + 1):
-            found.append(search.refined(fit.blow, LAST_STEPS))
+            fits.append(search.refined(fit.blow, LAST_STEPS))
             ready(count)
-        best = min(found, key=lambda fit: fit.cost)
+        best = min(fits, key=lambda fit: fit.cost)
         if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
-            found += [search.refined(_heavier(best.blow, by), LAST_STEPS) for by in HEAVIER]
-    return sorted(found, key=lambda fit: fit.cost)
+            fits += [search.refined(_heavier(best.blow, by), LAST_STEPS) for by in HEAVIER]
+    return sorted(fits, key=lambda fit: fit.cost)
 
 
 def _heavier(blow: Blow, by: float) -> Blow:
-    """The impact of a heavier impactor with equal momentum, which may touch a second time."""
+    """The impact of a heavier impactor with the same momentum, which may touch a second time."""
     return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
 def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:
-    """The best search, and the best one at another place, or the second best."""
+    """The fits to be continued: the best, and the best at another place or the second best."""
     first, *rest = begun
-    far = APART * model.surface.spacing(first.blow.site)
-    apart = [fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > far]
-    near = [fit for fit in (*apart, *rest) if fit.cost < HOPELESS * first.cost]
-    return [first, *near][:KEPT]
+    least_distance = APART * model.surface.spacing(first.blow.site)
+    elsewhere = [
+        fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
+    ]
+    promising = [fit for fit in (*elsewhere, *rest) if fit.cost < HOPELESS * first.cost]
+    return [first, *promising][:KEPT]
 
 
 def _places(model: Struck, scanned: Scan) -> list[int]:
@@ -407,8 +424,8 @@ def _places(model: Struck, scanned: Scan) -> list[int]:
     chosen: list[int] = []
     points = model.surface.points
     for i in np.argsort(-scanned.explained, kind="stable").tolist():
-        far = APART * model.surface.spacing(i)
-        if all(np.linalg.norm(points[i] - points[k]) > far for k in chosen):
+        least_distance = APART * model.surface.spacing(i)
+        if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in chosen):
             chosen.append(i)
         if len(chosen) == PLACES:
             break
@@ -416,7 +433,7 @@ def _places(model: Struck, scanned: Scan) -> list[int]:
 
 
 def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str, float]) -> Blow:
-    """An impact that makes the pulse of site i on a rigid wall."""
+    """An impact whose pulse on a rigid wall is that of the scan at site i."""
     T = float(scanned.duration[i])
     impulse = 2 / np.pi * T * float(scanned.amplitude[i])
     velocity = max(impulse, float(np.finfo(float).tiny)) / (REBOUND * mass)
@@ -438,7 +455,7 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
 
 
 def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
-    """The impact with the best amplitude, and its cost."""
+    """(cost, impact) with the amplitude that fits best."""
     model = search.model
     seen = search.at(blow)[2].signals.ravel()
     data = model.data.compared.ravel()
@@ -446,7 +463,7 @@ def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
     if power == 0.0:
         return float(data @ data), blow
     amplitude = max(float(seen @ data) / power, 0.1)
-    # the force of a power law is in proportion to the velocity if the stiffness goes along
+    # with this change of stiffness the force of a power law is proportional to the velocity
     change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.exponent)}
     new = {n: getattr(blow, n) * c for n, c in change.items() if n in search.logs}
     return float(np.sum((amplitude * seen - data) ** 2)), replace(blow, **new)

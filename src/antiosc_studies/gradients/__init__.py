@@ -1,1 +1,1 @@
-"""How a result changes with everything that an impact is made of."""
+"""Derivatives of a result by all parameters of an impact."""

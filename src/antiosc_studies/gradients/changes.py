@@ -1,9 +1,9 @@
-"""From derivatives by the numbers of the march to those by bodies.
+"""From derivatives by the numbers of the march to derivatives by the bodies.
 
-By the parameters that a body was given; by the bodies themselves, the change of a goal between two
-sets of them to first order. Where damping couples the modes, the march gives the derivatives by its
-first-order modes (`antiosc.engine.damping`), and these are found anew at a small change of each
-parameter: differences of the modes, not of runs.
+`by_body` gives derivatives by a body's parameters; `changed` the first-order change of a goal
+between two sets of bodies. If damping couples the modes, the march gives derivatives by its
+first-order modes (`antiosc.engine.damping`); these modes are computed again at a small change of
+each parameter, so that only modes are differenced, not runs.
 """
 
 from __future__ import annotations
@@ -50,32 +50,34 @@ from antiosc.impact.states import integrated_states
 from antiosc_studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]
-#: Relative error of the forces of the runs that are compared, over that of the run; the least.
+#: Error tolerance of the comparison runs over that of the run; least relative tolerance.
 FINER, LEAST = 0.1, 1e-7
-#: Share of the anti-oscillators without which a run shows what truncation changes.
+#: Share of the anti-oscillators that the comparison run for the truncation error omits.
 FEWER = 0.25
-#: Frequencies that differ by less, relatively, are of one group: modes that turn into each other.
+#: Modes whose frequencies differ by less than this share are a group: they mix under small changes.
 CLOSE = 1e-2
-#: What the modes of a group have that turns with them.
+#: Modal quantities that rotate with the modes of a group.
 TURNING = ("beta", "loads", "q", "v", "B")
-#: A run, a goal and its derivatives by all numbers of the march.
+#: (recorded run, goal, derivatives of the goal by all numbers of the march).
 Taken = tuple[Recorded, Seeds, Slopes]
-#: Another model for a model.
+#: A function that changes a model.
 Turn = Callable[[AntiOscillators], AntiOscillators]
-#: Relative changes of a parameter on either side: the first in which no modes turn into others.
+#: Relative steps of a parameter; the first one without a change of the kind of modes is used.
 STEPS = (1e-4, 1e-5, 1e-6)
-#: Relative change of a mode above which it is another one.
+#: A mode that changes by more than this share is another mode.
 OTHER = 1e-2
-#: Share of the largest below which a mode of other size is none to tell by.
+#: Modal quantities below this share of the largest are not compared.
 VISIBLE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ByModes:
-    """Derivatives by the modes of one body, by their loads and initial motion.
+    """Derivatives of a goal by the modes of a body with one site, by their loads and initial
+    motion.
 
-    square, decay, load, start (J,); site (J,) by the displacement of its one site, r by its
-    residual compliance. `v`, `g` (J,): modal velocities at the start and loads.
+    All have shape (J,): `square` by omega^2, `decay` by the decay constants, `site` by the
+    displacements of the site, `load`, `start`; `r` is by the residual compliance. `v`, `g` (J,):
+    modal velocities at the start, and loads.
     """
 
     modes: ModalBody
@@ -90,9 +92,9 @@ class ByModes:
 
 
 def by_body(body: Any, by: ByModes, closing: float) -> Values:
-    """Derivatives by the parameters of a body with one site; empty for another kind of body.
+    """Derivatives by the parameters of a body with one site; empty for other kinds of bodies.
 
-    `closing`: the speed [m/s] at the start with which the body closes its contact.
+    `closing`: the initial speed [m/s] with which the body closes its contact.
     """
     values: Values = {}
     if isinstance(body, Impactor):
@@ -123,17 +125,17 @@ def by_body(body: Any, by: ByModes, closing: float) -> Values:
 
 
 class ByMatrices(NamedTuple):
-    """Derivatives by the matrices K and M of a model in its coordinates, symmetric (C, C)."""
+    """Derivatives by the matrices K and M of a model in its coordinates, both symmetric (C, C)."""
 
     K: Array
     M: Array
 
 
 def by_matrices(model: AntiOscillators, by: ByModes) -> ByMatrices:
-    """Derivatives by the matrices of a model of one site, coordinates lambda.
+    """Derivatives by the matrices of a model of one site with coordinates lambda.
 
-    The modes solve K phi = x M phi, phi' M phi = 1. With a massless site (m0 = 0) the site follows
-    the others, and its compliance r is the mode without inertia.
+    The modes solve K phi = x M phi, phi' M phi = 1. A massless site (m0 = 0) follows the
+    anti-oscillators; its compliance r is the mode without inertia.
     """
     hidden = model.hidden_count
     modes = by.modes
@@ -141,29 +143,27 @@ def by_matrices(model: AntiOscillators, by: ByModes) -> ByMatrices:
     phi = modes.shape[: model.n + 1, hidden:]
     x = modes.omega[hidden:] ** 2
     square, site, load, start, v, g, decay = (
-        each[hidden:] for each in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
+        values[hidden:] for values in (by.square, by.site, by.load, by.start, by.v, by.g, by.decay)
     )
     if isinstance(model.damping, Damping):
         square = square + decay * _decay_slopes(model, modes.omega)[hidden:]
     rigid = (x == 0) & (phi[0] != 0)
-    moving = modes.inertia is not None
-    if (
-        not moving and rigid.any() and v.any()
-    ):  # V b/(b b) of the one rigid mode that moves the site
+    free = modes.inertia is not None
+    if not free and rigid.any() and v.any():  # V b/(b b) of the one rigid mode that moves the site
         site = site.copy()
         site[rigid] -= start[rigid] * v[rigid] / phi[0, rigid]
     # loads and starts are phi' p with a given p: what the participations say; phi' M phi = 1
     first, coupling = site.copy(), np.outer(phi[0], site)  # coupling of mode k into mode j
-    for slope, value in ((load, g), (start, v))[: 1 + moving]:
+    for slope, value in ((load, g), (start, v))[: 1 + free]:
         if value.any():
             coupling += np.outer(value, slope)
             first += model.m0 * float(phi[0] @ value) * slope
-    apart = x - x[:, None]
-    apart.flat[:: x.size + 1] = 1.0
-    within = coupling / apart
-    within.flat[:: x.size + 1] = square
-    K = phi @ within @ phi.T
-    M = -phi @ (within * x + np.diag(coupling.diagonal() / 2)) @ phi.T
+    differences = x - x[:, None]
+    differences.flat[:: x.size + 1] = 1.0
+    mode_matrix = coupling / differences
+    mode_matrix.flat[:: x.size + 1] = square
+    K = phi @ mode_matrix @ phi.T
+    M = -phi @ (mode_matrix * x + np.diag(coupling.diagonal() / 2)) @ phi.T
     K[0] -= modes.r * (phi @ first)
     K[0, 0] -= modes.r**2 * by.r
     M[0] += modes.r * (phi @ (x * first))
@@ -171,7 +171,7 @@ def by_matrices(model: AntiOscillators, by: ByModes) -> ByMatrices:
 
 
 def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
-    """Derivatives (J,) of the decays of free modes by their omega^2."""
+    """Derivatives (J,) of the decay constants of free modes by omega^2."""
     d = model.damping
     assert isinstance(d, Damping)
     ratio = d.decay(omega) - d.alpha / 2 - d.beta * omega**2 / 2  # ratio_j omega_j
@@ -179,69 +179,73 @@ def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
     return np.asarray(slope + d.beta / 2)
 
 
-def through_start(found: Recorded, by: Slopes) -> Slopes:
-    """Convert derivatives by initial forces and a state of rest into derivatives by the other data.
+def through_start(record: Recorded, by: Slopes) -> Slopes:
+    """Turn derivatives by initial forces and initial state at rest into derivatives by other data.
 
-    The forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q = load
-    - beta' F. Of bodies whose damping couples the modes, `changed_coupled` takes it itself.
+    The initial forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q
+    = load - beta' F. Bodies whose damping couples the modes are left to `changed_coupled`.
     """
     by = deepcopy(by)
-    s = found.system
+    s = record.system
     p = len(s.laws)
     beta = s.beta[:p]
     R = s.R[:p, :p]
     F = s.pressed
     depth = beta @ s.q - s.offsets[0, :p] - R @ F
-    each = [_slopes(law, float(d)) for law, d in zip(s.laws, depth, strict=True)]
-    stiffness = np.array([slope for slope, _ in each])
-    held = np.linalg.solve(np.eye(p) + stiffness[:, None] * R, np.diag(stiffness))  # dF/d(beta q)
+    law_slopes = [_slopes(law, float(d)) for law, d in zip(s.laws, depth, strict=True)]
+    stiffness = np.array([slope for slope, _ in law_slopes])
+    force_slopes = np.linalg.solve(
+        np.eye(p) + stiffness[:, None] * R, np.diag(stiffness)
+    )  # dF/d(beta q)
     by_force = by.pressed.copy()
-    spans = [(found.spans[n], found.places[n], found.coupled(n)) for n in found.bodies]
+    spans = [(record.spans[n], record.places[n], record.coupled(n)) for n in record.bodies]
     mu = np.zeros(s.omega.size)
-    if found.scene.preload:
+    if record.scene.preload:
         by_q = by.q if s.first is None else s.first.begun(by.q, by.v)
-        H = np.diag(s.omega**2) + beta.T @ held @ beta
+        H = np.diag(s.omega**2) + beta.T @ force_slopes @ beta
         scale = 1 / np.sqrt(np.where(H.diagonal() > 0, H.diagonal(), 1.0))
-        wanted = scale * (by_q + beta.T @ held @ by_force)
+        wanted = scale * (by_q + beta.T @ force_slopes @ by_force)
         mu = scale * np.linalg.lstsq(scale[:, None] * H * scale, wanted, rcond=None)[0]
         by_force -= beta @ mu
-    push = held @ by_force
-    for free, own, coupled in spans:
+    by_depth = force_slopes @ by_force
+    for free, place, coupled in spans:
         if not coupled:
-            by.loads[0, own] += mu[free]
-            by.square[own] -= mu[free] * s.q[free]
-            by.beta[:p, own] += np.outer(push, s.q[free]) - np.outer(F, mu[free])
-    if found.scene.preload:
+            by.loads[0, place] += mu[free]
+            by.square[place] -= mu[free] * s.q[free]
+            by.beta[:p, place] += np.outer(by_depth, s.q[free]) - np.outer(F, mu[free])
+    if record.scene.preload:
         by.q[:] = 0.0
-    by.offsets[0, :p] -= push
-    by.residual[:p, :p] -= np.outer(push, F)
+    by.offsets[0, :p] -= by_depth
+    by.residual[:p, :p] -= np.outer(by_depth, F)
     by_law = np.linalg.solve(np.eye(p) + R * stiffness, by_force)
-    by.laws += by_law[:, None] * np.array([slopes for _, slopes in each])
+    by.laws += by_law[:, None] * np.array([slopes for _, slopes in law_slopes])
     by.pressed[:] = 0.0
     return by
 
 
 def _slopes(law: Any, depth: float) -> tuple[float, Array]:
-    """Derivatives of the force of a new contact at rest, by indentation and by parameters."""
+    """Derivatives of the force of a new contact at rest, by indentation and by law parameters."""
     by_parameters = np.zeros(library.LAW_SLOPES)
     library.library.aom_law_slopes(addressof(law.kernel[0]), depth, library.address(by_parameters))
     return float(law.tangent(depth, 0.0, law.touch(0.0))[0]), by_parameters
 
 
-def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
+def changed(
+    record: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
+) -> float:
     """First-order change of the goal from one set of bodies to another.
 
-    Modes of nearly equal frequencies turn into each other within small changes. The squares of
-    their frequencies are a matrix X with such a group, and what changes evenly is X beside the
-    displacements of the site in the Krylov basis of both.
+    Modes of nearly equal frequencies mix under small changes. The squares of their frequencies are
+    taken as a matrix X in the Krylov basis of the group and its site displacement; X and the
+    displacements in that basis change smoothly.
     """
     a = before.system
     b = after.system
-    if found.system.first is not None:
-        return changed_coupled(found, wanted, by, before, after) + _beside_modes(
+    if record.system.first is not None:
+        return changed_coupled(record, wanted, by, before, after) + _beside_modes(
             wanted, by, before, after
         )
-    if a.omega.shape != b.omega.shape or found.system.omega.shape != a.omega.shape:
+    if a.omega.shape != b.omega.shape or record.system.omega.shape != a.omega.shape:
         raise NotDifferentiableError(
             "the number of modes changes with an input: build models with as many anti-oscillators."
         )
@@ -254,30 +258,34 @@ def changed(found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after:
         "v": by.v[None],
         "B": wanted.B.T,
     }
-    here = _of_modes(found)
-    one = _of_modes(before)
-    other = _of_modes(after)
+    run_modes = _of_modes(record)
+    modes_before = _of_modes(before)
+    modes_after = _of_modes(after)
     total = 0.0
-    for group, column in _groups(found):
-        x = here["square"][group]
-        base = _krylov(here, group, column)
+    for group, column in _groups(record):
+        x = run_modes["square"][group]
+        run_basis = _krylov(run_modes, group, column)
         # the goal does not depend on the axes of a group: hence its derivatives beside X's diagonal
-        twist = np.sum([here[n][..., group].T @ slopes[n][..., group] for n in TURNING], axis=0)
-        by_matrix = (twist.T - twist) / (2 * (x[:, None] - x + np.eye(x.size)))
-        for values, sign in ((one, -1), (other, 1)):
-            turn = base @ _krylov(values, group, column).T
-            matrix = (turn * values["square"][group]) @ turn.T
+        rotation_slope = np.sum(
+            [run_modes[n][..., group].T @ slopes[n][..., group] for n in TURNING], axis=0
+        )
+        by_matrix = (rotation_slope.T - rotation_slope) / (2 * (x[:, None] - x + np.eye(x.size)))
+        for values, sign in ((modes_before, -1), (modes_after, 1)):
+            rotation = run_basis @ _krylov(values, group, column).T
+            matrix = (rotation * values["square"][group]) @ rotation.T
             total += sign * float(np.sum(by_matrix * matrix))
             for name in ("square", "decay"):
-                values[name][group] = turn**2 @ values[name][group]
+                values[name][group] = rotation**2 @ values[name][group]
             for name in TURNING:
-                values[name][..., group] = values[name][..., group] @ turn.T
-    total += sum(float(np.sum(slope * (other[n] - one[n]))) for n, slope in slopes.items())
+                values[name][..., group] = values[name][..., group] @ rotation.T
+    total += sum(
+        float(np.sum(slope * (modes_after[n] - modes_before[n]))) for n, slope in slopes.items()
+    )
     return total + _beside_modes(wanted, by, before, after)
 
 
 def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
-    """The part of `changed` due to residual compliances, gaps, friction and laws."""
+    """The part of `changed` by residual compliances, gaps, friction and laws."""
     a = before.system
     b = after.system
     pairs = [
@@ -297,9 +305,9 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
 
 
 def _of_modes(bodies: Assembly) -> dict[str, Array]:
-    """Data of each mode, copies (…, J)."""
+    """Copies (…, J) of the modal data of some bodies."""
     s = bodies.system
-    found = {
+    data = {
         "square": s.omega**2,
         "decay": s.decay,
         "beta": s.beta,
@@ -308,15 +316,15 @@ def _of_modes(bodies: Assembly) -> dict[str, Array]:
         "v": s.v[None],
         "B": bodies.B.T,
     }
-    return {name: value.copy() for name, value in found.items()}
+    return {name: value.copy() for name, value in data.items()}
 
 
-def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
-    """Groups of nearly equal frequencies of bodies of one site, and the column of the site."""
-    for name, span in found.spans.items():
-        omega = found.system.omega[span]
-        column = found.columns[name].start
-        if found.columns[name].stop != column + 1 or not omega.size:
+def _groups(record: Recorded) -> Iterator[tuple[slice, int]]:
+    """Yields (modes of nearly equal frequency, column of the site) of bodies with one site."""
+    for name, span in record.spans.items():
+        omega = record.system.omega[span]
+        column = record.columns[name].start
+        if record.columns[name].stop != column + 1 or not omega.size:
             continue
         ends = np.flatnonzero(np.diff(omega) > CLOSE * omega[:-1]) + 1
         for begin, end in zip([0, *ends], [*ends, omega.size], strict=True):
@@ -325,7 +333,7 @@ def _groups(found: Recorded) -> Iterator[tuple[slice, int]]:
 
 
 def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
-    """Orthonormal Krylov basis of the squared frequencies of a group and its site displacements."""
+    """Orthonormal Krylov basis of a group: its squared frequencies and its site displacements."""
     x = values["square"][group]
     powers = np.vander((x - x.mean()) / np.ptp(x), increasing=True).T * values["B"][column, group]
     basis, R = np.linalg.qr(powers.T)
@@ -333,7 +341,7 @@ def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
 
 
 def leading(law: ContactLaw) -> Array:
-    """The parameters by which the C library has derivatives, padded by 0."""
+    """The parameters by which the C library has derivatives, padded with 0."""
     kind, values = law.kernel[0].kind, law.parameters()  # type: ignore[attr-defined]
     count = {library.TABLE: 0, library.HERTZ: 1}.get(kind, library.LAW_SLOPES - 1)
     first = values[: min(count, len(values) - 1)]
@@ -344,11 +352,11 @@ def leading(law: ContactLaw) -> Array:
 
 
 def impact_of(hit: History) -> Impact | None:
-    """The arguments of `simulate` of a run; None for a scene."""
-    again = hit.budget.keywords["rerun"] if isinstance(hit.budget, partial) else None
-    if again is None:
+    """The arguments of the `simulate` call of a run; None for a scene."""
+    rerun = hit.budget.keywords["rerun"] if isinstance(hit.budget, partial) else None
+    if rerun is None:
         return None
-    return again.args[0]
+    return rerun.args[0]
 
 
 def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
@@ -366,7 +374,7 @@ def changed_model(
     hit: History, taken: Taken, name: str, before: AntiOscillators, after: AntiOscillators
 ) -> float:
     """First-order change of the goal from one model of the body `name` to another."""
-    return changed(*taken, *(assembly_with(hit, name, each) for each in (before, after)))
+    return changed(*taken, *(assembly_with(hit, name, model) for model in (before, after)))
 
 
 def by_springs(
@@ -374,8 +382,8 @@ def by_springs(
 ) -> None:
     """Add the effect of friction springs to the derivatives by contacts and by speeds.
 
-    The stiffness of such a spring follows from the law of its contact, how fast it closes, and the
-    patches: differences of scenes, not of runs. What is 0 is held.
+    Their stiffness follows from the contact law, the closing speed and the patches; it is
+    differenced between scenes, not runs. Parameters of value 0 are kept fixed.
     """
     if not by.friction[:, 1].any():
         return
@@ -402,7 +410,7 @@ def by_springs(
 
 
 def _with_contact(scene: SceneParts, contact: Contact, name: str, value: float) -> SceneParts:
-    """The scene with another value of a field of a contact, or of its law."""
+    """The scene with one field of a contact, or of its law, changed."""
     change: dict[str, Any] = {name: value}
     if not hasattr(contact, name):
         change = {"law": replace(contact.law, **change)}  # type: ignore[type-var]
@@ -411,16 +419,16 @@ def _with_contact(scene: SceneParts, contact: Contact, name: str, value: float) 
 
 
 def _with_speed(scene: SceneParts, name: str, speed: float) -> SceneParts:
-    """The scene with another speed of a body."""
+    """The scene with the speed of one body changed."""
     body: Any = scene.bodies[name]
     return replace(scene, bodies={**scene.bodies, name: replace(body, velocity=speed)})
 
 
 def compared_runs(hit: History) -> list[tuple[History, Turn]]:
-    """Runs whose differences show the errors of a gradient, and how each changes the model.
+    """Runs whose differences give the error bars of a gradient, and how each changes the model.
 
-    Finer steps; with these fewer anti-oscillators, the residual mass on the softest spring that it
-    may have (`antiosc.impact.truncation`), and the model corrected for its mesh.
+    Finer steps; then fewer anti-oscillators, the residual mass on its softest possible spring
+    (`antiosc.impact.truncation`), and the model corrected for its mesh.
     """
     budget = hit.budget if isinstance(hit, History) else None
     model = hit.assembly.scene.bodies.get("structure") if budget is not None else None
@@ -429,44 +437,46 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
             "bars of a gradient need a run of simulate on anti-oscillators, one or more; leave"
             " error= out."
         )
-    again = budget.keywords["rerun"]
-    known = max(hit.error.values(), default=1e-3)
-    tol = max(FINER * known, LEAST)
-    less = model.n - max(1, round(FEWER * model.n))
-    turns: list[Turn] = [lambda one: one, lambda one: one.truncated(less), softest_model]
+    rerun = budget.keywords["rerun"]
+    run_error = max(hit.error.values(), default=1e-3)
+    tol = max(FINER * run_error, LEAST)
+    fewer = model.n - max(1, round(FEWER * model.n))
+    changes: list[Turn] = [lambda one: one, lambda one: one.truncated(fewer), softest_model]
     if model.strain_error is not None:
-        turns.append(AntiOscillators.corrected)
-    return [(again(turned(model), tol), turned) for turned in turns]
+        changes.append(AntiOscillators.corrected)
+    return [(rerun(change(model), tol), change) for change in changes]
 
 
 def bar(values: Sequence[Any]) -> Any:
-    """Error bar of a derivative, from the run and from `compared_runs`, name by name.
+    """Error bar of a derivative from the run and the runs of `compared_runs`, by name.
 
-    None where it is not known: m and omega of models of other sizes are not compared.
+    None if it is unknown: m and omega of models of different sizes cannot be compared.
     """
     if isinstance(values[0], dict):
-        return {n: bar([(each or {}).get(n) for each in values]) for n in values[0]}
+        return {n: bar([(derivatives or {}).get(n) for derivatives in values]) for n in values[0]}
     base, finer, *others = (
-        None if one is None or np.shape(one) != np.shape(values[0]) else np.asarray(one)
-        for one in values
+        None
+        if derivative is None or np.shape(derivative) != np.shape(values[0])
+        else np.asarray(derivative)
+        for derivative in values
     )
     if base is None or finer is None or (others[0] is None and others[1] is None):
         return None
     weights = (TRUNCATION_SAFETY, TRUNCATION_SAFETY, SAFETY)
-    less, soft, mesh = (
-        np.zeros(np.shape(base)) if one is None else weight * abs(one - finer)
-        for weight, one in zip(weights, (*others, None)[:3], strict=True)
+    truncation, softest, mesh = (
+        np.zeros(np.shape(base)) if derivative is None else weight * abs(derivative - finer)
+        for weight, derivative in zip(weights, (*others, None)[:3], strict=True)
     )
-    total = abs(finer - base) + np.maximum(less, soft) + mesh
+    total = abs(finer - base) + np.maximum(truncation, softest) + mesh
     if np.ndim(total):
         return total
     return float(total)
 
 
-def first_order_weights(found: Recorded, weights: Array) -> Array:
-    """Readings (n, 2 I + m) in first-order modes, from those (n, 2 J + m) in free modes."""
-    first = found.system.first
-    J = found.system.omega.size
+def first_order_weights(record: Recorded, weights: Array) -> Array:
+    """Weights (n, 2 I + m) of readings for first-order modes, from (n, 2 J + m) for free modes."""
+    first = record.system.first
+    J = record.system.omega.size
     if first is None:
         return weights
     return np.hstack(
@@ -475,20 +485,20 @@ def first_order_weights(found: Recorded, weights: Array) -> Array:
 
 
 def by_coupled(
-    found: Recorded,
+    record: Recorded,
     by: Slopes,
     name: str,
     closing: float,
     change: Callable[[AntiOscillators, AntiOscillators], float],
 ) -> Values:
-    """Derivatives by the parameters of a model of one site with constant damping matrix.
+    """Derivatives by the parameters of a model of one site with a constant damping matrix.
 
-    That by `damping` is by a factor of the whole damping. None by m0 = 0 and k0 = 0, which cannot
-    decrease, and where two poles are nearly equal. `change`: that of the goal from one model to
-    another; `closing` as in `by_body`.
+    That by `damping` is by a common factor of the damping. None for m0 = 0 and k0 = 0, which cannot
+    decrease, and if two poles are nearly equal. `change` gives the change of the goal between two
+    models; `closing` as in `by_body`.
     """
-    model = found.bodies[name].body
-    if not isinstance(model, AntiOscillators) or model.sites or found.driven:
+    model = record.bodies[name].body
+    if not isinstance(model, AntiOscillators) or model.sites or record.driven:
         return {}
     result: Values = {}
     for key in ("m0", "k0", "m", "omega", "damping"):
@@ -497,10 +507,12 @@ def by_coupled(
         slopes = [_slope(model, key, share, change) for share in shares] if size.all() else [None]
         matrix = None if None in slopes else np.array(slopes, float).reshape(size.shape) / size
         result[key] = matrix if matrix is None or matrix.ndim else float(matrix)
-    at = found.places[name]
-    s = found.system.marched
-    if closing and not found.system.q[found.spans[name]].any():
-        result["initial_velocity"] = float(by.q[at] @ s.q[at] + by.v[at] @ s.v[at]) / closing
+    place = record.places[name]
+    s = record.system.marched
+    if closing and not record.system.q[record.spans[name]].any():
+        result["initial_velocity"] = (
+            float(by.q[place] @ s.q[place] + by.v[place] @ s.v[place]) / closing
+        )
     return result
 
 
@@ -510,10 +522,7 @@ def _slope(
     share: Array,
     change: Callable[[AntiOscillators, AntiOscillators], float],
 ) -> float | None:
-    """Derivative by a relative change of a parameter; `share` selects its entries.
-
-    None where two modes turn into each other at once.
-    """
+    """Derivative by a relative change of the entries `share` of a parameter; None if modes mix."""
     for step in STEPS:
         with suppress(NotDifferentiableError):
             ends = (_changed(model, name, by * share) for by in (-step, step))
@@ -522,42 +531,44 @@ def _slope(
 
 
 def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
-    """The model with a parameter changed relatively."""
-    given: Any = getattr(model, name)
-    if isinstance(given, DampingMatrix):
+    """The model with a parameter changed by a relative amount."""
+    current: Any = getattr(model, name)
+    if isinstance(current, DampingMatrix):
         root = np.sqrt(1 + by)
-        factors = [(root * L, tau) for L, tau in given.factors]
-        return replace(model, damping=from_factors(root * given.factor, factors))
-    changes: dict[str, Any] = {name: given * (1 + by)}
+        factors = [(root * L, tau) for L, tau in current.factors]
+        return replace(model, damping=from_factors(root * current.factor, factors))
+    changes: dict[str, Any] = {name: current * (1 + by)}
     return replace(model, **changes)
 
 
 def changed_coupled(
-    found: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
+    record: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
 ) -> float:
-    """First-order change of the goal due to the modes, from one set of bodies to another."""
+    """First-order change of the goal by the modes, from one set of bodies to another."""
     for bodies in (before, after):
         set_initial_forces(bodies)
-    here = _of_march(found)
-    one, other = (_as_here(here, _of_march(bodies)) for bodies in (before, after))
-    change = {n: other[n] - one[n] for n in one}
-    squares = (other["omega"] ** 2 - one["omega"] ** 2)[0]
+    run_modes = _of_march(record)
+    modes_before, modes_after = (
+        _matched(run_modes, _of_march(bodies)) for bodies in (before, after)
+    )
+    change = {n: modes_after[n] - modes_before[n] for n in modes_before}
+    squares = (modes_after["omega"] ** 2 - modes_before["omega"] ** 2)[0]
     total = float(by.square @ squares + by.decay @ change["decay"][0])
     total += float(np.sum(np.hstack([by.beta, by.gamma]) * change["beta"]))
     total += float(np.sum(by.loads * change["loads"]))
     total += float(np.append(by.q, by.v) @ change["state"][0])
     total += float(by.pressed @ (after.system.pressed - before.system.pressed))
     for (step, u, _), _, weights in wanted.readings:
-        since = u * float(found.edges[step + 1] - found.edges[step])
-        at = np.array([step]), np.array([since])
-        state = np.hstack(integrated_states(found.run, found.system, *at))[0]
-        moved = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
-        total += float(np.sum(weights * moved))
+        time_in_step = u * float(record.edges[step + 1] - record.edges[step])
+        place = np.array([step]), np.array([time_in_step])
+        state = np.hstack(integrated_states(record.run, record.system, *place))[0]
+        modal_change = np.stack([change[n] @ state for n in ("B", "V", "rigid")])
+        total += float(np.sum(weights * modal_change))
     return total
 
 
 def _of_march(bodies: Assembly) -> dict[str, Array]:
-    """Data of the integrated modes, and rows (n, I) or (n, 2 I) by which they move the sites."""
+    """Data of the integrated modes, and rows (n, I) or (n, 2 I) that map them to site motions."""
     s = bodies.system.marched
     first = bodies.system.first
     assert first is not None
@@ -575,26 +586,28 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
     }
 
 
-def _as_here(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:
-    """The `other` modes with signs matched; NotDifferentiableError if they differ in kind."""
+def _matched(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:
+    """The modes `other` with signs matched to `one`; NotDifferentiableError if they do not
+    match.
+    """
     size = one["omega"].size
     if any(one[n].shape != other[n].shape for n in one):
         raise NotDifferentiableError(
             "the number of modes of the damped bodies changes with a parameter: change its damping"
             " by a per cent."
         )
-    seen = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
+    signatures = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
     scale = np.stack([np.ones(size), one["omega"][0]])  # of a and of b
-    turn = np.where(np.sum(seen[0] * seen[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
+    signs = np.where(np.sum(signatures[0] * signatures[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
     for n in ("B", "V", "rigid", "beta", "loads", "state"):
-        other[n] = (other[n].reshape(-1, 2, size) * turn).reshape(other[n].shape)
+        other[n] = (other[n].reshape(-1, 2, size) * signs).reshape(other[n].shape)
     pairs = [(one[n], other[n]) for n in ("omega", "decay")]
     pairs.append((one["B"][:, :size], other["B"][:, :size]))
     for a, b in pairs:
-        off = np.abs(b - a) / np.maximum(
+        deviation = np.abs(b - a) / np.maximum(
             np.abs(a).max(axis=0), VISIBLE * np.abs(a).max(initial=1e-300)
         )
-        if off.max(initial=0.0) > OTHER:
+        if deviation.max(initial=0.0) > OTHER:
             raise NotDifferentiableError(
                 "two poles of the damped bodies nearly fall together: their modes turn into each"
                 " other within a small change; change the damping by a per cent."

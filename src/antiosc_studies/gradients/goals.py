@@ -1,4 +1,4 @@
-"""A run as gradients see it; goals: their values, and derivatives by what a run wrote down."""
+"""Goals of gradients: their values, and their derivatives by the recorded steps of a run."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from antiosc.impact.states import (
 
 TINY = float(np.finfo(float).tiny)
 EXACT = 'a History that simulate or Scene.run returned with method="exact"'
-#: Two peaks that differ by less, relatively, are equal: the gradient would be that of either.
+#: Two peaks that differ by less than this share are equal: their maximum has no gradient.
 EQUAL = 1e-9
-#: A peak that is smaller than the largest by less, relatively, bounds how far its gradient reaches.
+#: A second peak within this share of the largest limits the range of the largest's gradient.
 NEAR = 0.1
-#: Times of a run, besides the edges of its steps, at which the largest displacement is sought.
+#: Number of times, besides the step ends, at which the largest displacement is sought.
 TIMES = 1024
-#: Change of a sample for the derivative of a function of all, over the largest of its array.
+#: Step of a sample in the differences of a goal function, over the largest of its array.
 SAMPLE_CHANGE = 1e-6
-#: Times that the place of the largest displacement is sought, each time in a 16th of the interval.
+#: Refinements of the time of the largest displacement; each divides the interval by 16.
 REFINED = 6
 
 
 @dataclass(eq=False)
 class Recorded(Assembly):
-    """The bodies and contacts of a run, and the recorded steps."""
+    """The bodies and contacts of a run together with its recorded steps."""
 
     run: Run
 
@@ -52,7 +52,7 @@ class Recorded(Assembly):
 
     @property
     def places(self) -> dict[str, slice]:
-        """Slices of the modes of each body among the integrated modes."""
+        """Name of a body -> slice of its modes among the integrated modes."""
         first = self.system.first
         if first is None:
             return self.spans
@@ -64,13 +64,13 @@ class Recorded(Assembly):
         return bool(self.scene.loads) or self.scene.base is not None
 
     def model(self, name: str) -> AntiOscillators:
-        """The extracted model of this body; InputError for other bodies."""
+        """The extracted model of this body."""
         body = self.bodies[name].body
         assert isinstance(body, AntiOscillators)
         return body
 
     def coupled(self, name: str) -> bool:
-        """Whether damping couples the modes of the body."""
+        """Whether damping couples the modes of this body."""
         first = self.system.first
         return first is not None and first.parts[list(self.bodies).index(name)][2] is not None
 
@@ -97,7 +97,7 @@ def recorded(hit: object) -> Recorded:
             f"{next(iter(a.stretched))!r} stretched in this impact: gradients are of linear bodies;"
             " extract it with stretch=False."
         )
-    attributes = {each.name: getattr(a, each.name) for each in fields(a)}
+    attributes = {item.name: getattr(a, item.name) for item in fields(a)}
     return Recorded(**attributes | {"parts": lambda: (a.scene, a.bodies)}, run=run)
 
 
@@ -109,10 +109,10 @@ class Seeds:
     ----------
     value : the goal.
     force, time : its derivatives by the forces at the nodes, and by the times of step ends.
-    B, r : those by the displacements of the contacts and by their compliances, at a given motion.
-    readings : values of the motion that the goal contains: (step, place in the step, whether it
-        stays there), weights (2 J + m,) of q, v and the forces, and derivatives (3, P) by
-        displacement, velocity and rigid-body velocity of the columns.
+    B, r : its derivatives by the sites' mode shapes and compliances, at a fixed motion.
+    readings : values of the motion that the goal contains, each with (step, position in the step,
+        whether that position is fixed), weights (2 J + m,) of q, v and the forces, and derivatives
+        (3, P) by displacement, velocity and rigid-body velocity of the columns.
     """
 
     value: float
@@ -123,7 +123,7 @@ class Seeds:
     readings: list[tuple[tuple[int, float, int], Array, Array]] = field(default_factory=list)
 
     def arrays(self, width: int) -> tuple[NDArray[np.void], Array]:
-        """The readings as arrays of the C library, in the order of their steps."""
+        """The readings as arrays for the C library, ordered by step."""
         ordered = sorted(self.readings, key=lambda reading: reading[0][0])
         places = np.array([place for place, _, _ in ordered], dtype=library.READING)
         weights = [weight for _, weight, _ in ordered]
@@ -131,9 +131,9 @@ class Seeds:
 
 
 def seeds(
-    found: Recorded, goal: str | Callable[[Sampled], float], contact: int, time: float | None
+    record: Recorded, goal: str | Callable[[Sampled], float], contact: int, time: float | None
 ) -> Seeds:
-    """Value and derivatives of a goal by name, or of a function of a run."""
+    """Value and derivatives of a goal, given by name or as a function of a run."""
     if not callable(goal) or isinstance(goal, type):
         checks.choice("goal", goal, (*GOALS, *TIMED))
     if (goal in TIMED) != (time is not None):
@@ -141,47 +141,54 @@ def seeds(
             f"give time= [s] with the goals {' and '.join(TIMED)}, and with no other; the goal is"
             f" {checks.shown(goal)}, time = {checks.shown(time)}."
         )
-    empty = _empty_seeds(found)
+    result = _empty_seeds(record)
     if time is None:
         if callable(goal):
-            _of_function(found, contact, empty, goal)
+            _of_function(record, contact, result, goal)
         else:
-            GOALS[goal](found, contact, empty)
-        return empty
-    end = float(found.run.time[-1])
-    t = checks.number("time", time, "s")
-    if not 0 <= t <= end:
-        raise InputError(f"time must lie within the run, 0 <= time <= {end:g} s; got {t:g} s.")
-    step, since = locate(found.run, np.array([t]))
-    TIMED[str(goal)](found, contact, empty, int(step[0]), float(since[0]))
-    return empty
+            GOALS[goal](record, contact, result)
+        return result
+    end = float(record.run.time[-1])
+    instant = checks.number("time", time, "s")
+    if not 0 <= instant <= end:
+        raise InputError(
+            f"time must lie within the run, 0 <= time <= {end:g} s; got {instant:g} s."
+        )
+    step, time_in_step = locate(record.run, np.array([instant]))
+    TIMED[str(goal)](record, contact, result, int(step[0]), float(time_in_step[0]))
+    return result
 
 
-def _empty_seeds(found: Recorded) -> Seeds:
+def _empty_seeds(record: Recorded) -> Seeds:
+    """Seeds with all derivatives zero."""
     return Seeds(
         value=0.0,
-        force=np.zeros(found.run.force.shape),
-        time=np.zeros(found.edges.size),
-        B=np.zeros(found.B.shape),
-        r=np.zeros(found.r.shape),
+        force=np.zeros(record.run.force.shape),
+        time=np.zeros(record.edges.size),
+        B=np.zeros(record.B.shape),
+        r=np.zeros(record.r.shape),
     )
 
 
-def _read_force(found: Recorded, c: int, to: Seeds, step: int, since: float) -> None:
-    to.value = float(forces(found.run, np.array([step]), np.array([since]))[0, c])
-    u = since / float(found.edges[step + 1] - found.edges[step])
-    _of_force(found, c, to, step, u, stays=False)
+def _read_force(record: Recorded, c: int, to: Seeds, step: int, time_in_step: float) -> None:
+    """The goal "force": the contact force at a time."""
+    to.value = float(forces(record.run, np.array([step]), np.array([time_in_step]))[0, c])
+    u = time_in_step / float(record.edges[step + 1] - record.edges[step])
+    _add_force_reading(record, c, to, step, u, stays=False)
 
 
-def _of_force(found: Recorded, c: int, to: Seeds, step: int, u: float, stays: bool) -> None:
-    """Record a reading of the force of a contact at the position u in a step."""
-    weight = np.zeros(2 * found.system.omega.size + len(found.system.beta))
-    weight[2 * found.system.omega.size + c] = 1.0
+def _add_force_reading(
+    record: Recorded, c: int, to: Seeds, step: int, u: float, stays: bool
+) -> None:
+    """Record a reading of a contact's force at position u (0 to 1) in a step."""
+    weight = np.zeros(2 * record.system.omega.size + len(record.system.beta))
+    weight[2 * record.system.omega.size + c] = 1.0
     to.readings.append(((step, u, int(stays)), weight, np.zeros((3, len(to.r)))))
 
 
-def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
-    tops = _tops(found, c)
+def _peak_force(record: Recorded, c: int, to: Seeds) -> None:
+    """The goal "peak_force"."""
+    tops = _tops(record, c)
     if not tops.max(initial=0.0) > 0:
         raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
     k = int(np.argmax(tops))
@@ -190,54 +197,55 @@ def _peak_force(found: Recorded, c: int, to: Seeds) -> None:
             f"two peaks of {tops[k]:.6g} N are equal: their maximum has a gradient on either side"
             f" alone; change an input slightly."
         )
-    _of_peak(found, c, to, k, float(tops[k]))
+    _add_peak_reading(record, c, to, k, float(tops[k]))
 
 
-def next_peak(found: Recorded, contact: int) -> Seeds | None:
+def next_peak(record: Recorded, contact: int) -> Seeds | None:
     """The second largest peak of a contact as a goal; None if it is not near the largest."""
-    tops = _tops(found, contact)
+    tops = _tops(record, contact)
     others = _other_peaks(tops, int(np.argmax(tops)), NEAR)
     if not len(others):
         return None
     k = int(others[np.argmax(tops[others])])
-    to = _empty_seeds(found)
-    _of_peak(found, contact, to, k, float(tops[k]))
+    to = _empty_seeds(record)
+    _add_peak_reading(record, contact, to, k, float(tops[k]))
     return to
 
 
-def _tops(found: Recorded, c: int) -> Array:
+def _tops(record: Recorded, c: int) -> Array:
     """Largest force of a contact in each step."""
-    run = found.run
+    run = record.run
     steps = np.arange(run.time.size // 2)
     return library.pulses(run.time, run.force, c, np.stack([steps, steps + 1], axis=1))[:, 1]
 
 
 def _other_peaks(tops: Array, k: int, near: float) -> NDArray[np.intp]:
-    """Steps of other peaks that are smaller than that in step k by less than a share."""
+    """Steps of other peaks that are smaller than that in step k by at most the share `near`."""
     large = np.flatnonzero(tops >= (1 - near) * tops[k])
-    return large[(np.abs(large - k) > 1) & _rises(tops, large)]
+    return large[(np.abs(large - k) > 1) & _is_local_peak(tops, large)]
 
 
-def _of_peak(found: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
+def _add_peak_reading(record: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
     """Record a reading of the largest force of a contact in step k."""
-    f0, f1, f2 = found.run.force[2 * k : 2 * k + 3, c].tolist()
+    f0, f1, f2 = record.run.force[2 * k : 2 * k + 3, c].tolist()
     a = f1 - f0
     b = f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
     to.value = value
-    _of_force(found, c, to, k, u, stays=True)
+    _add_force_reading(record, c, to, k, u, stays=True)
 
 
-def _rises(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Mask of steps whose largest value is not below that of both neighbours."""
+def _is_local_peak(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Mask of steps whose largest value is not below those of both neighbours."""
     before = tops[np.maximum(steps - 1, 0)]
     after = tops[np.minimum(steps + 1, tops.size - 1)]
     return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
 
 
-def _impulse(found: Recorded, c: int, to: Seeds) -> None:
-    f = found.run.force[:, c]
-    h = np.diff(found.edges)
+def _impulse(record: Recorded, c: int, to: Seeds) -> None:
+    """The goal "impulse"."""
+    f = record.run.force[:, c]
+    h = np.diff(record.edges)
     means = (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6
     to.value = float(h @ means)
     to.force[:-2:2, c] += h / 6
@@ -247,13 +255,13 @@ def _impulse(found: Recorded, c: int, to: Seeds) -> None:
     to.time[:-1] -= means
 
 
-def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
-    """Step ends at which a contact touches and parts, and whether it parted at last."""
-    assert found.run.exits is not None
+def _touches(record: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
+    """(first, last) step ends of a contact's touches, and whether it has parted at the end."""
+    assert record.run.exits is not None
     spans: list[tuple[int, int]] = []
-    begin = 0 if found.system.pressed[c] > 0 else None  # closed at the start
+    begin = 0 if record.system.pressed[c] > 0 else None  # closed at the start
     parted = begin is None
-    for row in found.run.exits:
+    for row in record.run.exits:
         step = int(row[0])
         which = int(row[1])
         before = int(row[5])
@@ -267,17 +275,18 @@ def _touches(found: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
                 spans.append((begin, step))
             begin, parted = None, True
     if begin is not None:
-        spans.append((begin, found.edges.size - 1))
+        spans.append((begin, record.edges.size - 1))
     if not spans:
         raise NotDifferentiableError("the contact did not touch: this goal has no gradient.")
     return spans, parted
 
 
-def _contact_time(found: Recorded, c: int, to: Seeds) -> None:
-    spans, _ = _touches(found, c)
-    f = found.run.force[:, c]
-    edges = found.edges
-    h = np.diff(found.edges)
+def _contact_time(record: Recorded, c: int, to: Seeds) -> None:
+    """The goal "contact_time"."""
+    spans, _ = _touches(record, c)
+    f = record.run.force[:, c]
+    edges = record.edges
+    h = np.diff(record.edges)
     area = np.append(0.0, np.cumsum(h * (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6))
     to.value = main_contact_time(
         (float(edges[a]), float(edges[b]), float(area[b] - area[a])) for a, b in spans
@@ -290,11 +299,12 @@ def _contact_time(found: Recorded, c: int, to: Seeds) -> None:
     to.time[first] -= 1.0
 
 
-def _restitution(found: Recorded, c: int, to: Seeds) -> None:
-    spans, parted = _touches(found, c)
-    s = found.system
+def _restitution(record: Recorded, c: int, to: Seeds) -> None:
+    """The goal "restitution"."""
+    spans, parted = _touches(record, c)
+    s = record.system
     rigid = np.where(s.omega == 0, s.beta[c], 0.0)
-    states_at = found.velocities()
+    states_at = record.velocities()
     first = spans[0][0]
     last = spans[-1][1]
     closing = float(rigid @ states_at[first])
@@ -305,53 +315,57 @@ def _restitution(found: Recorded, c: int, to: Seeds) -> None:
             " each other."
         )
     to.value = -parting / closing
-    n = found.edges.size - 1
-    for edge, by in ((first, parting / closing**2), (last, -1 / closing)):
+    n = record.edges.size - 1
+    for edge, weight_of in ((first, parting / closing**2), (last, -1 / closing)):
         weight = np.zeros(2 * s.omega.size + len(s.beta))
-        weight[s.omega.size : 2 * s.omega.size] = by * rigid
+        weight[s.omega.size : 2 * s.omega.size] = weight_of * rigid
         place = (edge, 0.0, 1) if edge < n else (n - 1, 1.0, 1)
-        to.readings.append((place, weight, by * np.outer(np.eye(3)[2], found.G[c])))
-        moved = np.where(s.omega == 0, by * states_at[edge], 0.0)
-        to.B += np.outer(moved, found.G[c])
+        to.readings.append((place, weight, weight_of * np.outer(np.eye(3)[2], record.G[c])))
+        rigid_motion = np.where(s.omega == 0, weight_of * states_at[edge], 0.0)
+        to.B += np.outer(rigid_motion, record.G[c])
 
 
-def _side(found: Recorded, c: int, end: int = 0) -> Array:
-    """Weights (P,) of the columns for the displacement of an end along the force on the first."""
-    contact = found.scene.contacts[c]
-    columns = found.columns[(contact.b if end else contact.a).partition(":")[0]]
-    own = np.zeros(found.G.shape[1])
-    own[columns] = (1 if end else -1) * found.G[c, columns]
-    return own
+def _side(record: Recorded, c: int, end: int = 0) -> Array:
+    """Weights (P,) of the columns for the displacement of an end along the force on the first
+    end.
+    """
+    contact = record.scene.contacts[c]
+    columns = record.columns[(contact.b if end else contact.a).partition(":")[0]]
+    weights = np.zeros(record.G.shape[1])
+    weights[columns] = (1 if end else -1) * record.G[c, columns]
+    return weights
 
 
-def _read_displacement(found: Recorded, c: int, to: Seeds, step: int, since: float) -> None:
-    s = found.system
-    columns = _side(found, c)
-    at = np.array([step]), np.array([since])
-    q, _ = states(found.run, s, *at)
-    pushed = -(forces(found.run, *at)[0] @ found.G)
-    u = since / float(found.edges[step + 1] - found.edges[step])
-    to.value = float(q[0] @ found.B @ columns + pushed @ found.r @ columns)
+def _read_displacement(record: Recorded, c: int, to: Seeds, step: int, time_in_step: float) -> None:
+    """The goal "displacement": that of the first end at a time."""
+    s = record.system
+    columns = _side(record, c)
+    place = np.array([step]), np.array([time_in_step])
+    q, _ = states(record.run, s, *place)
+    site_forces = -(forces(record.run, *place)[0] @ record.G)
+    u = time_in_step / float(record.edges[step + 1] - record.edges[step])
+    to.value = float(q[0] @ record.B @ columns + site_forces @ record.r @ columns)
     weight = np.concatenate(
-        (found.B @ columns, np.zeros(s.omega.size), -(found.G @ found.r @ columns))
+        (record.B @ columns, np.zeros(s.omega.size), -(record.G @ record.r @ columns))
     )
     to.readings.append(((step, u, 0), weight, np.outer(np.eye(3)[0], columns)))
     to.B += np.outer(q[0], columns)
-    to.r += np.outer(pushed, columns)
+    to.r += np.outer(site_forces, columns)
 
 
-def _peak_displacement(found: Recorded, c: int, to: Seeds) -> None:
-    edges = found.edges
-    columns = _side(found, c)
+def _peak_displacement(record: Recorded, c: int, to: Seeds) -> None:
+    """The goal "peak_displacement"."""
+    edges = record.edges
+    columns = _side(record, c)
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
     for _ in range(REFINED):
-        step, since = locate(found.run, t)
-        q, _ = states(found.run, found.system, step, since)
-        pushed = -(forces(found.run, step, since) @ found.G)
-        best = int(np.argmax(np.abs(q @ (found.B @ columns) + pushed @ (found.r @ columns))))
-        where = int(step[best]), float(since[best])
+        step, time_in_step = locate(record.run, t)
+        q, _ = states(record.run, record.system, step, time_in_step)
+        site_forces = -(forces(record.run, step, time_in_step) @ record.G)
+        best = int(np.argmax(np.abs(q @ (record.B @ columns) + site_forces @ (record.r @ columns))))
+        peak_place = int(step[best]), float(time_in_step[best])
         t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 33)
-    _read_displacement(found, c, to, *where)
+    _read_displacement(record, c, to, *peak_place)
     if to.value < 0:
         to.value = -to.value
         to.B, to.r = -to.B, -to.r
@@ -365,8 +379,9 @@ class Sampled:
     Attributes
     ----------
     time : [s]; force : of the contact [N].
-    displacement, velocity : of the first end of the contact, along it [m], [m/s] (of `simulate` the
-        structure's site; the velocity without the residual compliance).
+    displacement, velocity : of the first end of the contact, along it [m], [m/s]: for `simulate`
+    the
+        structure's site; the velocity is without the residual compliance.
     impactor_displacement, impactor_velocity : the same of the second end.
     """
 
@@ -378,26 +393,28 @@ class Sampled:
     impactor_velocity: Array
 
 
-def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
-    """Fill `to` for a goal function of samples, by finite differences of each."""
-    s = found.system
-    run = found.run
-    J = found.system.omega.size
-    n = found.edges.size - 1
+def _of_function(record: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
+    """Fill `to` for a goal function, by finite differences of its samples."""
+    s = record.system
+    run = record.run
+    J = record.system.omega.size
+    n = record.edges.size - 1
     step = np.minimum(np.arange(2 * n + 1) // 2, n - 1)
     u = 0.5 * (np.arange(2 * n + 1) - 2 * step)
-    since = u * np.diff(found.edges)[step]
-    q, v = states(run, s, step, since)
-    push = -(forces(run, step, since) @ found.G)
-    first = _side(found, c)
-    second = _side(found, c, 1)
-    arrays: dict[str, Array] = {"force": forces(run, step, since)[:, c]}
+    time_in_step = u * np.diff(record.edges)[step]
+    q, v = states(run, s, step, time_in_step)
+    site_forces = -(forces(run, step, time_in_step) @ record.G)
+    first = _side(record, c)
+    second = _side(record, c, 1)
+    arrays: dict[str, Array] = {"force": forces(run, step, time_in_step)[:, c]}
     for name, body in (("", first), ("impactor_", second)):
-        arrays[f"{name}displacement"] = np.asarray(q @ (found.B @ body) + push @ (found.r @ body))
-        arrays[f"{name}velocity"] = np.asarray(v @ (found.B @ body))
+        arrays[f"{name}displacement"] = np.asarray(
+            q @ (record.B @ body) + site_forces @ (record.r @ body)
+        )
+        arrays[f"{name}velocity"] = np.asarray(v @ (record.B @ body))
     to.value = _number(goal, run.time, arrays)
     weights = np.zeros((2 * n + 1, 2 * J + len(s.beta)))
-    sites = np.zeros((2 * n + 1, 3, found.G.shape[1]))
+    sites = np.zeros((2 * n + 1, 3, record.G.shape[1]))
     for name in arrays:
         slope = _slopes(goal, run.time, arrays, name)
         if name == "force":
@@ -405,19 +422,19 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
             continue
         body = second if name.startswith("impactor") else first
         if name.endswith("velocity"):
-            weights[:, J : 2 * J] += np.outer(slope, found.B @ body)
+            weights[:, J : 2 * J] += np.outer(slope, record.B @ body)
             sites[:, 1] += np.outer(slope, body)
             to.B += np.outer(slope @ v, body)
         else:
-            weights[:, :J] += np.outer(slope, found.B @ body)
+            weights[:, :J] += np.outer(slope, record.B @ body)
             sites[:, 0] += np.outer(slope, body)
-            weights[:, 2 * J :] -= np.outer(slope, found.G @ found.r @ body)
+            weights[:, 2 * J :] -= np.outer(slope, record.G @ record.r @ body)
             to.B += np.outer(slope @ q, body)
-            to.r += np.outer(slope @ push, body)
+            to.r += np.outer(slope @ site_forces, body)
     assert run.exits is not None
-    # where a contact changes, a sample has a slope before and one after, and stands for both sides
+    # where a contact changes, a sample's slopes before and after differ: it counts for both sides
     before = np.zeros(2 * n + 1)
-    h = np.diff(found.edges)
+    h = np.diff(record.edges)
     bends = np.unique(run.exits[:, 0].astype(int))
     bends = bends[(bends > 0) & (bends < n)]
     before[2 * bends] = h[bends - 1] / np.maximum(h[bends - 1] + h[bends], TINY)
@@ -431,6 +448,7 @@ def _of_function(found: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], f
 
 
 def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:
+    """The value of a goal function."""
     run = Sampled(time=time, **arrays)
     try:
         value = goal(run)
@@ -463,7 +481,7 @@ def _slopes(
 def _reads(
     goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
 ) -> bool:
-    """Whether the goal depends on an array."""
+    """Whether the goal function uses an array."""
     taken: set[str] = set()
 
     class Watched(Sampled):

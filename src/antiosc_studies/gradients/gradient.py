@@ -1,4 +1,4 @@
-"""`gradient`: the derivatives of a result by everything that an impact is made of."""
+"""`gradient`: the derivatives of a result by all parameters of an impact."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ from antiosc_studies.gradients.of_run import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Relative change of a law's field by which its parameters are derived.
+#: Relative step of a law's field in differences of its parameters.
 CHANGE = 1e-6
-#: What a gradient has derivatives by.
+#: Attributes of a gradient that hold derivatives.
 _PARTS = ("bodies", "contacts")
 
 
@@ -63,15 +63,14 @@ class Gradient(Completed):
     contacts : dict
         Ends (a, b) of a contact -> {parameter of its law, or gap: derivative}.
     error : Gradient or None
-        The bars of all these numbers, >= 0; None: not asked for, or not known.
+        The error bars of all these numbers, >= 0; None: not requested, or unknown.
     reach : Gradient or None
-        Of "peak_force" with a second peak that is less than 10 % smaller, `reach.value`: by the
-        same names the change of each parameter alone, with its sign, at which the second peak
-        becomes the largest, to first order. Beyond it the derivative is that of the second peak.
-        None: there is no such peak.
+        For "peak_force", if there is a second peak (`reach.value`) less than 10 % smaller: by the
+        same names, the signed change of each parameter alone at which, to first order, the second
+        peak becomes the largest. Beyond it the derivative is that of the second peak.
 
-    A derivative has the unit of the goal over that of the parameter. None: there is none, as by m0
-    where the site has no mass.
+    A derivative has the unit of the goal over that of the parameter; None if it does not exist, as
+    by m0 if the site has no mass.
     """
 
     goal: str
@@ -89,9 +88,10 @@ class Gradient(Completed):
         if len(holders) == 1:
             return holders[0][name]
         known = sorted({n for each in parts for n in each})
-        why = "several bodies or contacts have it" if holders else "there is no such parameter"
+        reason = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
-            f"the gradient has no {name}: {why}; take it from bodies[name] or contacts[a, b], which"
+            f"the gradient has no {name}: {reason}; take it from bodies[name] or contacts[a, "
+            "b], which"
             f" have {', '.join(known)}."
         )
 
@@ -110,12 +110,15 @@ class Gradient(Completed):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The derivatives by single numbers as bars; with `path` the picture is written.
 
-        Each bar is in the unit of the goal over that of its parameter, on a scale that is
-        logarithmic on both sides of zero.
+        A bar has the unit of the goal over that of its parameter; the scale is logarithmic on both
+        sides of zero.
         """
         parts = [*self.contacts.values(), *self.bodies.values()]
         single = [
-            (n, v) for own in parts for n, v in own.items() if v is not None and not np.ndim(v)
+            (n, v)
+            for values_of_part in parts
+            for n, v in values_of_part.items()
+            if v is not None and not np.ndim(v)
         ]
         if not single:
             raise InputError("the gradient has no derivative by a single number to be drawn.")
@@ -144,7 +147,7 @@ class Gradient(Completed):
 
 
 class GradientNameError(InputError, AttributeError):
-    """A gradient has no such parameter, or several of this name."""
+    """A gradient has no parameter of this name, or several."""
 
 
 def gradient(
@@ -159,9 +162,9 @@ def gradient(
 ) -> Gradient:
     """Derivatives of a result by masses, speeds, stiffnesses, gaps and the model's parameters.
 
-    They are those of the steps that the run took (a discrete adjoint: one pass back over the run
-    gives all of them), through touches, releases and the turning points of laws with memory. They
-    converge with `tol` as the result does.
+    They are the exact derivatives of the run's steps (a discrete adjoint: one backward pass gives
+    all of them), through touches, releases and the turning points of laws with memory. They
+    converge with `tol` like the result.
 
     Parameters
     ----------
@@ -170,29 +173,30 @@ def gradient(
     goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
         [m] of the first end of the contact (the structure of `simulate`); "force" [N] and
-        "displacement" [m] of that end at a `time`. Or a function of what the run has at its nodes,
-        arrays `time`, `force`, `displacement`, `velocity`, `impactor_displacement` and
-        `impactor_velocity` (`Sampled`), that returns a number: it is called some 1e4 times.
+        "displacement" [m] of that end at a `time`. Or a function that returns a number from the
+        run's values at its nodes, the arrays `time`, `force`, `displacement`, `velocity`,
+        `impactor_displacement` and `impactor_velocity` of a `Sampled`; it is called some 1e4 times.
     contact : (str, str), optional
-        Ends of the contact, where a scene has several.
+        Ends of the contact, if a scene has several.
     time : float, optional
-        [s], of the goals "force" and "displacement".
+        Time [s] of the goals "force" and "displacement".
     part : Structure or callable, optional
-        From which the model was extracted: `g.E`, `g.nu`, `g.rho`, `g.thickness` and the other
-        numbers of its material and of a beam's section; of a laminate's layers arrays `thickness`
-        and `angle` [1/degree]. Of several materials they are {group: derivative}. The Krylov
-        recurrence of a part on supports runs again in twice as many vectors, which one further
-        extraction finds; otherwise the shapes of the model are held. Or a function of `x` (n,)
-        that builds the structure, or its model: `g.x` (n,), by whatever x changes, nodes included,
-        with two extractions for each of its entries. The law of the contact stays, and of a
-        structure the place of the site and the radius of its patch.
+        A structure from which the model was extracted: adds `g.E`, `g.nu`, `g.rho`, `g.thickness`
+        and derivatives by the other numbers of its material and of a beam's section; for a
+        laminate's layers arrays `thickness` and `angle` [1/degree]; for several materials {group:
+        derivative}. For a part on supports the Krylov recurrence is repeated with twice as many
+        vectors (one more extraction); otherwise the shapes of the model are kept. Or a function of
+        `x` (n,) that builds the structure or its model: adds `g.x` (n,), by anything that x
+        changes, including nodes, with two extractions for each entry of x. The contact law is kept,
+        and so are a structure's site and patch radius.
     x : array_like, shape (n,), optional
-        Where `part` is a function.
+        The argument of `part`, if that is a function.
     error : "estimate", optional
-        `g.error` has the bars of all derivatives by the same names, in their units: what changes
-        with finer steps; twice what changes with a quarter of the anti-oscillators less, or with
-        the residual mass on a spring; and, of a model extracted with error="estimate", twice what
-        changes with its `corrected()`. Three or four more runs, of `simulate` alone.
+        Adds `g.error`, the error bars of all derivatives by the same names and in their units. A
+        bar is the sum of the change by finer steps; twice the change by a quarter fewer
+        anti-oscillators, or by the residual mass on a spring; and, for a model extracted with
+        error="estimate", twice the change by its `corrected()`. It takes three or four more runs,
+        and works for runs of `simulate` only.
 
     Returns
     -------
@@ -203,32 +207,34 @@ def gradient(
     Raises
     ------
     InputError
-        For a history without its run, an unknown goal, laws made elsewhere, and a part that is not
-        that of the model.
+        For a history without its run, an unknown goal, a user-defined law, and a part that the
+        model does not come from.
     NotDifferentiableError
-        Where the result has no derivative: two equal peaks, a contact that grazes, or none.
+        If the result has no derivative: two equal peaks, a grazing contact, or no contact.
     """
     if error is not None:
         checks.choice("error", error, ("estimate",))
     if x is not None and (part is None or not callable(part)):
         raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
-    runs = [(hit, lambda one: one), *(compared_runs(hit) if error is not None else ())]
-    taken = [derived(each, goal, contact, time) for each, _ in runs]
+    runs = [(hit, lambda run_of: run_of), *(compared_runs(hit) if error is not None else ())]
+    taken = [derived(run, goal, contact, time) for run, _ in runs]
     second = second_peak(taken[0][0], contact) if goal == "peak_force" else None
     if second is not None:
         taken = [*taken, second]
         runs = [*runs, runs[0]]
-    bodies = [_bodies(one, *each) for (one, _), each in zip(runs, taken, strict=True)]
+    bodies = [_bodies(run_of, *run) for (run_of, _), run in zip(runs, taken, strict=True)]
     if part is not None:
         body = model_name(taken[0][0])
         models = [turned for _, turned in runs]
-        for own, values in zip(bodies, _of_part(hit, taken, models, body, part, x), strict=True):
-            own[body] = own.get(body, {}) | values
+        for body_values, values in zip(
+            bodies, _of_part(hit, taken, models, body, part, x), strict=True
+        ):
+            body_values[body] = body_values.get(body, {}) | values
     all_of = []
-    for (one, _), own, (found, wanted, slopes) in zip(runs, bodies, taken, strict=True):
-        contacts = _contacts(found, settled(found, slopes))
-        by_springs(one, slopes, own, contacts)
-        all_of.append(Gradient(shown_goal(goal), wanted.value, own, contacts))
+    for (run_of, _), body_values, (record, wanted, slopes) in zip(runs, bodies, taken, strict=True):
+        contacts = _contacts(record, settled(record, slopes))
+        by_springs(run_of, slopes, body_values, contacts)
+        all_of.append(Gradient(shown_goal(goal), wanted.value, body_values, contacts))
     reach = None if second is None else overtaken(all_of[0], all_of.pop())
     return replace(all_of[0], error=None if error is None else bars(all_of), reach=reach)
 
@@ -252,18 +258,20 @@ def overtaken(largest: Gradient, second: Gradient) -> Gradient:
     return Gradient(second.goal, second.value, bodies, contacts)
 
 
-def bars(found: list[Gradient]) -> Gradient:
-    """The error bars of the first derivatives; the others are those of `compared_runs`."""
+def bars(gradients: list[Gradient]) -> Gradient:
+    """The error bars of the first gradient; the others are those of `compared_runs`."""
     value, bodies, contacts = (
-        bar([getattr(each, name) for each in found]) for name in ("value", *_PARTS)
+        bar([getattr(gradient, name) for gradient in gradients]) for name in ("value", *_PARTS)
     )
-    return Gradient(found[0].goal, value, bodies, contacts)
+    return Gradient(gradients[0].goal, value, bodies, contacts)
 
 
 def _of_part(
     hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
-    """Derivatives by the parameters of a part, or by arguments x of a function that builds it."""
+    """Derivatives by the parameters of a part, or by the argument x of a function that builds
+    it.
+    """
     from antiosc.extension import checked_shapes  # loads dolfinx
     from antiosc_studies.gradients.of_part import (
         SAME_PART,
@@ -276,7 +284,7 @@ def _of_part(
         recurrence,
     )
 
-    bodies = [found.model(name) for found, _, _ in taken]
+    bodies = [record.model(name) for record, _, _ in taken]
     if isinstance(part, Structure):
         checked_shapes(part, hit, name, SAME_PART)
         chains = {
@@ -284,19 +292,19 @@ def _of_part(
             for k, body in enumerate(bodies)
             if body.shapes is not None
         }
-        still = chains and not any(each and each.motions for each in chains.values())
-        near = recurrence(bodies[0], part) if still else None
+        kept_shapes = chains and not any(end and end.motions for end in chains.values())
+        near = recurrence(bodies[0], part) if kept_shapes else None
 
         def change(which: int, *ends: Structure) -> float:
-            one = chains[which]
+            chain_of = chains[which]
             body = bodies[which]
-            if one is None:
-                made = [held(body, each) for each in ends]
+            if chain_of is None:
+                made = [held(body, end) for end in ends]
             elif near is None:
-                return one.change(*ends)
+                return chain_of.change(*ends)
             else:
-                made = [models[which](each) for each in near(*ends)]
-            share = 1.0 if one is None else SHRUNK
+                made = [models[which](end) for end in near(*ends)]
+            share = 1.0 if chain_of is None else SHRUNK
             return changed_model(hit, taken[which], name, *made) / share
 
         to = {which: partial(change, which) for which in chains}
@@ -312,39 +320,40 @@ def _of_part(
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
-def _bodies(hit: Any, found: Recorded, wanted: Seeds, slopes: adjoint.Slopes) -> dict[str, Values]:
-    """Derivatives by the parameters of bodies of one site; none if loads or ground motion act."""
+def _bodies(hit: Any, record: Recorded, wanted: Seeds, slopes: adjoint.Slopes) -> dict[str, Values]:
+    """Derivatives by the parameters of bodies with one site; empty under loads or ground motion."""
     result: dict[str, Values] = {}
-    for name, body in found.bodies.items():
-        if found.coupled(name):
-            closing = _closing(found, name)
-            change = partial(changed_model, hit, (found, wanted, slopes), name)
-            own = by_coupled(found, slopes, name, closing, change)
-            if own:
-                result[name] = own
+    for name, body in record.bodies.items():
+        if record.coupled(name):
+            closing = _closing(record, name)
+            change = partial(changed_model, hit, (record, wanted, slopes), name)
+            values = by_coupled(record, slopes, name, closing, change)
+            if values:
+                result[name] = values
             continue
-        by = by_modes(found, wanted, settled(found, slopes), name)
+        by = by_modes(record, wanted, settled(record, slopes), name)
         if by is not None:
-            result[name] = by_body(body.body, by, _closing(found, name))
+            result[name] = by_body(body.body, by, _closing(record, name))
     return result
 
 
-def _closing(found: Recorded, name: str) -> float:
-    """Closing speed [m/s] of a body of one site at the start."""
-    span = found.spans[name]
-    touching = found.G[:, found.columns[name].start] != 0
-    rows = found.system.beta[touching][:, span]
+def _closing(record: Recorded, name: str) -> float:
+    """Initial closing speed [m/s] of a body with one site."""
+    span = record.spans[name]
+    touching = record.G[:, record.columns[name].start] != 0
+    rows = record.system.beta[touching][:, span]
     if len(rows):
-        return float(rows[0] @ found.system.v[span])
+        return float(rows[0] @ record.system.v[span])
     return 0.0
 
 
-def _contacts(found: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str], Values]:
+def _contacts(record: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str], Values]:
+    """Derivatives by the parameters of each contact."""
     result: dict[tuple[str, str], Values] = {}
-    for c, (pair, law) in enumerate(zip(contact_ends(found), found.laws, strict=True)):
+    for c, (pair, law) in enumerate(zip(contact_ends(record), record.laws, strict=True)):
         values = _by_law(law, slopes.laws[c])
         values["gap"] = float(slopes.offsets[:, c].sum())
-        if found.system.tangents[c, 1] > 0:
+        if record.system.tangents[c, 1] > 0:
             values["friction"] = float(slopes.friction[c, 0])
         result[pair] = values
     return result

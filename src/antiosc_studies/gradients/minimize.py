@@ -1,4 +1,4 @@
-"""`minimize`: inputs of an impact for which a result is least, by SciPy's optimizer."""
+"""`minimize`: inputs of an impact that minimise a result, by SciPy's optimizer."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from antiosc_studies.gradients.of_run import derived
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Change of an input, over its scale, by which the bodies are made anew for a derivative.
+#: Relative step of an input in differences of the bodies.
 CHANGE = 1e-4
-#: Relative error of the forces of a run, and change of the goal at which the search ends.
+#: Error tolerance of the runs; relative change of the goal at which the search ends.
 TOL, ENOUGH = 1e-5, 1e-7
 MOST_STEPS = 100  # the quick tests need 7 at most
-#: What `build` returns, in this order.
+#: The values that `build` returns, in this order.
 ARGUMENTS = ("model", "impactor", "contact", "duration")
 
 
@@ -41,9 +41,9 @@ class Optimum(Result):
 
     Attributes
     ----------
-    x : (n,) the inputs; value : of the goal there; hit : the run with them.
-    runs : impacts that were simulated.
-    converged : whether the optimizer reached its tolerance; message : in its words.
+    x : (n,) the inputs; value : the goal there; hit : the run with them.
+    runs : number of impacts that were simulated.
+    converged : whether the optimizer reached its tolerance; message : from the optimizer.
     """
 
     x: Array
@@ -75,10 +75,10 @@ def minimize(
     constraints: Any = (),
     tol: float = ENOUGH,
 ) -> Optimum:
-    """Inputs for which a result of an impact is minimal.
+    """Inputs of an impact that minimise a result.
 
-    SciPy's sequential quadratic programming, with gradients: that of the run is exact
-    (`gradient`), and the bodies are made anew, but not simulated, at a small change of each input.
+    SciPy's sequential quadratic programming with gradients: the derivative of the run is exact
+    (`gradient`); the bodies are built, but not simulated, at a small change of each input.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ def minimize(
         As of `gradient`: "peak_force", "impulse", "contact_time", "restitution",
         "peak_displacement", or a function of the run.
     x0 : array_like, shape (n,)
-        Where the search begins; its sizes are the scales of the inputs.
+        Start of the search; the magnitudes of its entries are the scales of the inputs.
     bounds : sequence of (low, high), optional
         None: no bound.
     constraints : dict or sequence of dict, optional
         As of `scipy.optimize.minimize`: {"type": "ineq", "fun": f} for f(x) >= 0, "eq" for = 0.
     tol : float
-        Change of the goal, over its first value, at which the search ends; a peak force of several
-        sub-impacts has many small hollows, for which 1e-2 saves most of the runs.
+        Change of the goal, over its first value, at which the search ends. The peak force of
+        several sub-impacts has many shallow local minima, for which 1e-2 saves most of the runs.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def minimize(
     InputError
         For input that breaks a rule, and what `simulate` and `gradient` refuse.
     NotDifferentiableError
-        Where the search meets inputs at which the result has no derivative.
+        If the search meets inputs at which the result has no derivative.
     """
     from scipy import optimize  # loaded where it is used: it takes long
 
@@ -121,7 +121,7 @@ def minimize(
     search = _Search(build, goal, scale)
     limits = _scaled(bounds, start, scale)
     listed = constraints if isinstance(constraints, list | tuple) else [constraints]
-    rules = [_rule(each, scale) for each in listed]
+    rules = [_rule(constraint, scale) for constraint in listed]
     first = abs(search.value(start / scale)) or 1.0
     optimum = optimize.minimize(
         lambda y: search.value(y) / first,
@@ -140,7 +140,7 @@ def minimize(
 
 
 class _Search:
-    """The last run, kept for the value and the derivatives at the same inputs."""
+    """Values and derivatives of the goal at scaled inputs; the last run is kept for both."""
 
     def __init__(self, build: Callable[[Array], Sequence[Any]], goal: Any, scale: Array) -> None:
         self.build = build
@@ -152,9 +152,9 @@ class _Search:
     def value(self, y: Array) -> float:
         """The goal at scaled inputs."""
         if not np.array_equal(y, self.at):
-            self.hit = simulate(*self._made(y), tol=TOL)
+            self.hit = simulate(*self._arguments(y), tol=TOL)
             self.at, self.runs = np.array(y), self.runs + 1
-            self.found, self.wanted, self.by = derived(self.hit, self.goal)
+            self.record, self.wanted, self.by = derived(self.hit, self.goal)
         return self.wanted.value
 
     def slopes(self, y: Array) -> Array:
@@ -166,11 +166,12 @@ class _Search:
             for sign in (-1, 1):
                 other = np.array(y)
                 other[i] += sign * CHANGE
-                ends.append(assemble_pair(Impact(*self._made(other))))
-            slopes[i] = changed(self.found, self.wanted, self.by, *ends) / (2 * CHANGE)
+                ends.append(assemble_pair(Impact(*self._arguments(other))))
+            slopes[i] = changed(self.record, self.wanted, self.by, *ends) / (2 * CHANGE)
         return slopes
 
-    def _made(self, y: Array) -> tuple[Any, ...]:
+    def _arguments(self, y: Array) -> tuple[Any, ...]:
+        """The arguments of `simulate` at scaled inputs."""
         made = self.build(y * self.scale)
         if not isinstance(made, tuple | list) or len(made) != len(ARGUMENTS):
             raise InputError(
@@ -209,9 +210,9 @@ def _rule(rule: Any, scale: Array) -> dict[str, Any]:
             'a constraint must be {"type": "eq" or "ineq", "fun": f}, a function of x that is 0 or'
             f" >= 0; got {checks.shown(rule)}."
         )
-    of = checks.function("fun of a constraint", rule["fun"], "a function of x", 1)
+    function = checks.function("fun of a constraint", rule["fun"], "a function of x", 1)
 
     def scaled(y: Array) -> Array:
-        return np.atleast_1d(checks.array("what a constraint returns", of(y * scale), None))
+        return np.atleast_1d(checks.array("what a constraint returns", function(y * scale), None))
 
     return {"type": rule["type"], "fun": scaled}

@@ -1,12 +1,13 @@
-"""From derivatives by a reduced model's matrices to those by what its part is made of.
+"""From derivatives by a reduced model's matrices to derivatives by the part's parameters.
 
-The matrices of the model are those of the part on its shapes V, K_red = V'KV and M_red = V'MV.
-With the shapes held, a parameter p of the part changes them by V'(dK/dp)V and V'(dM/dp)V, to first
-order in the error of the shapes: no solve, and products with two assembled matrices a parameter.
+The matrices of the model are those of the part on its shapes V, K_red = V'KV and M_red = V'MV. With
+fixed shapes a parameter p of the part changes them by V'(dK/dp)V and V'(dM/dp)V, to first order in
+the error of the shapes. This takes no solve, only products with two assembled matrices for each
+parameter.
 
-`design_map`: the same cell by cell. A cell's share in V'(dK/dp)V is an energy of its own. The
-derivatives by K_red are a quadratic form of the shapes; in its principal shapes, those with the
-largest shares first, few energies do.
+`design_map` does the same for each cell. The contribution of a cell to V'(dK/dp)V is an energy of
+the cell. The derivatives by K_red are a quadratic form of the shapes; in its principal axes a few
+shapes suffice.
 """
 
 from __future__ import annotations
@@ -43,40 +44,41 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Relative change of a parameter on either side; that of an angle, degrees; of what is extracted
-#: anew: frequencies of neighbouring modes bend with it, and an extraction rounds at some 1e-8.
+#: Relative step of a parameter; step of an angle in degrees; relative step where a model is
+#: extracted again: frequencies of close modes are curved functions of it, and extractions round at
+#: some 1e-8.
 CHANGE = 1e-3
 TURN = 0.05
 SMALL = 1e-4
-#: Ratios of stiffness and of mass of a part and of a model from which it is not that of the model.
+#: Largest ratios of stiffness and of mass of a part and a model that belong to each other.
 SAME_PART = 1 + 1e-4, 1 + 1e-4
-#: Inputs below this have no scale of their own.
+#: Inputs below this are changed by an absolute step.
 LEAST = 1e-200
-#: Largest relative difference of the static mass of models that `build` gives beside x.
+#: Largest relative difference of the static mass of models that `build` returns close to x.
 SAME_MODEL = 1e-2
-#: Largest relative difference of the frequencies of a model and of its recurrence that ran again:
-#: 1e-7 at a site that sees all modes. On the symmetry plane of a bar, where modes that it does not
-#: see grow from rounding, 2e-3, and derivatives of the highest frequencies off by their value.
+#: Largest relative difference between the frequencies of a model and of its repeated recurrence. It
+#: is 1e-7 at a site that excites all modes. On the symmetry plane of a bar, where unexcited modes
+#: grow from rounding, it is 2e-3, and derivatives of the highest frequencies have errors of 100 %.
 SAME_STEPS = 1e-5
-#: Numbers of materials, sections and layers that are no parameters of K and M.
+#: Numbers of materials, sections and layers on which K and M do not depend.
 IDLE = {"loss", "yield_strength", "yield_range", "rate", "outline"}
-#: Numbers of the layers of a laminate that are designed; the others are those of its materials.
+#: Numbers of a laminate's layers that are design parameters; the others belong to its materials.
 OF_LAYERS = {"thickness", "angle"}
 
-#: How near to a part the models on either side are made, over `CHANGE` (an extraction in so few
-#: shapes rounds less); a share in Z from which a mode is kept: all are.
+#: Step of the models over `CHANGE` (an extraction in few shapes has small rounding errors);
+#: tolerance of an extraction that keeps all modes.
 SHRUNK, EVERY = 0.1, 1e-30
 
-#: The models of two parts.
+#: A function that gives the models of two parts.
 Ends = Callable[[Structure, Structure], list[AntiOscillators]]
-#: The change of a goal between two parts, to first order.
+#: A function that gives the first-order change of a goal between two parts.
 Slope = Callable[[Structure, Structure], float]
-#: Units of what a map is by.
+#: Parameters of a design map, and their units.
 BY = {"thickness": "m", "E": "Pa", "rho": "kg/m³"}
-#: Degree of the quadrature of energies in cells: that of the strains of cubics, with which
-#: those of their motions are off by some 1e-4.
+#: Quadrature degree of energies in cells: exact for strains of cubic elements; kinetic energies of
+#: these then have errors of some 1e-4.
 DEGREE = 4
-#: Share of the principal shapes that are left out, of the sum of all: shares of either sign cancel.
+#: Largest sum of the shares of neglected principal shapes over the sum of all shares' magnitudes.
 LEFT_OUT = 1e-6
 
 
@@ -84,10 +86,10 @@ LEFT_OUT = 1e-6
 class Chain:
     """The derivatives of a goal by the matrices of a part on the shapes (rows, C) of its model.
 
-    by, reduced : derivatives by V'KV and V'MV, and these (C, C).
-    by_local : by the half-space compliance of the site's patch.
-    motions : pairs of derivatives (C,) by momenta of the shapes, and the rigid motion (6,) that has
-        them: at the start, and of gravity.
+    by, reduced : derivatives by V'KV and V'MV, and these matrices (C, C).
+    by_local : derivative by the half-space compliance of the site's patch.
+    motions : pairs of derivatives (C,) by momenta of the shapes, and the rigid motion (6,) with
+    these momenta: at the start, and of gravity.
     """
 
     model: AntiOscillators
@@ -98,7 +100,7 @@ class Chain:
     motions: list[tuple[Array, Array]]
 
     def change(self, lower: Structure, upper: Structure) -> float:
-        """The change of the goal from one part to another, to first order."""
+        """First-order change of the goal from one part to another."""
         total = sum(
             sign * float(np.sum(by * dot(end.comm, self.shapes, multiply(matrix, self.shapes))))
             for sign, end in ((-1, lower), (1, upper))
@@ -118,10 +120,10 @@ class Chain:
 
 
 def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
-    """The derivatives by the matrices of the part of a model with shapes.
+    """The derivatives by the matrices of a model's part on its shapes.
 
-    Its coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
-    that beside it.
+    The coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
+    relative to it.
     """
     assert model.shapes is not None
     beside = np.eye(model.n + 1)
@@ -138,22 +140,22 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     K = np.diag(np.append(model.k0, model.k))
     M = np.diag(np.append(model.m_st, model.m))
     M[0, 1:] = M[1:, 0] = model.m
-    of_shapes = ByMatrices(*(beside @ each @ beside.T for each in by_matrices(model, by)))
+    of_shapes = ByMatrices(*(beside @ matrix @ beside.T for matrix in by_matrices(model, by)))
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
-def part_chain(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> Chain:
-    """The derivatives by the matrices of the part of a model in a run."""
-    by = by_modes(found, wanted, slopes, name)
+def part_chain(record: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> Chain:
+    """The derivatives by the matrices of the part of a run's model."""
+    by = by_modes(record, wanted, slopes, name)
     if by is None:
         raise InputError(
             "derivatives by the materials of a part need a model of one site, without loads, a"
             " moving ground (and a design map one whose damping does not couple its modes): give a"
             " function of x that builds the part, and x."
         )
-    model = found.model(name)
-    touching = found.G[:, found.columns[name].start]
-    contacts = zip(touching, found.scene.contacts, found.laws, strict=False)
+    model = record.model(name)
+    touching = record.G[:, record.columns[name].start]
+    contacts = zip(touching, record.scene.contacts, record.laws, strict=False)
     freed = [c for c, (on, contact, law) in enumerate(contacts) if on and law is not contact.law]
     local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
     return chain(model, by, local)
@@ -162,7 +164,7 @@ def part_chain(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str
 def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
     """The model of a changed part on the shapes of `model`, whose damping couples its modes.
 
-    Its constraint modes are those of V'KV and V'MV, and the damping is along them.
+    Its constraint modes are those of V'KV and V'MV; the damping acts along them.
     """
     assert model.shapes is not None
     assert isinstance(model.damping, DampingMatrix)
@@ -174,18 +176,20 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
         )
     K, M = _on(model.shapes, part)
     square, V = scipy.linalg.eigh(K[1:, 1:], M[1:, 1:])
-    turn = scipy.linalg.block_diag(1.0, V)
-    turn[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
-    P = turn[:, 0] @ M @ turn[:, 1:]
-    turn[:, 1:] *= np.sign(P)
+    transformation = scipy.linalg.block_diag(1.0, V)
+    transformation[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
+    P = transformation[:, 0] @ M @ transformation[:, 1:]
+    transformation[:, 1:] *= np.sign(P)
     return replace(
         model,
-        m0=float(turn[:, 0] @ M @ turn[:, 0] - P @ P),
-        k0=float(turn[:, 0] @ K @ turn[:, 0]),
+        m0=float(transformation[:, 0] @ M @ transformation[:, 0] - P @ P),
+        k0=float(transformation[:, 0] @ K @ transformation[:, 0]),
         m=P**2,
         omega=np.sqrt(square),
         local_compliance=_local(model, part),
-        damping=in_coordinates(model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * turn),
+        damping=in_coordinates(
+            model.damping, np.append(1.0, np.sqrt(model.m))[:, None] * transformation
+        ),
         shapes=None,
         strain_error=None,
         strain_misfit=None,
@@ -200,18 +204,19 @@ def _on(shapes: Array, part: Structure) -> ByMatrices:
 
 
 def _local(model: AntiOscillators, part: Structure) -> float:
-    """Compliance of the site's patch on a changed part."""
+    """Local compliance of the site's patch on a changed part."""
     return model.local_compliance and functional(part, site_of(model)).local_compliance
 
 
 def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
-    """The models of two nearby parts, by the Krylov recurrence; None where it does not apply.
+    """A function that gives the models of two nearby parts by the Krylov recurrence.
 
-    A model of k steps has 2k moments of its part, which depend on K and M through the first 2k
-    vectors of the recurrence. The recurrence is repeated in the space of these vectors, so that no
-    change of the moments is lost; the k shapes of the model would lose half of them. None where
-    rounding has brought modes into the model that its site does not excite, and for all but
-    supported parts on one rank. Each model is SHRUNK times as far from this one as its part.
+    A model of k steps matches 2k moments of its part, which depend on K and M through the first 2k
+    vectors of the recurrence. The recurrence is repeated in the space of these vectors, which
+    contains all changes of the moments; the k shapes of the model would lose half of them. Returns
+    None for parts without supports, on several ranks, and if rounding has brought modes into the
+    model that its site does not excite. A model's distance from this one is SHRUNK times that of
+    its part.
     """
     steps = model.info.modes_computed
     if (
@@ -225,23 +230,23 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
     assert shapes is not None
     stiffness = _on(shapes, part).K.diagonal()
     # all of equal energy, and added to the static shape: a diagonal K looks like supports
-    turn = np.diag(np.sqrt(stiffness[0] / stiffness))
-    turn[0] = 1.0
-    shapes = shapes @ turn
-    at = Site(vector=turn[0])
-    middle = _on(shapes, part)
+    scaling = np.diag(np.sqrt(stiffness[0] / stiffness))
+    scaling[0] = 1.0
+    shapes = shapes @ scaling
+    site_vector = Site(vector=scaling[0])
+    reduced = _on(shapes, part)
 
     def model_of(here: ByMatrices, local: float) -> AntiOscillators:
         with without_warnings():
-            own = extract(Structure.from_matrices(*here), at, model.n)
-        numbers = {name: getattr(own, name) for name in ("m0", "k0", "m", "omega")}
+            reduced_model = extract(Structure.from_matrices(*here), site_vector, model.n)
+        numbers = {name: getattr(reduced_model, name) for name in ("m0", "k0", "m", "omega")}
         return replace(model, **numbers, local_compliance=local, shapes=None)
 
     try:
-        same = model_of(middle, model.local_compliance)
+        repeated = model_of(reduced, model.local_compliance)
     except AccuracyError:  # directions of rounding spoil the modes
         return None
-    if same.n != model.n or np.abs(same.omega / model.omega - 1).max() > SAME_STEPS:
+    if repeated.n != model.n or np.abs(repeated.omega / model.omega - 1).max() > SAME_STEPS:
         return None
 
     def ends(lower: Structure, upper: Structure) -> list[AntiOscillators]:
@@ -249,10 +254,10 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
         local = (_local(model, upper) - _local(model, lower)) / 2
         return [
             model_of(
-                ByMatrices(*(x + by * move for x, move in zip(middle, moves, strict=True))),
-                model.local_compliance + by * local,
+                ByMatrices(*(x + sign * move for x, move in zip(reduced, moves, strict=True))),
+                model.local_compliance + sign * local,
             )
-            for by in (-SHRUNK, SHRUNK)
+            for sign in (-SHRUNK, SHRUNK)
         ]
 
     return ends
@@ -261,7 +266,7 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
 def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
     """Derivatives by the parameters of a part's materials, one result for each of `to`.
 
-    Of several materials they are {group: …}.
+    For several materials they are {group: …}.
     """
     if part.made_of is None:
         raise InputError(
@@ -274,15 +279,15 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
     groups = dict(materials) if isinstance(materials, Mapping) else {"": materials}
     derivatives: list[Values] = [{} for _ in to]
     for group, material in groups.items():
-        for name, step, made in _varied(material):
+        for name, step, varied in _varied(material):
             ends = []
             for sign in (-1, 1):
-                other = {**groups, group: made(sign)}
+                other = {**groups, group: varied(sign)}
                 with without_warnings():
-                    one = other if several else other[""]
-                    ends.append(Structure(mesh, one, part.supports, **options))
-            for values, each in zip(derivatives, to, strict=True):
-                slope = each(ends[0], ends[1]) / step
+                    varied_materials = other if several else other[""]
+                    ends.append(Structure(mesh, varied_materials, part.supports, **options))
+            for values, change in zip(derivatives, to, strict=True):
+                slope = change(ends[0], ends[1]) / step
                 of_material = values.setdefault(name, {}) if several else values
                 key = group if several else name
                 layered = hasattr(material, "layers")
@@ -293,23 +298,23 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
 def _varied(
     item: Any, wanted: Container[str] = ()
 ) -> Iterator[tuple[str, float, Callable[[int], Any]]]:
-    """For each parameter of a material: name, distance of the varied values, and function of ±1.
+    """For each parameter of a material: (name, distance of the varied values, function of ±1).
 
-    `wanted`: of those names alone.
+    `wanted`: only these names, if given.
     """
     for name, value in values_of(item).items():
         if wanted and name not in wanted:
             continue
         if is_dataclass(value) and name == "section":
-            for inner, step, made in _varied(value):
-                yield inner, step, lambda s, n=name, m=made: replace(item, **{n: m(s)})  # type: ignore[misc]
+            for inner, step, vary in _varied(value):
+                yield inner, step, lambda s, n=name, m=vary: replace(item, **{n: m(s)})  # type: ignore[misc]
         elif name == "layers":
             for k, layer in enumerate(value):
-                for inner, step, made in _varied(layer, OF_LAYERS):
+                for inner, step, vary in _varied(layer, OF_LAYERS):
                     yield (
                         inner,
                         step,
-                        lambda s, k=k, m=made: replace(  # type: ignore[misc]
+                        lambda s, k=k, m=vary: replace(  # type: ignore[misc]
                             item, layers=(*item.layers[:k], m(s), *item.layers[k + 1 :])
                         ),
                     )
@@ -319,9 +324,9 @@ def _varied(
 
 
 def values_of(material: Any) -> dict[str, Any]:
-    """The arguments of a material, a section or a layer on which K and M depend."""
+    """The numbers of a material, a section or a layer on which K and M depend, by name."""
     idle = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
-    names = {each.name for each in fields(material) if each.init} - idle
+    names = {item.name for item in fields(material) if item.init} - idle
     return {name: getattr(material, name) for name in sorted(names)}
 
 
@@ -331,9 +336,9 @@ def by_shape(
     model: AntiOscillators,
     changes: Sequence[Callable[..., float]],
 ) -> list[Values]:
-    """Derivatives by the arguments x (n,) of a function that builds the part or its model.
+    """Derivatives by the argument x (n,) of a function that builds the part or its model.
 
-    Each of `changes(before, after)` is that of a goal between two models, to first order.
+    Each of `changes` is a function (before, after) of two models: the first-order change of a goal.
     """
     slopes = np.empty((len(changes), x.size))
     for i in range(x.size):
@@ -349,11 +354,11 @@ def by_shape(
     return [{"x": slope} for slope in slopes]
 
 
-def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
+def _extracted(built: object, model: AntiOscillators) -> AntiOscillators:
     """The model of a part, extracted with the options of `model`."""
-    if isinstance(made, AntiOscillators):
-        return made
-    part = checks.instance("build(x)", made, Structure, "a Structure, or the model of one")
+    if isinstance(built, AntiOscillators):
+        return built
+    part = checks.instance("build(x)", built, Structure, "a Structure, or the model of one")
     with without_warnings():
         if model.info.method == "modes":
             model_of_part = extract(part, site_of(model), model.n, "modes")
@@ -370,7 +375,7 @@ def _extracted(made: object, model: AntiOscillators) -> AntiOscillators:
 
 
 def site_of(model: AntiOscillators) -> Site:
-    """The site of an extracted model; InputError if its place is unknown."""
+    """The site of an extracted model; InputError if it is unknown."""
     info = model.info
     if model.sites or info.point is None or info.direction is None:
         raise InputError(
@@ -385,12 +390,12 @@ class DesignMap(Completed):
 
     Attributes
     ----------
-    goal : the result; value : of the run; by : the parameter.
+    goal : the result; value : its value in the run; by : the parameter.
     slopes : (cells of this rank,) derivative by the parameter of each cell alone; NaN for cells
         whose material does not have it.
-    per_mass : (cells of this rank,) what one kilogram more changes, there [unit of the goal/kg]; by
-        E: what the double modulus of one kilogram changes.
-    meshed : the mesh of the part, and what is on it.
+    per_mass : (cells of this rank,) change by one more kilogram there [unit of the goal/kg]; by E:
+        change by doubling the modulus of one kilogram.
+    meshed : the mesh of the part with its data.
     """
 
     goal: str
@@ -409,10 +414,10 @@ class DesignMap(Completed):
         ]
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """`per_mass` on the part; all ranks call it.
+        """`per_mass` drawn on the part; all ranks call it.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned. Blue: more
-        material lowers the goal, red: it raises it.
+        material lowers the goal; red: it raises it.
         """
         from antiosc.plot.surfaces import draw_design
 
@@ -433,35 +438,35 @@ def design_map(
     contact: tuple[str, str] | None = None,
     time: float | None = None,
 ) -> DesignMap:
-    """Derivative of a result by the thickness of every cell: where material is useful.
+    """Derivative of a result by the thickness of every cell: it shows where material is useful.
 
-    By E the compliance of the contact's patch belongs to the cells under the patch.
+    For E, the compliance of the contact's patch is attributed to the cells under the patch.
 
     Parameters
     ----------
     part : Structure
-        Of one mesh, from which the model of the run was extracted.
+        Structure of one mesh, from which the run's model was extracted.
     hit, goal, contact, time
         As of `gradient`.
     by : "thickness", "E" or "rho"
-        Of the cells' materials; stiffeners of a sheet are left out.
+        Parameter of the cells' materials; stiffeners of a sheet are left out.
 
     Raises
     ------
     InputError
-        For a part that is not that of the run, or whose materials do not have `by`; and what
-        `gradient` refuses.
+        For a part that is not the run's, or whose materials do not have `by`; and what `gradient`
+        refuses.
     NotDifferentiableError
         As of `gradient`.
     """
     checks.choice("by", by, tuple(BY))
     checks.instance("part", part, Structure, "a Structure")
     meshed = on_mesh(part)
-    found, wanted, slopes = derived(hit, goal, contact, time)
-    name = model_name(found)
+    record, wanted, slopes = derived(hit, goal, contact, time)
+    name = model_name(record)
     checked_shapes(part, hit, name, SAME_PART)
-    to = part_chain(found, wanted, slopes, name)
-    by_cell = [float(values_of(one).get(by, np.nan)) for one, _ in meshed.parts]
+    to = part_chain(record, wanted, slopes, name)
+    by_cell = [float(values_of(material).get(by, np.nan)) for material, _ in meshed.parts]
     if not np.isfinite(by_cell).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
@@ -472,7 +477,7 @@ def design_map(
             vectors = to.shapes @ turn
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
     if by == "E" and to.by_local:
-        relative += _of_patch(meshed, to, relative.size)
+        relative += _patch_share(meshed, to, relative.size)
     size = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
     return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
@@ -481,7 +486,7 @@ def design_map(
 def _relative(
     part: Structure, meshed: MeshedStructure, by: str
 ) -> tuple[Sequence[ufl.Form], Sequence[ufl.Form]]:
-    """Forms whose sums are the changes of K and M by a relative change of a parameter."""
+    """UFL forms of the changes of K and M by a relative change of a parameter."""
     if by != "thickness":  # to which they are proportional
         if by == "E":
             return (meshed.form.stiffness, [])
@@ -496,33 +501,33 @@ def _relative(
             changed.append((replace(material, **scaled), cells))
         form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
         factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
-        K += [factor * each for each in form.stiffness]
-        M += [factor * each for each in form.mass]
+        K += [factor * part_form for part_form in form.stiffness]
+        M += [factor * part_form for part_form in form.mass]
     return K, M
 
 
-def _of_patch(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
-    """(cells,) share of the compliance of the site's patch, as 1/E, to the cells under it."""
+def _patch_share(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
+    """(cells,) change of the goal by the patch's compliance, divided among the cells under it."""
     site = site_of(to.model)
     point = np.array([site.point])
     along = np.array([site.direction], dtype=float)
-    at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
-    assert at.weighted is not None
-    on_rank = at.weighted.cell < cells
-    shares = np.bincount(at.weighted.cell[on_rank], at.weighted.weight[on_rank], cells)
-    return np.asarray(-to.by_local * at.local[0] * shares)
+    found_at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
+    assert found_at.weighted is not None
+    on_rank = found_at.weighted.cell < cells
+    shares = np.bincount(found_at.weighted.cell[on_rank], found_at.weighted.weight[on_rank], cells)
+    return np.asarray(-to.by_local * found_at.local[0] * shares)
 
 
 def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
-    """Weights (R,) and shapes (C, R) of unit energy of weighted energies sum(by * change)."""
+    """Weights (R,) and principal shapes (C, R), of unit energy, of a sum of weighted energies."""
     values, vectors = np.linalg.eigh(reduced)
-    kept = values > 1e-14 * values[-1]
-    root = vectors[:, kept] * np.sqrt(values[kept])
+    nonzero = values > 1e-14 * values[-1]
+    root = vectors[:, nonzero] * np.sqrt(values[nonzero])
     shares, directions = np.linalg.eigh(root.T @ by @ root)
     order = np.argsort(-np.abs(shares))
     neglected = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
-    most = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
-    return shares[most], (vectors[:, kept] / np.sqrt(values[kept])) @ directions[:, most]
+    chosen = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
+    return shares[chosen], (vectors[:, nonzero] / np.sqrt(values[nonzero])) @ directions[:, chosen]
 
 
 def _masses(meshed: MeshedStructure) -> Array:

@@ -1,4 +1,4 @@
-"""Derivatives of a run's result by the numbers of its march, and by the modes of its bodies."""
+"""Derivatives of a run's result by the numbers of its march, and by its bodies' modes."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from antiosc.engine.contact.base import is_compiled
 from antiosc_studies.gradients.changes import ByModes, Taken, first_order_weights, through_start
 from antiosc_studies.gradients.goals import Recorded, Sampled, Seeds, next_peak, recorded, seeds
 
-#: Speed of a touch or release, over the fastest, below which it grazes.
+#: A touch or release grazes if its speed is below this share of the fastest one.
 GRAZING = 1e-6
 
 
 def shown_goal(goal: str | Callable[[Sampled], float]) -> str:
-    """The name of a goal, or of a function."""
+    """The name of a goal or of a goal function."""
     if isinstance(goal, str):
         return goal
     return str(getattr(goal, "__name__", "goal"))
@@ -31,25 +31,26 @@ def derived(
     time: float | None = None,
 ) -> Taken:
     """(recorded run, goal, derivatives by all numbers of the system); see `gradient`."""
-    found = recorded(hit)
-    _refuse(found)
-    return _derived(found, seeds(found, goal, contact_number(found, contact), time))
+    record = recorded(hit)
+    _refuse(record)
+    return _derived(record, seeds(record, goal, contact_number(record, contact), time))
 
 
-def second_peak(found: Recorded, contact: tuple[str, str] | None) -> Taken | None:
+def second_peak(record: Recorded, contact: tuple[str, str] | None) -> Taken | None:
     """As `derived` for the second largest peak; None if it is not near the largest."""
-    wanted = next_peak(found, contact_number(found, contact))
+    wanted = next_peak(record, contact_number(record, contact))
     if wanted is None:
         return None
-    return _derived(found, wanted)
+    return _derived(record, wanted)
 
 
-def _derived(found: Recorded, wanted: Seeds) -> Taken:
-    places, weights = wanted.arrays(2 * found.system.omega.size + len(found.system.beta))
-    weights = first_order_weights(found, weights)
-    s = found.system.marched
+def _derived(record: Recorded, wanted: Seeds) -> Taken:
+    """The backward pass for a goal; NotDifferentiableError for a grazing contact."""
+    places, weights = wanted.arrays(2 * record.system.omega.size + len(record.system.beta))
+    weights = first_order_weights(record, weights)
+    s = record.system.marched
     slopes, grazing, answer = adjoint.gradient(
-        s, found.run, found.states(), places, weights, wanted.force, wanted.time
+        s, record.run, record.states(), places, weights, wanted.force, wanted.time
     )
     if answer == library.TOO_MANY_STEPS:
         raise NotDifferentiableError(
@@ -61,21 +62,22 @@ def _derived(found: Recorded, wanted: Seeds) -> Taken:
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."
         )
-    if found.system.first is None:
-        slopes = settled(found, slopes)
-    return found, wanted, slopes
+    if record.system.first is None:
+        slopes = settled(record, slopes)
+    return record, wanted, slopes
 
 
-def settled(found: Recorded, slopes: adjoint.Slopes) -> adjoint.Slopes:
-    """The derivatives including those through the initial forces and state."""
-    closed = found.scene.preload or found.system.pressed.any()
+def settled(record: Recorded, slopes: adjoint.Slopes) -> adjoint.Slopes:
+    """The derivatives, with those through the initial forces and the initial state."""
+    closed = record.scene.preload or record.system.pressed.any()
     if closed:
-        return through_start(found, slopes)
+        return through_start(record, slopes)
     return slopes
 
 
-def _refuse(found: Recorded) -> None:
-    for law in found.laws:
+def _refuse(record: Recorded) -> None:
+    """Raise InputError for user-defined laws."""
+    for law in record.laws:
         if not is_compiled(law):
             raise InputError(
                 f"{type(law).__name__} is a law made elsewhere, whose derivatives are not known:"
@@ -83,9 +85,9 @@ def _refuse(found: Recorded) -> None:
             )
 
 
-def contact_number(found: Recorded, contact: tuple[str, str] | None) -> int:
-    """Number of the contact; it need not be given if there is only one."""
-    ends = contact_ends(found)
+def contact_number(record: Recorded, contact: tuple[str, str] | None) -> int:
+    """Number of the contact; it may be omitted if there is only one."""
+    ends = contact_ends(record)
     if contact is None and len(ends) == 1:
         return 0
     for i, pair in enumerate(ends):
@@ -95,38 +97,38 @@ def contact_number(found: Recorded, contact: tuple[str, str] | None) -> int:
     raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
 
 
-def contact_ends(found: Recorded) -> list[tuple[str, str]]:
+def contact_ends(record: Recorded) -> list[tuple[str, str]]:
     """The names of the ends of each contact."""
-    return [(contact.a, contact.b) for contact in found.scene.contacts]
+    return [(contact.a, contact.b) for contact in record.scene.contacts]
 
 
-def by_modes(found: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> ByModes | None:
-    """Derivatives by the modes of a body of one site; None for other bodies."""
-    s = found.system
-    span = found.spans[name]
-    columns = found.columns[name]
-    at = found.places[name]
+def by_modes(record: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> ByModes | None:
+    """Derivatives by the modes of a body with one site; None for other bodies."""
+    s = record.system
+    span = record.spans[name]
+    columns = record.columns[name]
+    place = record.places[name]
     k = columns.start
     one_site = columns.stop - columns.start == 1
-    modes = found.bodies[name].modes
-    if found.coupled(name) or found.driven or not one_site or not isinstance(modes, ModalBody):
+    modes = record.bodies[name].modes
+    if record.coupled(name) or record.driven or not one_site or not isinstance(modes, ModalBody):
         return None
     return ByModes(
         modes=modes,
-        square=slopes.square[at],
-        decay=slopes.decay[at],
-        site=slopes.beta[:, at].T @ found.G[:, k] + wanted.B[span, k],
-        r=float(found.G[:, k] @ slopes.residual @ found.G[:, k] + wanted.r[k, k]),
-        load=slopes.loads[:, at].sum(axis=0),
-        start=slopes.v[at],
+        square=slopes.square[place],
+        decay=slopes.decay[place],
+        site=slopes.beta[:, place].T @ record.G[:, k] + wanted.B[span, k],
+        r=float(record.G[:, k] @ slopes.residual @ record.G[:, k] + wanted.r[k, k]),
+        load=slopes.loads[:, place].sum(axis=0),
+        start=slopes.v[place],
         v=s.v[span],
         g=s.loads[0, span],
     )
 
 
-def model_name(found: Recorded) -> str:
+def model_name(record: Recorded) -> str:
     """The name of the only body that is an extracted model."""
-    models = [n for n, each in found.bodies.items() if isinstance(each.body, AntiOscillators)]
+    models = [n for n, body in record.bodies.items() if isinstance(body.body, AntiOscillators)]
     if len(models) != 1:
         raise InputError(
             f"part needs a run with one extracted model; this one has {len(models)} models."

@@ -1,4 +1,4 @@
-"""`from_frf`: the anti-oscillators of a part whose frequency responses were measured."""
+"""`from_frf`: the anti-oscillators of a part from its measured frequency responses."""
 
 from __future__ import annotations
 
@@ -25,26 +25,27 @@ from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_ot
 from antiosc_studies.measured.frf import FRF, POWER, Modes, Pairs, Tail
 
 DampingForm = Literal["viscous", "hysteretic"]
-#: Most values that are fitted.
+#: Largest number of values in a fit.
 MOST_FITTED = 100_000
-#: chi^2 over the degrees of freedom above which a warning says that the fit is poor, unless its
-#: median error is slight: nothing is known of the noise of data that have none.
+#: chi^2 over the degrees of freedom above which a poor fit is reported, unless its median error is
+#: below SLIGHT: for data without noise the noise level is unknown.
 POOR, SLIGHT = 2.0, 0.005
-#: Median |H - fit| over |H| above which a measurement is refused, and from which it is told.
+#: Median |H - fit| over |H| above which a measurement is refused, and above which it is reported.
 UNFITTED, ROUGH = 0.5, 0.15
-#: Least displacement of the sites in a rigid-body mode of unit mass over the largest.
+#: Rigid-body modes that move the sites by less than this share of the largest are dropped.
 LEAST_RIGID = 0.05
-#: Least eigenvalue of a residual compliance over the largest, and shift over the lowest omega^2.
+#: Least eigenvalue of a residual compliance over the largest; shift over the lowest omega^2.
 LEAST_RESIDUAL, SHIFT = 1e-7, 0.1
-#: Most modes of a mesh above the band; their relative standard deviations of frequency and square.
+#: Largest number of a mesh's modes above the band; relative standard deviations of their
+#: frequencies and squared displacements.
 MOST_GIVEN = 30
 GIVEN_SPREAD = 0.03
 GIVEN_DOUBT = 0.3
-#: Share of the power at the driving points that flows out of the part: where the sign is turned,
-#: and above which the sensor lies beside the point.
+#: Share of the power at the driving points that flows out of the part: above TURNED the sign is
+#: reversed, above BESIDE the sensor is not at the driving point.
 TURNED, BESIDE = 0.8, 0.2
-#: Modes in which that is so: height of their peaks over the largest, lines to both sides of which
-#: the power is summed, and how many are told.
+#: Report of modes with outflow: height of their peaks over the largest, lines on either side over
+#: which the power is summed, largest number of modes listed.
 SHOWN = 0.03
 BESIDE_PEAK = 5
 MOST_SHOWN = 6
@@ -71,19 +72,19 @@ def from_frf(
     sensor_mass : float or {site: float}
         Mass [kg] of the sensor at the site, which is removed (`FRF.without_sensor`).
     damping : "viscous" or "hysteretic", optional
-        Form of the damping in the fit; default: that with the smaller chi^2. The model has the
+        Form of the damping in the fit; default: the one with the smaller chi^2. The model has the
         damping ratios either way.
     free : bool, optional
         Whether the part has rigid-body motion at the site; default: if the measurement shows it.
     above : AntiOscillators, optional
-        A model of the same site (sites) from a mesh; its free modes above the band stand for those
-        that were not measured.
+        A model of the same sites from a mesh; its free modes above the band replace those that
+        were not measured.
 
     Returns
     -------
     AntiOscillators
-        `hit.error_budget` of an impact on it has the shares "noise" and "band";
-        `model.info.measured` holds what they follow from.
+        `hit.error_budget` of an impact on it has the contributions "noise" and "band", computed
+        from `model.info.measured`.
 
     Raises
     ------
@@ -113,7 +114,7 @@ def from_frf(
 
 
 def _data(frf: FRF) -> Measured:
-    """The measurement in the form of the fit."""
+    """The measurement in the form that the fit needs."""
     size = max(len(frf.sites), 1)
     w = 2 * np.pi * frf.frequency
     if frf.values.size > MOST_FITTED:
@@ -136,7 +137,7 @@ def _data(frf: FRF) -> Measured:
 
 
 def _turned(data: Measured) -> Measured:
-    """The measurement with the signs of force and motion matched at driving points.
+    """The measurement with equal directions of force and motion at driving points.
 
     Power flows into a passive body: the real part of the mobility, -w Im H, is not negative.
     """
@@ -145,11 +146,11 @@ def _turned(data: Measured) -> Measured:
             "the FRF at the driving point has no imaginary part: magnitudes and real parts do not"
             " tell damping or masses; give complex values, with their phase."
         )
-    out = _outflow(data)
-    if out < TURNED:
+    outflow = _outflow(data)
+    if outflow < TURNED:
         return data
     warn(
-        f"at the driving point {out:.0%} of the power flows out of the part, which has none:"
+        f"at the driving point {outflow:.0%} of the power flows out of the part, which has none:"
         " force and motion were taken in opposite directions, and the sign was turned."
     )
     return Measured(data.w, -data.H, data.pairs, data.sites, data.sigma, data.power)
@@ -162,35 +163,35 @@ def _outflow(data: Measured) -> float:
 
 
 def _power(data: Measured) -> Array:
-    """Power (W, p) into the part at the driving points, over half the squared force."""
+    """Power (W, p) into the part at the driving points, over half of the squared force."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     return np.asarray(-data.w[:, None] * data.H[:, driving].imag)
 
 
 def _check(data: Measured, fit: Fit, known_above: bool) -> None:
-    """InputError if no body explains the measurement; warnings of what is doubtful."""
+    """Raise an error if no body explains the measurement; warn of doubtful properties."""
     H = fit.modes.receptance(data.w, data.pairs)
-    off = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
-    if (out := _outflow(data)) > BESIDE:
+    misfit = float(np.median(np.abs(data.H - H) / np.abs(data.H)))
+    if (outflow := _outflow(data)) > BESIDE:
         power = _power(data).sum(axis=1)
         mobility = data.w * np.abs(data.H).sum(axis=1)
         peaks, _ = find_peaks(mobility, prominence=SHOWN * mobility.max())
         turned = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
         where = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in turned[:MOST_SHOWN])
         warn(
-            f"at the driving point {out:.0%} of the power flows out of the part, which has none"
+            f"at the driving point {outflow:.0%} of the power flows out of the part, which has none"
             + f", as in the modes at {where} Hz" * bool(where)
             + ": the sensor lies beside the struck point, where modes may have another sign, or its"
             " phase is wrong; measure both at one place."
         )
-    if off > UNFITTED:
+    if misfit > UNFITTED:
         raise AccuracyError(
-            f"no passive body explains the measurement: the best one is off by {off:.0%} in the"
+            f"no passive body explains the measurement: the best one is off by {misfit:.0%} in the"
             " median; check that it is a driving point, its quantity and its units."
         )
-    if off > ROUGH or (fit.chi2 > POOR and off > SLIGHT):
+    if misfit > ROUGH or (fit.chi2 > POOR and misfit > SLIGHT):
         warn(
-            f"the model differs from the measurement by {off:.1%} in the median, chi^2 ="
+            f"the model differs from the measurement by {misfit:.1%} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
             AccuracyWarning,
         )
@@ -233,21 +234,21 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
 
 
 def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
-    """Bodies that are as consistent with the measurement, in free modes."""
+    """Bodies, in free modes, that are equally consistent with the measurement."""
     noisy = with_other_noise(data, fit)
-    rows = (_free_modes(one) for one in (*noisy, *fit.tails))
+    rows = (_free_modes(modes) for modes in (*noisy, *fit.tails))
     omega, decay, b, r = map(list, zip(*rows, strict=True))
     return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
 
 
 def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:
-    """(omega, decay, b, r) of one site, the rigid-body mode first."""
-    still = [] if modes.rigid is None else [0.0]
-    along = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
+    """(omega, decay, b, r) of one site; the rigid-body mode is the first."""
+    zero = [] if modes.rigid is None else [0.0]
+    rigid_b = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
     omega = modes.omega.tolist()
     b = modes.b[:, 0].tolist()
     decay = (modes.zeta * modes.omega).tolist()
-    return still + omega, still + decay, along + b, float(modes.root[0, 0] ** 2)
+    return zero + omega, zero + decay, rigid_b + b, float(modes.root[0, 0] ** 2)
 
 
 def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> AntiOscillators:
@@ -258,8 +259,8 @@ def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> A
     b = modes.b[order]
     r = modes.root @ modes.root.T
     if modes.rigid is not None:
-        moved = np.linalg.norm(modes.rigid, axis=0)
-        rigid = modes.rigid.T[moved > LEAST_RIGID * moved.max()]
+        size = np.linalg.norm(modes.rigid, axis=0)
+        rigid = modes.rigid.T[size > LEAST_RIGID * size.max()]
         b = np.vstack((rigid, b))
         omega = np.append(np.zeros(len(rigid)), omega)
     shift = SHIFT * float(omega[omega > 0][0]) ** 2 if modes.rigid is not None else 0.0
@@ -270,8 +271,8 @@ def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> A
         model = from_free_modes(omega, b[:, 0], compliance, shift=shift)
     elastic = model.free_modes.omega
     elastic = elastic[elastic > 0]
-    own = omega[omega > 0]
-    ratios = [float(zeta[np.argmin(np.abs(np.log(own / w)))]) for w in elastic]
+    fitted = omega[omega > 0]
+    ratios = [float(zeta[np.argmin(np.abs(np.log(fitted / w)))]) for w in elastic]
     with without_warnings():  # broad modes hide in the fit: nobody gave their ratios
         return replace(model, damping=Damping(ratio=ratios), info=info)
 
@@ -279,8 +280,8 @@ def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> A
 def _several(omega: Array, b: Array, r: Array, sites: tuple[str, ...]) -> AntiOscillators:
     """Anti-oscillators of several sites from free modes and a residual compliance r.
 
-    With u = b'q + r f, the sites held at u: q = S u in rest, S = (X + b r^-1 b')^-1 b r^-1,
-    X = diag(omega^2); K0 = S'XS + (1 - b'S)' r^-1 (1 - b'S), M_st = S'S.
+    With u = b'q + r f and the sites fixed at u, statics gives q = S u, S = (X + b r^-1 b')^-1 b
+    r^-1, X = diag(omega^2); K0 = S'XS + (1 - b'S)' r^-1 (1 - b'S), M_st = S'S.
     """
     values, vectors = np.linalg.eigh(r)
     values = np.maximum(values, LEAST_RESIDUAL * float(np.abs(r).max()))

@@ -1,4 +1,4 @@
-"""`compare`: a measured force history over the computed one."""
+"""`compare`: a measured force history against the computed one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from antiosc_studies.measured.tables import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Shifts that are tried first, over the time of either history; samples of the computed force.
+#: Number of shifts that are tried first; number of samples of the computed force.
 SHIFTS, SAMPLES = 801, 4001
 #: Fewest samples of a measured force.
 FEWEST = 8
@@ -31,7 +31,7 @@ FEWEST = 8
 
 @runtime_checkable
 class ForceHistory(Protocol):
-    """The attributes of a `History`, or of the history of one contact, that are compared."""
+    """The attributes that are compared, of a `History` or of a contact's history."""
 
     @property
     def time(self) -> Array:
@@ -48,12 +48,12 @@ class ForceComparison(Completed):
 
     Attributes
     ----------
-    time, measured, computed : (n,) [s], [N]: of the measurement, shifted to the computed impact.
-    shift : added to the measured times [s], that with the least difference.
+    time, measured, computed : (n,) [s], [N]: the measurement, shifted to the computed impact.
+    shift : added to the measured times [s]; it minimises the difference.
     L2 : relative difference of the measured history from the computed one.
-    scale : factor on the computed force with which it is nearest to the measured one.
-    scaled_L2 : the difference that is left with it.
-    peak, impulse : measured over computed, less one.
+    scale : factor on the computed force that minimises the difference.
+    scaled_L2 : the remaining difference with that factor.
+    peak, impulse : measured over computed, minus 1.
     """
 
     time: Array
@@ -117,28 +117,31 @@ def compare(
     if not np.any(force > 0) or not np.any(F > 0):
         which = "computed" if not np.any(force > 0) else "measured"
         raise InputError(f"the {which} force is nowhere > 0: there is no impact to compare.")
-    at = np.linspace(time[0], time[-1], SAMPLES)
-    of = getattr(hit, "force_at", None)
-    values = of(at) if of is not None else np.interp(at, time, force)
+    samples = np.linspace(time[0], time[-1], SAMPLES)
+    force_at = getattr(hit, "force_at", None)
+    values = force_at(samples) if force_at is not None else np.interp(samples, time, force)
 
     def computed(times: Array) -> Array:
-        return np.interp(times, at, values, left=0.0, right=0.0)
+        return np.interp(times, samples, values, left=0.0, right=0.0)
 
     weight = np.gradient(t)
 
-    def off(shift: float) -> float:
+    def squares(shift: float) -> float:
         return float(np.sum(weight * (F - computed(t + shift)) ** 2))
 
-    low = at[0] - t[-1]
-    high = at[-1] - t[0]
-    tried = np.linspace(low, high, SHIFTS)
-    tried = np.append(tried, at[int(np.argmax(values))] - t[int(np.argmax(F))])
-    best = float(tried[int(np.argmin([off(each) for each in tried]))])
+    low = samples[0] - t[-1]
+    high = samples[-1] - t[0]
+    shifts = np.linspace(low, high, SHIFTS)
+    shifts = np.append(shifts, samples[int(np.argmax(values))] - t[int(np.argmax(F))])
+    best = float(shifts[int(np.argmin([squares(trial_shift) for trial_shift in shifts]))])
     width = (high - low) / (SHIFTS - 1)
     best_shift = minimize_scalar(
-        off, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6 * width}
+        squares,
+        bounds=(best - width, best + width),
+        method="bounded",
+        options={"xatol": 1e-6 * width},
     )
-    shift = float(best_shift.x) if best_shift.fun < off(best) else best
+    shift = float(best_shift.x) if best_shift.fun < squares(best) else best
     shifted = computed(t + shift)
     energy = float(np.sum(weight * shifted**2))
     peak = float(shifted.max())
@@ -151,7 +154,7 @@ def compare(
         measured=F,
         computed=shifted,
         shift=shift,
-        L2=float(np.sqrt(off(shift) / energy)),
+        L2=float(np.sqrt(squares(shift) / energy)),
         scale=scale,
         scaled_L2=float(misfit),
         peak=float(F.max()) / peak - 1,
@@ -162,16 +165,16 @@ def compare(
 def _history(measured: object) -> tuple[Array, Array]:
     """Times and forces of a measurement."""
     if isinstance(measured, tuple | list) and len(measured) == 2:
-        given: Mapping[str, object] = dict(zip(("time", "force"), measured, strict=True))
+        arrays: Mapping[str, object] = dict(zip(("time", "force"), measured, strict=True))
     else:
         path = checks.path("measured", measured)
         check_readable(path, "a measurement")
         columns = table(path, ["time", "force"])
         if not {"time", "force"} <= set(columns):
             raise InputError(f"{path.name} needs the columns time [s] and force [N].")
-        given = {name: columns[name].in_si() for name in ("time", "force")}
-    t = checks.array("the measured times", given["time"], (None,))
-    F = checks.array("the measured forces", given["force"], (None,))
+        arrays = {name: columns[name].in_si() for name in ("time", "force")}
+    t = checks.array("the measured times", arrays["time"], (None,))
+    F = checks.array("the measured forces", arrays["force"], (None,))
     if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):
         raise InputError(
             f"a measured force has {FEWEST} times or more, ascending, and one force each; got"

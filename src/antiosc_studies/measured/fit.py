@@ -1,18 +1,18 @@
-"""The passive body in modes that fits measured receptances best, and what is left open.
+"""The passive modal body that fits measured receptances best, and other possible bodies.
 
 1. Poles by vector fitting; residues by least squares, their semidefinite part of rank one.
 2. Gauss-Newton (Levenberg-Marquardt) in the logarithms of frequencies and damping ratios and in
-   the displacements of the modes. Modes that do not stand above the noise go; where the residual
-   has peaks above the noise, a mode is added.
-3. The modes above the band go on as those in it, with the spread of such modes (`expected_tail`):
-   the fit is the most probable body. The fits to other noise, and with other tails as probable,
-   show what the measurement leaves open.
+   the displacements of the modes. Modes that do not rise above the noise are dropped; a mode is
+   added where the residual has a peak above the noise.
+3. The modes above the band are expected to continue those in it, with an uncertainty
+   (`expected_tail`): the fit is the most probable body. Fits to other noise, and with other equally
+   probable tails, show what the measurement does not determine.
 
 Vector fitting: the poles of measured receptances (Gustavsen and Semlyen 1999, relaxed 2006).
 
-With s = iw and poles a_j in conjugate pairs, sigma(s) H_m(s) = N_m(s), both of partial fractions
-with these poles; the zeros of sigma are better poles. N has a constant and a term 1/s^2 besides:
-modes above the band, and rigid-body motion.
+With s = iw and poles a_j in conjugate pairs, sigma(s) H_m(s) = N_m(s); both are partial fractions
+with these poles, and the zeros of sigma are better poles. N also has a constant and a term 1/s^2,
+for modes above the band and rigid-body motion.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from antiosc_studies.measured.frf import (
 )
 
 T = TypeVar("T")
-#: Rounds of relocation of poles.
+#: Number of relocations of the poles.
 RELOCATED = 8
-#: Height of a peak of the level over its surroundings [nepers] and over the noise.
+#: Least height of a peak of the level over its surroundings [nepers], and over the noise.
 PROMINENCE, OVER_NOISE = 0.3, 4.0
-#: Further poles, a share of the number of peaks and at least this many.
+#: Additional poles: as a share of the number of peaks; least number.
 SPARE, LEAST_SPARE = 0.4, 4
-#: Rows of a matrix that are made triangular at once.
+#: Number of rows of a matrix in one block of a QR decomposition.
 ROWS = 1024
-#: Damping ratio of the first poles.
+#: Damping ratio of the initial poles.
 FIRST_DAMPING = 0.005
 
 
@@ -59,8 +59,8 @@ def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
         level = savgol_filter(level, 5, 2)
     peaks, _ = find_peaks(level, prominence=max(PROMINENCE, OVER_NOISE * noise))
     spare = max(LEAST_SPARE, int(SPARE * len(peaks)))
-    at = np.append(w[peaks], np.linspace(w[0], w[-1], spare + 2)[1:-1])
-    return np.sort(at) * (1j - FIRST_DAMPING)
+    positions = np.append(w[peaks], np.linspace(w[0], w[-1], spare + 2)[1:-1])
+    return np.sort(positions) * (1j - FIRST_DAMPING)
 
 
 def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
@@ -79,7 +79,7 @@ def poles(w: Array, H: ComplexArray, weight: Array) -> tuple[Array, Array]:
 
 
 def _triangular(A: Array) -> Array:
-    """R of A = Q R, block by block of rows, so that an interrupt takes effect in between."""
+    """R of A = Q R, computed by blocks of rows so that an interrupt takes effect in between."""
     R = A[:0]
     for first in range(0, len(A), ROWS):
         R = np.asarray(np.linalg.qr(np.vstack((R, A[first : first + ROWS])), mode="r"))
@@ -123,27 +123,27 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     return np.append(zeros[flat].real + 0j, zeros[~flat & (zeros.imag > 0)])
 
 
-#: Steps of Gauss-Newton: in a round, at the end, and for a body of other noise; the decrease of
-#: chi^2 that ends them.
+#: Largest number of Gauss-Newton steps: in a round, at the end, for other noise; the decrease of
+#: chi^2 below which they end.
 STEPS = 8
 LAST_STEPS = 40
 FEW_STEPS = 8
 CONVERGED = 0.1
 #: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
 LONGEST = (3.0, 0.1, 1.0)
-#: Slope, squared and over the largest, of a parameter that the measurement does not see.
+#: Squared slope over the largest below which the measurement does not depend on a parameter.
 FLAT = 1e-28
-#: Damping of a step that no longer moves anything.
+#: Levenberg-Marquardt damping at which the search ends.
 MOST_DAMPING = 1e8
-#: Eigenvalue of a normal matrix of unit diagonal, over the largest, that rounding makes.
+#: Eigenvalues of a scaled normal matrix below this share of the largest are rounding errors.
 UNSEEN = 1e-13
-#: Least residual terms at the start of Gauss-Newton over the receptance.
+#: Initial size of vanishing residual terms in Gauss-Newton, over the receptance.
 LIFTED = 1e-3
-#: Least standard deviation over the value that is taken for that of a measurement.
+#: Least relative standard deviation of a measured value.
 LEAST_NOISE = 1e-4
 #: Relative variance of a fit without any residual.
 EXACT = 1e-30
-#: Steps of the search for the noise: how many, and their longest and least, in logarithms.
+#: Steps of the search for the noise level: number, longest and shortest (in logarithms).
 MOST_SCORES = 40
 LONGEST_SCORE = 1.0
 LEAST_SCORE = 1e-3
@@ -155,8 +155,8 @@ MOST_DAMPED = 0.4
 class Measured:
     """Receptances H (W, M) [m/N] of pairs of sites at w (W,) [rad/s], with their noise.
 
-    sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power is what
-    was measured, so that its noise may be equal at all frequencies.
+    sigma (W, M): standard deviation of the complex values; None: unknown. power: H w^power was
+    measured, whose noise may be the same at all frequencies.
     """
 
     w: Array
@@ -170,9 +170,9 @@ class Measured:
 def refined(
     data: Measured, weight: Array, modes: Modes, steps: int, shift: Array | float = 0.0
 ) -> tuple[Modes, Array, float]:
-    """The most probable body near `modes`, its normal matrix, and chi^2 over degrees of freedom.
+    """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom).
 
-    `shift` is added to all residuals: that of a measurement with other noise.
+    `shift` is added to all residuals: it stands for other noise.
     """
     damping = 1e-6
     residual = residuals(data, weight, modes) + shift
@@ -205,11 +205,11 @@ def lowered(
     damping: float,
     moved: Callable[[Array], tuple[T, Array]],
 ) -> tuple[tuple[T, Array] | None, float]:
-    """One damped Gauss-Newton step: the new values with residuals, and the next damping.
+    """One damped Gauss-Newton step: ((new values, residual), next damping).
 
-    The step is damped (Levenberg, Marquardt) until the sum of squares is lower; None: it never is.
-
-    normal, slope : J'J and J' residual, of the derivatives J of the residual.
+    The damping (Levenberg, Marquardt) grows until the sum of squares decreases; the first item is
+    None if it never does. normal, slope : J'J and J' residual, with the derivatives J of the
+    residual.
     """
     cost = float(residual @ residual)
     diagonal = np.diag(normal)
@@ -217,15 +217,17 @@ def lowered(
     unit = normal / size / size[:, None]
     slope = -slope / size
     while damping < MOST_DAMPING:
-        trial, rest = moved(np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size)
-        if float(rest @ rest) < cost:
-            return (trial, rest), max(damping / 10, 1e-9)
+        trial, trial_residual = moved(
+            np.linalg.solve(unit + damping * np.eye(len(unit)), slope) / size
+        )
+        if float(trial_residual @ trial_residual) < cost:
+            return (trial, trial_residual), max(damping / 10, 1e-9)
         damping *= 8
     return None, damping
 
 
 def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
-    """The step, shortened so that modes move by at most this many widths of their peaks."""
+    """The step, shortened so that modes move by at most `widths` widths of their peaks."""
     seen = modes.seen
     count = len(modes.omega)
     damping = modes.zeta[:seen]
@@ -234,24 +236,24 @@ def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Ar
     step[:seen] = np.clip(step[:seen], -longest, longest)
     lowest = np.minimum(np.log((1 + BEYOND) * top / modes.omega[seen:]), 0.0)
     step[seen:count] = np.clip(step[seen:count], lowest, 2 * LONGEST[1])
-    more = np.minimum(LONGEST[2], np.log(MOST_DAMPED / damping))
-    step[count : count + seen] = np.clip(step[count : count + seen], -LONGEST[2], more)
+    longest_damping = np.minimum(LONGEST[2], np.log(MOST_DAMPED / damping))
+    step[count : count + seen] = np.clip(step[count : count + seen], -LONGEST[2], longest_damping)
     return step
 
 
 def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
     """Weighted residuals: real parts, imaginary parts, then those of the tail."""
-    off = weight * (modes.receptance(data.w, data.pairs) - data.H)
-    return np.append(whitened(off.reshape(-1)), modes.expected())
+    misfit = weight * (modes.receptance(data.w, data.pairs) - data.H)
+    return np.append(whitened(misfit.reshape(-1)), modes.expected())
 
 
 def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> tuple[Array, Array]:
-    """J'J (n, n) and J' residual (n,), of the derivatives J of `residuals` by `values`.
+    """J'J (n, n) and J' residual (n,), J being the derivatives of `residuals` by `values`.
 
-    Block by block of frequencies: between two an interrupt is seen.
+    Computed by blocks of frequencies so that an interrupt takes effect in between.
     """
     lines = 2 * data.H.size
-    off = residual[:lines].reshape(2, *data.H.shape)
+    misfit = residual[:lines].reshape(2, *data.H.shape)
     J = modes.expected_jacobian()
     normal = J.T @ J
     slope = J.T @ residual[lines:]
@@ -259,12 +261,12 @@ def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> 
         complex_J = _derivatives(data, weight, modes, rows)
         J = whitened(complex_J.reshape(-1, complex_J.shape[2]))
         normal += J.T @ J
-        slope += J.T @ off[:, rows].ravel()
+        slope += J.T @ misfit[:, rows].ravel()
     return normal, slope
 
 
 def _blocks(count: int) -> list[slice]:
-    """Slices of rows of a record."""
+    """Slices that divide `count` rows into blocks."""
     return [slice(first, first + ROWS) for first in range(0, count, ROWS)]
 
 
@@ -274,12 +276,12 @@ def _derivatives(data: Measured, weight: Array, modes: Modes, rows: slice) -> Co
 
 
 def whitened(values: ComplexArray) -> Array:
-    """Real above imaginary parts; each has half the variance of the complex value."""
+    """Real parts above imaginary parts; each has half the variance of the complex value."""
     return np.sqrt(2) * np.concatenate((values.real, values.imag))
 
 
 def covariance(normal: Array) -> Array:
-    """The inverse of a normal matrix; unobserved directions get no variance."""
+    """The inverse of a normal matrix; directions that are not observed get no variance."""
     size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(normal / size / size[:, None])
     seen = values > UNSEEN * values[-1]
@@ -288,7 +290,9 @@ def covariance(normal: Array) -> Array:
 
 
 def lifted(data: Measured, modes: Modes) -> Modes:
-    """The body with small residual terms in place of zero, where the cost has no gradient."""
+    """The body with small values in place of zero residual terms, where the cost has no
+    gradient.
+    """
     low = slice(len(data.w) // 8 + 1)
     size = LIFTED * float(np.median(np.abs(data.H)))
     mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
@@ -306,28 +310,34 @@ def lifted(data: Measured, modes: Modes) -> Modes:
 
 
 def _not_zero(root: Array, least: float) -> Array:
+    """The triangle with its diagonal raised to at least sqrt(least)."""
     diagonal = np.diag(root)
     small = diagonal**2 < least
     return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
 
 
 def noise(data: Measured, modes: Modes) -> Array:
-    """Likely standard deviations (W, M): a share of |H|, and a floor of the measured quantity."""
+    """Most likely standard deviations (W, M): a share of |H| plus a floor of the measured
+    quantity.
+    """
     fit = modes.receptance(data.w, data.pairs)
-    off = np.abs(data.H - fit) ** 2
+    squares = np.abs(data.H - fit) ** 2
     size = np.abs(fit) ** 2
-    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), off.shape)
-    scales = np.array([[np.mean(off / size) + EXACT], [np.mean(off / floor)]])
+    floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), squares.shape)
+    scales = np.array([[np.mean(squares / size) + EXACT], [np.mean(squares / floor)]])
     kinds = scales * np.array([size.ravel(), floor.ravel()])
-    runs = [_variances(off.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
-    variance = min(runs, key=lambda one: float(np.sum(np.log(one) + off.ravel() / one)))
-    return np.asarray(np.sqrt(np.maximum(variance.reshape(off.shape), LEAST_NOISE**2 * size)))
+    runs = [_variances(squares.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    variance = min(
+        runs, key=lambda variances: float(np.sum(np.log(variances) + squares.ravel() / variances))
+    )
+    return np.asarray(np.sqrt(np.maximum(variance.reshape(squares.shape), LEAST_NOISE**2 * size)))
 
 
 def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
     """Most likely variances of two kinds of noise by Fisher's scoring.
 
-    The squares `off` (N,) have as means the sums of the variances times `kinds` (2, N).
+    The expected values of the squares `off` (N,) are sums of the two variances times `kinds` (2,
+    N).
     """
     x = np.log(start)
     for _ in range(MOST_SCORES):
@@ -342,31 +352,31 @@ def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
     return np.asarray(np.exp(x) @ kinds)
 
 
-#: A mode stands above the noise if its displacement is this many standard deviations from 0, and
-#: is added if its part in the residual is.
+#: Standard deviations by which a mode's displacement must exceed 0 to be kept; by which its part in
+#: the residual must, to be added.
 STANDS, ADDED = 6.0, 5.5
-#: Rounds of adding and dropping modes; modes that are added in one.
+#: Rounds of adding and dropping modes; largest number of modes added in one round.
 ROUNDS, AT_ONCE = 10, 12
-#: Least damping ratio of a pole that is taken for a mode.
+#: Least damping ratio of a pole that becomes a mode.
 LEAST_DAMPED = 1e-6
-#: Peaks of the residual where a mode is sought, and its damping over the median.
+#: Number of residual peaks where a mode is sought; trial damping ratios over the median.
 PLACES = 40
 WIDTHS = (0.4, 1.0, 2.5)
-#: Bodies of other noise; other tails that are tried, twice; loss of twice the logarithm of the
-#: probability up to which a body counts, and bodies that always do.
+#: Number of bodies with other noise; number of other tails, tried twice; increase of the cost up to
+#: which a body counts as probable; number of bodies that always count.
 DRAWS = 8
 STARTS = 4
 PROBABLE = 20.0
 FEW_BODIES = 3
-#: Least square of a rigid-body motion over the mean of the modes, where the lowest line shows none:
-#: without noise 1e-11 to 1e-3 of it fit what the modes do not (benchmarks/measured_frf.py).
+#: Least squared rigid-body motion over the modes' mean, if the lowest line shows none: without
+#: noise spurious motions of 1e-11 to 1e-3 appear in the fit (benchmarks/measured_frf.py).
 LEAST_MOTION = 0.01
-#: Most of the lowest line that is neither mass nor spring, where it shows which of the two.
+#: Share of the lowest line that may be neither mass nor spring if the line shows which of the two.
 NEITHER = 0.5
-#: Number of the lowest lines, and most misfit there of a free body over that of a supported one:
-#: elsewhere a rigid-body motion may stand for a tail that does not fit.
+#: Number of the lowest lines; largest misfit there of a free body over that of a supported one. At
+#: higher lines a rigid-body motion may merely compensate a poor tail.
 LOWEST, SEEN = 5, 2.0
-#: Ratio of the weights before and after a round below which the noise is known.
+#: Ratio of the weights after and before a round below which the noise level has converged.
 SETTLED = 1.05
 
 
@@ -385,45 +395,47 @@ class Fit:
     tails: tuple[Modes, ...] = ()
 
 
-def fitted(data: Measured, free: bool | None, hysteretic: bool | None, given: Tail | None) -> Fit:
-    """The most probable body, among forms of damping and of support.
+def fitted(
+    data: Measured, free: bool | None, hysteretic: bool | None, known_tail: Tail | None
+) -> Fit:
+    """The most probable body among forms of damping and of support.
 
-    `free`: with rigid-body motion, None: if seen; `hysteretic`: the form of damping, None: the more
-    probable one; `given`: the modes above the band.
+    `free`: with rigid-body motion (None: if the measurement shows it); `hysteretic`: form of the
+    damping (None: the more probable one); `given`: known modes above the band.
     """
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
-    modes = _first(data, weight, free, bool(hysteretic), given)
-    kept = (modes, weight, np.zeros(0))
+    modes = _first(data, weight, free, bool(hysteretic), known_tail)
+    best_round = (modes, weight, np.zeros(0))
     least = np.inf
     count = AT_ONCE
     for _ in range(ROUNDS):
         modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
         if data.sigma is None:
             weight = 1 / noise(data, modes)
-        score = _unlikely(data, weight, modes) + STANDS**2 * modes.seen
+        score = _cost(data, weight, modes) + STANDS**2 * modes.seen
         if score < least:
-            kept = (modes, weight, normal)
+            best_round = (modes, weight, normal)
             least = score
         elif count > 1:  # so many modes at once have led the search astray
-            (modes, weight, normal), count = kept, count // 4
-        standing = _standing(modes, covariance(normal))
-        modes = modes.with_seen(*(each[: modes.seen][standing] for each in _of_modes(modes)))
-        more = _missing(data, weight, modes, count)
-        if more is None and standing.all():
+            (modes, weight, normal), count = best_round, count // 4
+        significant = _standing(modes, covariance(normal))
+        modes = modes.with_seen(*(values[: modes.seen][significant] for values in _of_modes(modes)))
+        extended = _missing(data, weight, modes, count)
+        if extended is None and significant.all():
             break
-        modes = modes if more is None else more
-        if given is None:
+        modes = modes if extended is None else extended
+        if known_tail is None:
             modes = with_tail(modes, expected_tail(modes, float(data.w[-1])))
-    modes, weight, _ = kept
+    modes, weight, _ = best_round
     best = _finished(data, weight, modes)
     if free is None:  # rigid-body motion must stand above the misfit
-        held = _finished(data, weight, replace(modes, rigid=None))
-        stands = held.cost - best.cost >= STANDS**2 * max(best.chi2, 1.0)
-        seen = _off_below(data, best.modes) < SEEN * _off_below(data, held.modes)
-        if _slight(data, best.modes) or not (stands and seen):
-            best = held
+        supported = _finished(data, weight, replace(modes, rigid=None))
+        clear = supported.cost - best.cost >= STANDS**2 * max(best.chi2, 1.0)
+        seen = _off_below(data, best.modes) < SEEN * _off_below(data, supported.modes)
+        if _slight(data, best.modes) or not (clear and seen):
+            best = supported
     bodies = [best.modes, *_other_tails(data, best)]
-    tried = [_finished(data, best.weight, one) for one in _best(data, best, bodies)[:2]]
+    tried = [_finished(data, best.weight, body) for body in _best(data, best, bodies)[:2]]
     best = min(tried, key=attrgetter("cost"))
     if hysteretic is None:
         other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
@@ -439,7 +451,7 @@ def _off_below(data: Measured, modes: Modes) -> float:
 
 
 def _slight(data: Measured, modes: Modes) -> bool:
-    """Whether the rigid-body motion is too small for a free part."""
+    """Whether the rigid-body motion is too small for that of a free part."""
     if modes.rigid is None:
         return True
     mean = np.mean(modes.b[: modes.seen] ** 2, axis=0) if modes.seen else 0.0
@@ -451,17 +463,17 @@ def unclear(data: Measured, modes: Modes) -> bool:
     """Whether the lowest frequency shows neither mass nor stiffness at the most mobile point."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     H = modes.receptance(data.w[:1], data.pairs)[0]
-    column = max(driving, key=lambda each: abs(H[each]))
+    column = max(driving, key=lambda pair_column: abs(H[pair_column]))
     m = data.pairs[column][0]
     if modes.rigid is None:
-        alone = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.root[m] ** 2)
+        dominant = np.sum((modes.b[:, m] / modes.omega) ** 2) + np.sum(modes.root[m] ** 2)
     else:
-        alone = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
-    return bool(abs(H[column] - alone) > NEITHER * abs(H[column]))
+        dominant = -np.sum(modes.rigid[m] ** 2) / data.w[0] ** 2
+    return bool(abs(H[column] - dominant) > NEITHER * abs(H[column]))
 
 
 def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
-    """The fit with these modes."""
+    """The converged fit that starts from these modes."""
     for _ in range(ROUNDS):
         modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
         if data.sigma is not None:
@@ -470,28 +482,28 @@ def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
         weight = 1 / noise(data, modes)
         if np.median(weight / before) < SETTLED:
             break
-    return Fit(modes, weight, chi2, _unlikely(data, weight, modes))
+    return Fit(modes, weight, chi2, _cost(data, weight, modes))
 
 
-def _unlikely(data: Measured, weight: Array, modes: Modes) -> float:
-    """Minus twice the logarithm of the probability of a body."""
+def _cost(data: Measured, weight: Array, modes: Modes) -> float:
+    """Minus twice the logarithm of a body's probability."""
     residual = residuals(data, weight, modes)
     return float(residual @ residual - 4 * np.sum(np.log(weight)))
 
 
 def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
-    """The bodies whose probability is near that of the best, in order; at least some."""
-    costs = [_unlikely(data, fit.weight, body) for body in bodies]
+    """The most probable bodies in order: those near the best, and at least FEW_BODIES."""
+    costs = [_cost(data, fit.weight, body) for body in bodies]
     order = np.argsort(costs)
     least = min(costs)
     return [bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < least + PROBABLE]
 
 
-# -- the first body
+# -- the initial body
 
 
 def _first(
-    data: Measured, weight: Array, free: bool | None, hysteretic: bool, given: Tail | None
+    data: Measured, weight: Array, free: bool | None, hysteretic: bool, known_tail: Tail | None
 ) -> Modes:
     """Initial modes: poles of vector fitting with residues by least squares."""
     omega, zeta = poles(data.w, data.H, weight)
@@ -512,12 +524,12 @@ def _first(
         solution = np.linalg.lstsq(whitened(A) / size, right, rcond=None)[0] / size
         residues[: len(solution), m, n] = residues[: len(solution), n, m] = solution
     residues = _completed(residues, data.pairs)
-    b = np.array([rank_one(each) for each in residues[: len(omega)]]).reshape(-1, data.sites)
+    b = np.array([rank_one(residue) for residue in residues[: len(omega)]]).reshape(-1, data.sites)
     nothing = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
     rigid = None if free is False else _root(residues[-1])
     modes = Modes(omega, zeta, b, nothing, _root(residues[-2]), rigid, hysteretic)
     modes = modes.with_seen(*_of_modes(modes))
-    return with_tail(modes, given or expected_tail(modes, float(data.w[-1])))
+    return with_tail(modes, known_tail or expected_tail(modes, float(data.w[-1])))
 
 
 def _completed(residues: Array, pairs: Pairs) -> Array:
@@ -546,14 +558,15 @@ def _root(matrix: Array) -> Array:
 
 
 def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
+    """Frequencies, damping ratios and displacements of the modes."""
     return modes.omega, modes.zeta, modes.b
 
 
-# -- which modes there are
+# -- adding and dropping modes
 
 
 def _standing(modes: Modes, spreads: Array) -> BoolArray:
-    """Mask: modes in the band whose displacement is significant at one site or more."""
+    """Mask of modes in the band whose displacement is significant at some site."""
     displacement = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
     spread = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(
@@ -564,16 +577,16 @@ def _standing(modes: Modes, spreads: Array) -> BoolArray:
 
 def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
     """The body with further modes at peaks of the residual; None if there are none."""
-    off = weight * (data.H - modes.receptance(data.w, data.pairs))
+    misfit = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
     for rows in _blocks(len(data.w)):
         J[rows] = _derivatives(data, weight, modes, rows)
     typical = float(np.median(modes.zeta[: modes.seen])) if modes.seen else TYPICAL
-    smooth = np.convolve(np.sum(np.abs(off) ** 2, axis=1), np.ones(5) / 5, mode="same")
-    at = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
-    at = at[np.argsort(-smooth[at])][:PLACES]
-    omega = np.repeat(data.w[at], len(WIDTHS))
-    zeta = np.tile(typical * np.array(WIDTHS), len(at))
+    smooth = np.convolve(np.sum(np.abs(misfit) ** 2, axis=1), np.ones(5) / 5, mode="same")
+    peaks = np.flatnonzero((smooth[1:-1] >= smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
+    peaks = peaks[np.argsort(-smooth[peaks])][:PLACES]
+    omega = np.repeat(data.w[peaks], len(WIDTHS))
+    zeta = np.tile(typical * np.array(WIDTHS), len(peaks))
     D = factors(data.w, omega, zeta, modes.hysteretic)
     score = np.full(len(omega), -np.inf)
     compliance = np.zeros((len(omega), data.sites, data.sites))
@@ -583,10 +596,10 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
         G = whitened(weight[:, column, None] * D)
         G = G - A @ (covariance(A.T @ A) @ (A.T @ G))  # what the body can take up
         size = np.maximum(np.linalg.norm(G, axis=0), np.finfo(float).tiny)
-        along = G.T @ whitened(off[:, column])
-        compliance[:, m, n] = compliance[:, n, m] = along / size**2
+        projection = G.T @ whitened(misfit[:, column])
+        compliance[:, m, n] = compliance[:, n, m] = projection / size**2
         if m == n:
-            score = np.maximum(score, along / size)
+            score = np.maximum(score, projection / size)
     chosen: list[int] = []
     for i in np.argsort(-score):
         if score[i] < ADDED or len(chosen) == most:
@@ -605,11 +618,11 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
     )
 
 
-# -- what is left open
+# -- other possible bodies
 
 
 def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
-    """Bodies fitted to other random noise, with a seed."""
+    """Bodies fitted to the measurement with other random noise (seeded)."""
     random = np.random.default_rng(0)
     lines = 2 * data.H.size
     models = []
@@ -622,7 +635,7 @@ def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
 
 
 def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
-    """Bodies with other tails of equal probability, with a seed from the number of modes."""
+    """Bodies with other, equally probable tails (seeded by the number of modes)."""
     random = np.random.default_rng(fit.modes.seen)
     models = []
     for _ in range(max(STARTS // data.sites, 1)):

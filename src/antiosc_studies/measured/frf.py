@@ -5,9 +5,9 @@ Between the sites m and n, at the circular frequency w,
     H_mn = sum_j b_jm b_jn D_j(w) - sum_k a_mk a_nk/w^2 + sum_k l_mk l_nk,
     D_j = 1/(w_j^2 - w^2 + 2i zeta_j w_j w)  viscous,  1/(w_j^2 (1 + 2i zeta_j) - w^2)  hysteretic:
 
-modes of rank one, rigid-body motions a, and a residual compliance l l'. Every term is semidefinite:
-whatever the parameters, the body is passive. The last modes lie above the measured band; of these
-something is known beforehand (`Tail`).
+modes of rank one, rigid-body motions a, and a residual compliance l l'. Every term is semidefinite,
+so that the body is passive for all parameters. The last modes lie above the measured band and have
+prior expectations (`Tail`).
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from antiosc.base._types import Array, ComplexArray, Index
 from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 
-#: Columns of a measurement: (response, excitation), numbers of sites.
+#: Columns of a measurement: (response, excitation) as numbers of sites.
 Pairs = list[tuple[int, int]]
-#: The lowest mode above the band lies at least this share above its top.
+#: The lowest mode above the band lies above the band's top by at least this share.
 BEYOND = 0.02
-#: Damping ratio where no mode is seen; least square of a displacement over the expected one.
+#: Damping ratio if no mode is seen; least squared displacement over the expected one.
 TYPICAL, LEAST_SQUARE = 0.01, 1e-3
-#: Modes above the band: the highest over its top, the least distance over the frequency, and the
-#: modes in the band whose mean distance and mean square go on.
+#: Modes above the band: highest frequency over the band's top; least spacing over the frequency;
+#: number of modes in the band whose mean spacing and mean square they continue.
 TAIL_END = 5.0
 TAIL_STEP = 0.15
 GOING_ON = 6
-#: Standard deviations: of a frequency over the distance, of a square over the mean.
+#: Standard deviations: of a frequency over the spacing; of a squared displacement over its mean.
 SPREAD, DOUBT = 0.5, 1.0
-#: Variance of the relative mean square times the number of modes that it is taken of.
+#: Variance of the relative mean square times the number of averaged modes.
 FEW = 2.0
-#: Standard deviation of the logarithm of all distances.
+#: Standard deviation of the logarithm of a common factor on all spacings.
 STRETCH = 0.3
 
 
@@ -48,8 +48,8 @@ STRETCH = 0.3
 class Tail:
     """Expected modes above the band, with their uncertainty.
 
-    omega (U,) [rad/s] and squares b2 (U, p) of the displacements [1/kg], with relative standard
-    deviations (U,) of either.
+    omega (U,) [rad/s]; squared displacements b2 (U, p) [1/kg]; relative standard deviations (U,) of
+    the frequencies (`spread`) and of the squares (`doubt`).
     """
 
     omega: Array
@@ -66,7 +66,7 @@ class Modes:
     ----------
     omega, zeta : (J,) frequencies [rad/s] and damping ratios; the last U modes are the tail.
     b : (J, p) displacements of the sites in modes of unit mass [kg^-1/2].
-    tail : what is known of the last modes beforehand; their damping ratios are given.
+    tail : prior expectations of the last U modes; their damping ratios are fixed.
     root, rigid : (p, p) l and a, lower triangles [(m/N)^1/2], [kg^-1/2]; rigid None: supported.
     hysteretic : the form of the damping.
     """
@@ -97,33 +97,33 @@ class Modes:
         """Derivatives (W, M, n) of H by the fitted `values`."""
         D = factors(w, self.omega, self.zeta, self.hysteretic)
         m, n = np.array(pairs).T
-        at = w[:, None]
+        column = w[:, None]
         p = self.b.shape[1]
         weight = (self.b[:, m] * self.b[:, n]).T  # (M, J)
-        loss = self.zeta * self.omega * (self.omega if self.hysteretic else at)
+        loss = self.zeta * self.omega * (self.omega if self.hysteretic else column)
         square = D * D
         by_zeta = -2j * loss * square
         by_omega = -2 * self.omega**2 * square + by_zeta * (2 if self.hysteretic else 1)
         band = slice(self.seen)
         blocks = [by_omega[:, None, :] * weight, by_zeta[:, None, band] * weight[:, band]]
         # d(b_m b_n)/db_s = [m = s] b_n + [n = s] b_m, of every mode and site
-        moved = np.zeros((len(pairs), len(self.omega), p))
+        products = np.zeros((len(pairs), len(self.omega), p))
         columns = np.arange(len(pairs))
-        moved[columns, :, m] += self.b[:, n].T
-        moved[columns, :, n] += self.b[:, m].T
-        blocks.append((D[:, None, :, None] * moved).reshape(len(w), len(pairs), -1))
-        for L, factor in ((self.rigid, -1 / at**2), (self.root, np.ones_like(at))):
+        products[columns, :, m] += self.b[:, n].T
+        products[columns, :, n] += self.b[:, m].T
+        blocks.append((D[:, None, :, None] * products).reshape(len(w), len(pairs), -1))
+        for L, factor in ((self.rigid, -1 / column**2), (self.root, np.ones_like(column))):
             if L is not None:
                 blocks.append(factor[:, :, None] * _of_root(L, m, n))
         return np.concatenate(blocks, axis=2)
 
     def expected(self) -> Array:
-        """Deviation of the tail from its expectation, in standard deviations (E,)."""
+        """Deviation (E,) of the tail from its expectation in standard deviations."""
         omega = self.omega[self.seen :]
         b = self.b[self.seen :]
         tail = self.tail
-        off = (b**2 - tail.b2) / (tail.doubt[:, None] * tail.b2)
-        return np.append(np.log(omega / tail.omega) / tail.spread, off)
+        deviation = (b**2 - tail.b2) / (tail.doubt[:, None] * tail.b2)
+        return np.append(np.log(omega / tail.omega) / tail.spread, deviation)
 
     def expected_jacobian(self) -> Array:
         """Derivatives (E, n) of `expected` by `values`."""
@@ -139,7 +139,7 @@ class Modes:
 
     @property
     def sizes(self) -> list[int]:
-        """Number of `values` of each kind."""
+        """Numbers of `values`: omega, zeta, b, rigid, root."""
         triangle = len(self.root) * (len(self.root) + 1) // 2
         rigid = 0 if self.rigid is None else triangle
         return [len(self.omega), self.seen, self.b.size, rigid, triangle]
@@ -152,7 +152,7 @@ class Modes:
         return np.concatenate(parts + [L[lower] for L in (self.rigid, self.root) if L is not None])
 
     def at(self, values: Array) -> Modes:
-        """The same body with other `values`."""
+        """The body with other `values`."""
         omega, zeta, b, rigid, root = np.split(values, np.cumsum(self.sizes)[:-1])
         p = len(self.root)
         return replace(
@@ -177,7 +177,7 @@ class Modes:
 
 
 def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
-    """Dynamic factors D (W, J) of modes (J,) at circular frequencies (W,)."""
+    """Dynamic factors D (W, J) of modes at circular frequencies (W,)."""
     at = w[:, None]
     # in real numbers and in place: a complex quotient takes twice as long
     stiff = omega**2 - at**2
@@ -199,6 +199,7 @@ def _of_root(L: Array, m: Index, n: Index) -> Array:
 
 
 def _triangle(values: Array, size: int) -> Array:
+    """A lower triangle from its values."""
     L = np.zeros((size, size))
     L[_lower(size)] = values
     return L
@@ -206,36 +207,45 @@ def _triangle(values: Array, size: int) -> Array:
 
 @cache
 def _lower(size: int) -> tuple[Index, Index]:
-    """Rows and columns of a lower triangle."""
+    """Row and column indices of a lower triangle."""
     return np.tril_indices(size)
 
 
-# -- what is expected of the modes above the band: they go on as the last ones in it
+# -- prior expectation of the modes above the band: they continue the last modes in it
 
 
 def expected_tail(modes: Modes, top: float) -> Tail:
-    """Expected modes above `top` [rad/s], at distances that grow from those of the last modes.
+    """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes.
 
-    Where the distances grow beyond those of the part, each stands for several modes.
+    Where the spacings exceed those of the part, each mode stands for several.
     """
     seen = modes.seen
     omega = modes.omega[:seen]
     last = slice(max(seen - GOING_ON, 0), seen)
-    own = np.append(0.0, omega)[-GOING_ON - 1 :]
-    gap = max(float(own[-1] - own[0]) / max(len(own) - 1, 1), 0.01 * top) if seen else top
+    last_frequencies = np.append(0.0, omega)[-GOING_ON - 1 :]
+    spacing = (
+        max(
+            float(last_frequencies[-1] - last_frequencies[0]) / max(len(last_frequencies) - 1, 1),
+            0.01 * top,
+        )
+        if seen
+        else top
+    )
     rigid = modes.root if modes.rigid is None else modes.rigid
     least = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
     mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(seen, GOING_ON), 1)
     b2 = np.maximum(mean, least) + np.finfo(float).tiny
-    at = [max((float(omega[-1]) if seen else 0.0) + gap, (1 + 2 * BEYOND) * top)]
+    frequencies = [max((float(omega[-1]) if seen else 0.0) + spacing, (1 + 2 * BEYOND) * top)]
     steps = []
-    while at[-1] < TAIL_END * top or len(at) < 3:
-        steps.append(max(gap, TAIL_STEP * at[-1]))
-        at.append(at[-1] + steps[-1])
+    while frequencies[-1] < TAIL_END * top or len(frequencies) < 3:
+        steps.append(max(spacing, TAIL_STEP * frequencies[-1]))
+        frequencies.append(frequencies[-1] + steps[-1])
     step = np.array([*steps, steps[-1]])
-    many = np.maximum(step / gap, 1.0)
-    doubt = np.sqrt(DOUBT**2 / many + FEW / max(seen, 0.5))
-    return Tail(np.array(at), SPREAD * step / np.array(at), many[:, None] * b2, doubt)
+    merged = np.maximum(step / spacing, 1.0)
+    doubt = np.sqrt(DOUBT**2 / merged + FEW / max(seen, 0.5))
+    return Tail(
+        np.array(frequencies), SPREAD * step / np.array(frequencies), merged[:, None] * b2, doubt
+    )
 
 
 def with_tail(modes: Modes, tail: Tail) -> Modes:
@@ -255,7 +265,9 @@ def with_tail(modes: Modes, tail: Tail) -> Modes:
 
 
 def drawn(tail: Tail, top: float, random: np.random.Generator) -> Tail:
-    """A random tail of equal probability: all modes shifted by one factor, then each by its own."""
+    """A random tail of equal probability: one common factor on the spacings, then one for each
+    mode.
+    """
     U = len(tail.omega)
     stretch = np.exp(STRETCH * random.standard_normal())
     omega = top + stretch * (tail.omega - top)
@@ -268,11 +280,11 @@ def drawn(tail: Tail, top: float, random: np.random.Generator) -> Tail:
 Quantity = Literal["receptance", "mobility", "accelerance"]
 #: Power of iw between the receptance and what was measured.
 POWER: dict[str, int] = {name: power for power, name in enumerate(get_args(Quantity))}
-#: Fewest lines of a measurement, and most values.
+#: Least number of frequencies of a measurement; largest number of values.
 FEWEST_LINES, MOST_VALUES = 16, 20_000_000
-#: Coherence that rounding leaves above 1, and the least that counts.
+#: Excess of a coherence above 1 that counts as rounding; least coherence that is used.
 COHERENCE_ROUNDING, LEAST_COHERENCE = 1e-6, 1e-4
-#: Blows that were averaged where the measurement does not tell.
+#: Default number of averaged blows.
 AVERAGES = 5
 #: Least |1 + w^2 m H| at which a sensor's mass can be removed.
 LEAST_SENSOR = 1e-3
@@ -401,7 +413,7 @@ class FRF(ReprMixin):
 
     @property
     def pairs(self) -> Pairs:
-        """(response, excitation) of the columns, numbers of sites."""
+        """(response, excitation) of the columns as numbers of sites."""
         if not self.sites:
             return [(0, 0)]
         assert self.references is not None
@@ -410,7 +422,7 @@ class FRF(ReprMixin):
 
     @property
     def _power(self) -> ComplexArray:
-        """(iw)^power, of the dimensions of `values`."""
+        """(iw)^power, with as many dimensions as `values`."""
         iw = 2j * np.pi * self.frequency
         return np.asarray((iw ** POWER[self.quantity]).reshape(-1, *[1] * (self.values.ndim - 1)))
 
@@ -424,28 +436,29 @@ class FRF(ReprMixin):
                 f"band must be (low, high) in Hz, 0 <= low < high; got {low:g}, {high:g}."
             )
         f = self.frequency
-        part = (f >= low) & (f <= high)
-        if np.count_nonzero(part) < FEWEST_LINES:
+        inside = (f >= low) & (f <= high)
+        if np.count_nonzero(inside) < FEWEST_LINES:
             raise InputError(
-                f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(part)} of the lines from"
+                f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(inside)} of the "
+                "lines from"
                 f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
             )
         return replace(
             self,
-            frequency=f[part],
-            values=self.values[part],
-            coherence=None if self.coherence is None else self.coherence[part],
-            sigma=None if self.sigma is None else self.sigma[part],
+            frequency=f[inside],
+            values=self.values[inside],
+            coherence=None if self.coherence is None else self.coherence[inside],
+            sigma=None if self.sigma is None else self.sigma[inside],
         )
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:
-        """The responses without the mass of a sensor at the site: Z + w^2 m in place of Z.
+        """The responses with the mass of the sensor removed: Z + w^2 m in place of Z.
 
         Parameters
         ----------
         mass : float, or {name of a site: float}
-            [kg]. Of several sites the sensors sit there during all measurements, and the forces
-            must act on all sites. The noise changes with the responses.
+            Mass [kg]. With several sites the sensors stay there during all measurements, and
+            the forces must act on all sites. The noise is converted like the responses.
 
         Raises
         ------
@@ -470,17 +483,17 @@ class FRF(ReprMixin):
             )
         H = self.receptance.reshape(-1, p, p)
         x = ((2 * np.pi * self.frequency) ** 2)[:, None, None]
-        turn = np.eye(p) + x * m[:, None] * H
-        if np.linalg.svd(turn, compute_uv=False).min() < LEAST_SENSOR:
+        loading = np.eye(p) + x * m[:, None] * H
+        if np.linalg.svd(loading, compute_uv=False).min() < LEAST_SENSOR:
             raise InputError(
                 f"a sensor of {m.max():g} kg moves almost alone at some frequency, so that its mass"
                 " cannot be removed: check sensor_mass (in kg) and the units of the measurement."
             )
-        inverse = np.linalg.inv(turn)
+        inverse = np.linalg.inv(loading)
         sigma = self.receptance_sigma
         if sigma is not None:
-            loaded = np.abs(np.linalg.inv(np.eye(p) + x * H * m)) ** 2
-            sigma = np.sqrt(loaded @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
+            gain = np.abs(np.linalg.inv(np.eye(p) + x * H * m)) ** 2
+            sigma = np.sqrt(gain @ sigma.reshape(-1, p, p) ** 2 @ np.abs(inverse) ** 2)
             sigma = sigma.reshape(self.values.shape) * np.abs(self._power)
         values = (H @ inverse).reshape(self.values.shape) * self._power
         return replace(self, values=values, sigma=sigma, coherence=None)
@@ -496,10 +509,10 @@ def stated(quantity: Quantity | None) -> Quantity:
     return quantity
 
 
-def _names(name: str, given: Sequence[str]) -> tuple[str, ...]:
-    """Checked names, which must differ."""
-    checks.instance(name, given, (list, tuple), "a list of names")
-    names = tuple(checks.name(f"a name in {name}", each) for each in given)
+def _names(name: str, names_given: Sequence[str]) -> tuple[str, ...]:
+    """Checked names, all different."""
+    checks.instance(name, names_given, (list, tuple), "a list of names")
+    names = tuple(checks.name(f"a name in {name}", one_name) for one_name in names_given)
     if len(set(names)) < len(names):
-        raise InputError(f"{name} must be different names; got {checks.shown(given)}.")
+        raise InputError(f"{name} must be different names; got {checks.shown(names_given)}.")
     return names

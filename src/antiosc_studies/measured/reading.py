@@ -1,4 +1,4 @@
-"""`read_frf`: measured frequency responses from tables and universal files, data sets 58."""
+"""`read_frf`: measured frequency responses from tables and universal files (data set 58)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from antiosc_studies.measured.tables import (
 
 #: Function types of data set 58.
 RESPONSE, COHERENCE = 4, 6
-#: Data types of the ordinate: what was measured; those of a force below it, and unknown.
+#: Data types of the ordinate -> measured quantity; data types of a force in the denominator.
 MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 FORCES = (0, 9, 13)  # unknown, reaction force, excitation force
 AXES = "xyz"
@@ -38,13 +38,13 @@ AXES = "xyz"
 
 #: An end of a function: entity, node, axis.
 End: TypeAlias = tuple[str, int, int]
-#: What a file holds by name: the fields of a data set as pyuff returns them, or arrays.
+#: Contents of a file by name: fields of a data set as pyuff returns them, or arrays.
 DataSet: TypeAlias = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """One function of a universal file, with the signs of its directions."""
+    """One function of a universal file; `sign` is the product of the signs of its directions."""
 
     response: End
     reference: End
@@ -78,11 +78,15 @@ def functions(path: Path) -> list[Function]:
                 f" ({' '.join(str(error).split())[:120].rstrip('.') or type(error).__name__})."
             ) from error
     scale = 1.0
-    for one in sets:
-        if one["type"] == 164:
-            scale = _units(one)
-    measured = [_function(one, scale) for one in sets if one["type"] == 58 and _wanted(one)]
-    if not any(not one.coherence for one in measured):
+    for data_set in sets:
+        if data_set["type"] == 164:
+            scale = _units(data_set)
+    measured = [
+        _function(data_set, scale)
+        for data_set in sets
+        if data_set["type"] == 58 and _wanted(data_set)
+    ]
+    if not any(not data_set.coherence for data_set in measured):
         raise InputError(
             f"{path.name} holds no frequency response (data set 58, function type 4); it has"
             f" {'data sets ' + ', '.join(map(str, sorted(set(types)))) if types else 'none'}."
@@ -90,29 +94,31 @@ def functions(path: Path) -> list[Function]:
     return measured
 
 
-def _units(one: DataSet) -> float:
-    """Units in the file per m/N, from its data set 164."""
-    length = one.get("length")
-    force = one.get("force")
+def _units(data_set: DataSet) -> float:
+    """Units of the file for 1 m/N, from its data set 164."""
+    length = data_set.get("length")
+    force = data_set.get("force")
     if not (length and force and np.isfinite(length) and np.isfinite(force)):
         raise InputError("the units in data set 164 are no positive numbers.")
     return abs(float(force) / float(length))
 
 
-def _wanted(one: DataSet) -> bool:
-    return one.get("func_type") in (RESPONSE, COHERENCE)
+def _wanted(data_set: DataSet) -> bool:
+    """Whether a data set is a frequency response or a coherence."""
+    return data_set.get("func_type") in (RESPONSE, COHERENCE)
 
 
-def _function(one: DataSet, scale: float) -> Function:
+def _function(data_set: DataSet, scale: float) -> Function:
+    """The function of a data set 58."""
     try:
-        count = int(one["num_pts"])
-        values = np.asarray(one["data"])
-        f = np.asarray(one["x"], dtype=float)
-        ends = [_end(one, side) for side in ("rsp", "ref")]
-        labels = [one.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
+        count = int(data_set["num_pts"])
+        values = np.asarray(data_set["data"])
+        f = np.asarray(data_set["x"], dtype=float)
+        ends = [_end(data_set, side) for side in ("rsp", "ref")]
+        labels = [data_set.get(n) for n in ("ordinate_axis_units_lab", "orddenom_axis_units_lab")]
         numerator, denominator = map(motion_label, labels)
-        motion = int(one["ordinate_spec_data_type"])
-        force = int(one["orddenom_spec_data_type"])
+        motion = int(data_set["ordinate_spec_data_type"])
+        force = int(data_set["orddenom_spec_data_type"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             "a data set 58 lacks fields of its header: the file is damaged."
@@ -121,37 +127,37 @@ def _function(one: DataSet, scale: float) -> Function:
         raise InputError(
             f"a data set 58 announces {count} values and holds {len(values)}: the file is cut."
         )
-    coherence = one["func_type"] == COHERENCE
+    coherence = data_set["func_type"] == COHERENCE
     if not coherence and force not in FORCES:
         raise InputError(
             f"a frequency response is per data type {force}, not per force (13): response per"
             " response is no receptance."
         )
     factor, by_label = response_unit(numerator, denominator) if numerator else (scale, None)
-    (response, turn), (reference, other) = ends
+    (response, sign), (reference, reference_sign) = ends
     return Function(
         response=response,
         reference=reference,
-        sign=turn * other,
+        sign=sign * reference_sign,
         coherence=coherence,
         quantity=MOTIONS.get(motion, by_label),
         factor=factor,
-        label=" / ".join(str(each or "").strip() for each in labels),
+        label=" / ".join(str(unit_label or "").strip() for unit_label in labels),
         frequency=f,
         values=values.astype(complex),
     )
 
 
-def _end(one: DataSet, side: str) -> tuple[End, int]:
-    """(entity, node, axis) of the response or reference of a function; sign of its axis."""
-    name = str(one.get(f"{side}_ent_name", "")).strip()
-    node = int(one[f"{side}_node"])
-    axis = int(one[f"{side}_dir"])
+def _end(data_set: DataSet, side: str) -> tuple[End, int]:
+    """((entity, node, axis), sign of the axis) of a function's response or reference."""
+    name = str(data_set.get(f"{side}_ent_name", "")).strip()
+    node = int(data_set[f"{side}_node"])
+    axis = int(data_set[f"{side}_dir"])
     name = "" if name.upper() == "NONE" else name
     return (name, node, abs(axis)), -1 if axis < 0 else 1
 
 
-# -- which of them
+# -- selection of functions
 
 
 def chosen(
@@ -179,6 +185,7 @@ def chosen(
 
 
 def _driving(measured: list[Function]) -> End:
+    """The only driving point of a file; InputError if there are none or several."""
     ends = {one.response for one in measured if one.response == one.reference}
     if len(ends) == 1:
         return ends.pop()
@@ -188,6 +195,7 @@ def _driving(measured: list[Function]) -> End:
 
 
 def _in_words(end: End) -> str:
+    """An end as text."""
     name, node, axis = end
     return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
@@ -195,15 +203,15 @@ def _in_words(end: End) -> str:
 def _named(measured: list[Function], name: str | int) -> End:
     """The end that a name, a node, or "node axis" refers to."""
     wanted = str(name).strip().lower()
-    ends = {end for one in measured for end in (one.response, one.reference)}
+    ends = {end for function in measured for end in (function.response, function.reference)}
     fits = [
         end for end in ends if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
     ]
     if len(fits) == 1:
         return fits[0]
     known = ", ".join(sorted(map(_in_words, fits or ends)))
-    why = "is ambiguous" if fits else "is no site of the file"
-    raise InputError(f"site {checks.shown(name)} {why}; choose one of {known[:200]}.")
+    reason = "is ambiguous" if fits else "is no site of the file"
+    raise InputError(f"site {checks.shown(name)} {reason}; choose one of {known[:200]}.")
 
 
 def _joined(
@@ -217,14 +225,18 @@ def _joined(
     if any(end[2] > 3 for end in ends.values()):
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
     pairs: dict[tuple[End, End, bool], Function] = {}
-    for one in found:
-        key = (one.response, one.reference, one.coherence)
-        if key in pairs and one.response in ends.values() and one.reference in ends.values():
+    for function in found:
+        key = (function.response, function.reference, function.coherence)
+        if (
+            key in pairs
+            and function.response in ends.values()
+            and function.reference in ends.values()
+        ):
             raise InputError(
-                f"the file has the response {_in_words(one.response)} per force at"
-                f" {_in_words(one.reference)} twice: leave one measurement in it."
+                f"the file has the response {_in_words(function.response)} per force at"
+                f" {_in_words(function.reference)} twice: leave one measurement in it."
             )
-        pairs[key] = one
+        pairs[key] = function
     places = list(ends.values())
     forced = [n for n, end in ends.items() if all((m, end, False) in pairs for m in places)]
     if not forced:
@@ -233,31 +245,43 @@ def _joined(
             f"{checks.shown(', '.join(map(_in_words, places)))}."
         )
     parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
-    cells = [one for row in parts for one in row]
-    kinds = {quantity or one.quantity for one in cells}
-    given = stated(kinds.pop() if len(kinds) == 1 else None)
+    cells = [function for row in parts for function in row]
+    kinds = {quantity or function.quantity for function in cells}
+    quantity_measured = stated(kinds.pop() if len(kinds) == 1 else None)
     f = cells[0].frequency
-    if any(len(one.frequency) != len(f) or not np.allclose(one.frequency, f) for one in cells):
+    if any(
+        len(function.frequency) != len(f) or not np.allclose(function.frequency, f)
+        for function in cells
+    ):
         raise InputError("the responses have different frequencies: measure all with one set.")
-    if unit is None and (unknown := next((one.label for one in cells if one.factor is None), None)):
+    if unit is None and (
+        unknown := next((function.label for function in cells if function.factor is None), None)
+    ):
         raise InputError(
             f"the unit {unknown!r} is not known: give unit=, the factor to m/N, m/(s N) or"
             " m/(s^2 N)."
         )
     values = np.array(
-        [[one.sign * (unit or one.factor or 1.0) * one.values for one in row] for row in parts]
+        [
+            [function.sign * (unit or function.factor or 1.0) * function.values for function in row]
+            for row in parts
+        ]
     )
-    gamma = [pairs.get((m, ends[n], True)) for m in places for n in forced]
-    known = [one.values.real for one in gamma if one is not None and len(one.frequency) == len(f)]
-    coherence = np.reshape(known, values.shape) if len(known) == len(gamma) else None
+    coherences = [pairs.get((m, ends[n], True)) for m in places for n in forced]
+    known = [
+        function.values.real
+        for function in coherences
+        if function is not None and len(function.frequency) == len(f)
+    ]
+    coherence = np.reshape(known, values.shape) if len(known) == len(coherences) else None
     if list(ends) == [""]:
         coherence = None if coherence is None else coherence[0, 0]
-        return FRF(f, values[0, 0], given, coherence, averages)
+        return FRF(f, values[0, 0], quantity_measured, coherence, averages)
     coherence = None if coherence is None else np.moveaxis(coherence, 2, 0)
     return FRF(
         f,
         np.moveaxis(values, 2, 0),
-        given,
+        quantity_measured,
         coherence,
         averages,
         sites=tuple(ends),
@@ -292,13 +316,13 @@ def read_frf(
         ``mag [dB]``, ``re [(mm/s²)/N]``; without one frequencies are in Hz. One that is unknown is
         refused.
     site : str, int or {name: str or int}, optional
-        Universal files: the site by its entity name, node or node and axis ("12", "12z"); several
-        by names of one's own. None: the one driving point in the file.
+        Universal files: the site by its entity name, node, or node and axis ("12", "12z"); for
+        several sites a dict with names of your choice. None: the only driving point in the file.
     quantity : "receptance", "mobility" or "accelerance", optional
-        Of tables and arrays; universal files tell it.
+        Quantity of tables and arrays; universal files state it.
     unit : float, optional
-        Factor of the values to m/N, m/(s N) or m/(s^2 N); default 1, in universal files what their
-        labels, or data set 164, tell, in tables what their headers tell.
+        Factor of the values to m/N, m/(s N) or m/(s^2 N); default: from the labels or data set
+        164 of universal files, from the headers of tables, else 1.
     averages : int
         Number of averages of the coherence.
 
@@ -334,30 +358,30 @@ def read_frf(
         raise type(error)(f"{where.name}: {error}") from error
 
 
-#: Of decibels: what they are relative to, "dB re 1 (m/s²)/N".
+#: A unit in decibels with its reference, "dB re 1 (m/s²)/N".
 _DECIBELS = re.compile(r"db(?:\s*re\.?\s*([\d.e+-]*)\s*(\D.*)?)?", re.IGNORECASE)
 
 
 def _in_si(columns: Mapping[str, Column], factor: float | None) -> DataSet:
-    """The columns of a table in SI units; responses unchanged if their `factor` is given."""
-    found: dict[str, object] = {}
+    """The columns of a table in SI units; responses are unchanged if their `factor` is given."""
+    arrays: dict[str, object] = {}
     quantities: set[Quantity | None] = set()
     for kind, column in columns.items():
         if kind in UNITS:
-            found[kind] = column.in_si()
+            arrays[kind] = column.in_si()
             continue
         values, quantity = _response(column, factor is not None)
-        found[kind] = values
+        arrays[kind] = values
         quantities.add(quantity)
     if "phase" in columns and columns["phase"].unit:
-        found["degrees"] = False
+        arrays["degrees"] = False
     if len(quantities - {None}) > 1:
         raise InputError("the units in the header are those of different quantities.")
-    return {**found, "told": next(iter(quantities - {None}), None)}
+    return {**arrays, "told": next(iter(quantities - {None}), None)}
 
 
 def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
-    """Numbers and kind of a column: real or imaginary part, magnitude or sigma."""
+    """(numbers, quantity) of a column: real or imaginary part, magnitude or sigma."""
     values = column.values
     unit = column.unit
     decibels = _DECIBELS.fullmatch(unit)
@@ -376,42 +400,42 @@ def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
     return unit_of_response * values, quantity
 
 
-def _of_columns(given: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
+def _of_columns(arrays: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
     """An FRF from named arrays."""
-    told = given.get("quantity", given.get("told"))
-    if quantity and given.get("told") not in (None, quantity):
+    stated_quantity = arrays.get("quantity", arrays.get("told"))
+    if quantity and arrays.get("told") not in (None, quantity):
         raise InputError(
-            f"quantity={quantity!r} is not what the units in the header tell: {given['told']}."
+            f"quantity={quantity!r} is not what the units in the header tell: {arrays['told']}."
         )
-    quantity = stated(quantity or told)
-    known = set(given) - {"told", "degrees"}
+    quantity = stated(quantity or stated_quantity)
+    known = set(arrays) - {"told", "degrees"}
     values: ComplexArray
     if "values" in known:
-        values = checks.spectrum("values", given["values"]).astype(complex)
+        values = checks.spectrum("values", arrays["values"]).astype(complex)
     elif {"real", "imag"} <= known:
-        real = checks.array("real", given["real"], None)
-        values = real + 1j * checks.array("imag", given["imag"], real.shape)
+        real = checks.array("real", arrays["real"], None)
+        values = real + 1j * checks.array("imag", arrays["imag"], real.shape)
     elif {"magnitude", "phase"} <= known:
-        turn = checks.array("phase", given["phase"], None)
-        size = checks.array("magnitude", given["magnitude"], turn.shape)
-        in_degrees = given.get("degrees", np.abs(turn).max(initial=0.0) > 2 * np.pi)
-        values = size * np.exp(1j * (np.radians(turn) if in_degrees else turn))
+        phase = checks.array("phase", arrays["phase"], None)
+        magnitude = checks.array("magnitude", arrays["magnitude"], phase.shape)
+        in_degrees = arrays.get("degrees", np.abs(phase).max(initial=0.0) > 2 * np.pi)
+        values = magnitude * np.exp(1j * (np.radians(phase) if in_degrees else phase))
     else:
         raise _missing("real and imag, or magnitude and phase", known)
     if "frequency" not in known:
         raise _missing("frequencies [Hz]", known)
-    more: dict[str, Any] = {
-        name: checks.array(name, given[name], None)
+    optional: dict[str, Any] = {
+        name: checks.array(name, arrays[name], None)
         for name in ("coherence", "sigma")
         if name in known
     }
-    if "sigma" in more:
-        more["sigma"] = factor * more["sigma"]
-    return FRF(given["frequency"], factor * values, quantity, averages=averages, **more)
+    if "sigma" in optional:
+        optional["sigma"] = factor * optional["sigma"]
+    return FRF(arrays["frequency"], factor * values, quantity, averages=averages, **optional)
 
 
 def _missing(what: str, known: set[str]) -> InputError:
-    """The error for a table that lacks required columns."""
+    """The error of a table that lacks required columns."""
     begins: dict[str, list[str]] = {}
     for key, name in COLUMNS.items():
         begins.setdefault(name, []).append(key)

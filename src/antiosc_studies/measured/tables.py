@@ -1,4 +1,4 @@
-"""Tables in text: rows of numbers, columns by the names of a header, in SI by its units."""
+"""Text tables: rows of numbers, columns named by a header, converted to SI by its units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc_studies.measured.frf import Quantity
 
-#: Columns of a table, by the beginning of their names.
+#: Beginning of a column's name -> kind of the column.
 COLUMNS = {
     "f": "frequency", "hz": "frequency", "re": "real", "im": "imag", "mag": "magnitude",
     "abs": "magnitude", "amp": "magnitude", "pha": "phase", "coh": "coherence", "gam": "coherence",
@@ -41,7 +41,7 @@ SHARES = {"-": 1.0, "1": 1.0, "%": 0.01}
 UNITS: dict[str, Mapping[str, float]] = {
     "time": TIMES, "frequency": FREQUENCIES, "force": FORCES, "phase": ANGLES, "coherence": SHARES,
 }  # fmt: skip
-#: A unit in brackets at the end of a name; "Re(H)" has none.
+# units: in brackets at the end of a name, but not in "Re(H)"
 _BARE = ("time", "frequency", "force", "phase", "")  # "1" may be a name
 _LONGEST = 200  # letters of a cell of a header
 _BRACKETS = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*(?:\([^()]*\)[^\[\](){}]*)*)[\])}]\s*$")
@@ -50,7 +50,7 @@ _FUNCTIONS = {"re", "im", "real", "imag", "abs", "mag", "phase", "arg"}
 
 #: Units of forces in N, as `motion_label` writes them: in small letters but for MN.
 FORCE_UNITS = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "MN": 1e6, "lbf": 4.4482216}
-#: Units of motions and forces in SI, as `motion_label` writes them, and what a motion per force is.
+#: Units of motions and forces (as `motion_label` writes them) -> factor to SI, quantity per force.
 MOTIONS: dict[str, tuple[float, Quantity | None]] = {
     **{name: (f, "accelerance") for name, f in (("m/s2", 1.0), ("mm/s2", 1e-3), ("g", 9.80665))},
     **{name: (9.80665, "accelerance") for name in ("gn", "gs")},
@@ -90,9 +90,9 @@ def unknown_unit(column: Column, known: str) -> InputError:
     )
 
 
-def motion_label(given: object) -> str:
-    """A unit of motion, or of motion per force, in normal form."""
-    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(given or "")).replace("²", "2")
+def motion_label(unit: object) -> str:
+    """A unit of motion, or of motion per force, in normalised spelling."""
+    text = re.sub(r"[\s()\[\]·]|\*\*|\^", "", str(unit or "")).replace("²", "2")
     mega = text.endswith("MN")
     text = text.lower().replace("/s/s", "/s2").replace("sec", "s")
     text = text[:-2] + "MN" if mega else text
@@ -109,12 +109,12 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
             denominator = name
     if numerator not in MOTIONS or MOTIONS.get(denominator or "n", (0.0, "mobility"))[1]:
         return None, None
-    (top, quantity), (below, _) = MOTIONS[numerator], MOTIONS[denominator or "n"]
-    return top / below, quantity
+    (factor, quantity), (divisor, _) = MOTIONS[numerator], MOTIONS[denominator or "n"]
+    return factor / divisor, quantity
 
 
 def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
-    """The factor of a unit, in any case where it is unambiguous."""
+    """The factor of a unit; upper and lower case count only if ambiguous."""
     plain = re.sub(r"\s", "", unit)
     fits = [plain] if plain in known else [k for k in known if k.lower() == plain.lower()]
     if len(fits) == 1:
@@ -123,12 +123,12 @@ def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
 
 
 def table(path: Path, default: list[str]) -> dict[str, Column]:
-    """The columns of a table by kind; `default`: kinds if it has no header."""
-    return {each.kind: each for each in columns(path, default) if each.kind}
+    """The columns of a table by kind; `default` gives the kinds if it has no header."""
+    return {column.kind: column for column in columns(path, default) if column.kind}
 
 
 def columns(path: Path, default: list[str]) -> list[Column]:
-    """All columns of a table; `default`: kinds if it has no header."""
+    """All columns of a table; `default` gives the kinds if it has no header."""
     header, values = rows_of(path)
     count = values.shape[1]
     names = [*default, *[""] * count][:count]
@@ -141,17 +141,17 @@ def columns(path: Path, default: list[str]) -> list[Column]:
         kinds = before if fits else names
         bare = [_bare(name) for _, name, _ in named]
         named = [(kind, unit, unit) for kind, unit in zip(kinds, bare, strict=False)]
-        tells = True
+        names_columns = True
     else:
-        tells = any(kind for kind, _, _ in named) or not (default or any(units))
-    if len(named) != count or not tells:
+        names_columns = any(kind for kind, _, _ in named) or not (default or any(units))
+    if len(named) != count or not names_columns:
         if any(unit for _, _, unit in named) or any(units):
             raise InputError(
                 f"the header of {path.name} has units, and does not name the {count} columns:"
                 f" {checks.shown(header[-1])}."
             )
         named = [(kind, kind, "") for kind in names]
-    return [Column(*told, values[:, i]) for i, told in enumerate(named)]
+    return [Column(*heading, values[:, i]) for i, heading in enumerate(named)]
 
 
 def rows_of(path: Path) -> tuple[list[str], Array]:
@@ -195,7 +195,7 @@ def _cells(text: str) -> list[str]:
 
 
 def _joined(text: str, count: int) -> list[str]:
-    """The cells of a header; with blanks as separators, "name [unit]" becomes one cell."""
+    """The cells of a header; with blanks as separators "name [unit]" becomes one cell."""
     cells = _cells(text)
     if len(cells) <= count:
         return cells
@@ -209,6 +209,7 @@ def _joined(text: str, count: int) -> list[str]:
 
 
 def _numbers(cells: list[str]) -> list[float] | None:
+    """The cells as numbers; None if one is not a number."""
     try:
         return [float(cell) for cell in cells] or None
     except ValueError:
@@ -225,7 +226,7 @@ def _kind(name: str) -> str:
 
 
 def _named(cell: str) -> tuple[str, str, str]:
-    """(kind, name, unit) of a cell of the header."""
+    """(kind, name, unit) of a header cell."""
     name = cell.strip()[:_LONGEST]
     if factor_of(name, FREQUENCIES) is not None:  # a unit is the name: "Hz", "rpm"
         return "frequency", name, name
@@ -235,13 +236,13 @@ def _named(cell: str) -> tuple[str, str, str]:
     if match and match[1].lower() in _FUNCTIONS and name[-1] == ")" and not _is_known(kind, unit):
         unit = ""  # an argument
     if not match:
-        rest = re.split(r"[\s_/]", name, maxsplit=1)[1:]
+        tail = re.split(r"[\s_/]", name, maxsplit=1)[1:]
         forces = {kind, "force"} if kind == "frequency" else {kind}  # "F/kN"
-        known = (part.strip() for part in rest if any(_is_known(k, part.strip()) for k in forces))
+        known = (part.strip() for part in tail if any(_is_known(k, part.strip()) for k in forces))
         unit = next(known, "")
     if kind == "phase" and not match and not unit:
-        turn = re.search("deg|rad|°", name.lower())
-        unit = turn[0] if turn else ""
+        angle_unit = re.search("deg|rad|°", name.lower())
+        unit = angle_unit[0] if angle_unit else ""
     if kind == "frequency" and unit and factor_of(unit, FORCES) is not None:
         kind = "force"
     return kind, name, unit
@@ -255,7 +256,7 @@ def _is_known(kind: str, unit: str) -> bool:
 
 
 def _bare(name: str) -> str:
-    """The unit without brackets if a cell is a unit in brackets; else the cell."""
+    """The unit without brackets, if a cell is a unit in brackets; else the cell."""
     if not _BRACKETS.sub(r"\1", name).strip():
         return _BRACKETS.sub(r"\2", name)
     return name
