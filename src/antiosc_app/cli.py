@@ -15,7 +15,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.progress import say
 from antiosc_app import info
 
-#: What each command on a scene file does.
+#: Command -> its description.
 COMMANDS = {
     "new": "look at a part and write a scene that runs: antiosc new PART, or new FILE PART",
     "open": "click a part in the browser and strike it: antiosc open PART",
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """End on SIGTERM as on Ctrl-C, so that nothing temporary is left; the exit code is 143."""
+    """Exit on SIGTERM as on Ctrl-C, with code 143, so that temporary files are removed."""
 
     def end(number: int, _frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_IGN)  # `timeout` sends it twice
@@ -66,6 +66,7 @@ def _terminable() -> Iterator[None]:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
+    """Run the command that the arguments name; returns the exit code."""
     parser = _parser()
     options = parser.parse_args(arguments)
     if not hasattr(options, "run"):
@@ -79,7 +80,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _print_error(error: AntioscError) -> None:
-    """An error on the first rank; the sentences of a scene file begin with its name."""
+    """Print an error on the first rank; errors of a scene file begin with the file's name."""
     from antiosc_app.scene_file.document import SceneFileError
 
     head = "" if isinstance(error, SceneFileError) else "antiosc: "
@@ -87,6 +88,7 @@ def _print_error(error: AntioscError) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
+    """The parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="antiosc",
         description="Impacts on structures by anti-oscillators, from scene files in TOML.",
@@ -144,6 +146,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _results(command: argparse.ArgumentParser) -> None:
+    """Add the options of commands that produce results."""
     command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
     command.add_argument("--report", metavar="OUT.html", help="write a report: one page, one file")
     command.add_argument(
@@ -154,12 +157,14 @@ def _results(command: argparse.ArgumentParser) -> None:
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:
+    """Run a command on a scene file."""
     from antiosc_app.commands import guarded
 
     return guarded(options)
 
 
 def _materials(options: argparse.Namespace) -> int:
+    """Print the named materials."""
     from antiosc.base import materials
 
     wanted = (options.name or "").lower()
@@ -167,16 +172,19 @@ def _materials(options: argparse.Namespace) -> int:
     if not chosen:
         materials.record(options.name)
     for name in chosen:
-        one = materials.record(name)
-        say(f"{name:<38} {one.line}")
+        record = materials.record(name)
+        say(f"{name:<38} {record.line}")
         if wanted:
-            typical = f"typical, no source could be read: {one.typical}" if one.typical else ""
-            say("\n".join(f"    {text}" for text in (one.source, typical, one.note) if text))
+            typical = (
+                f"typical, no source could be read: {record.typical}" if record.typical else ""
+            )
+            say("\n".join(f"    {text}" for text in (record.source, typical, record.note) if text))
     if not wanted:
         say("sources: antiosc materials NAME")
     return 0
 
 
 def _info(_options: argparse.Namespace) -> int:
+    """Print versions and what is missing."""
     print(info.report())
     return 0 if info.meshes_work() else 1

@@ -33,9 +33,11 @@ if TYPE_CHECKING:
 
 
 def guarded(options: Namespace) -> int:
-    """Run a command; an unforeseen error of one rank ends the others too."""
+    """Run a command; on an unforeseen error one rank ends the others too."""
     try:
-        return _study(options) if options.command in STUDIES else _OTHERS[options.command](options)
+        if options.command in STUDIES:
+            return _study(options)
+        return _OTHERS[options.command](options)
     except AntioscError:
         raise
     except BaseException:
@@ -48,7 +50,9 @@ def guarded(options: Namespace) -> int:
 
 
 def _new(options: Namespace) -> int:
-    file, part = options.file, options.part
+    """`antiosc new`."""
+    file = options.file
+    part = options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
     path, sentences = new.write_scene(
@@ -61,6 +65,7 @@ def _new(options: Namespace) -> int:
 
 
 def _open(options: Namespace) -> int:
+    """`antiosc open`."""
     from antiosc_app import view
 
     view.until_interrupted(options.part, options.unit, browser=not options.no_browser)
@@ -68,22 +73,23 @@ def _open(options: Namespace) -> int:
 
 
 def _check(options: Namespace) -> int:
-    found = compiled(read(options.file))
-    sentences = [*(f"warning: {sentence}" for sentence in found.warnings), *outline.check(found)]
-    say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
+    """`antiosc check`."""
+    scene = compiled(read(options.file))
+    sentences = [*(f"warning: {sentence}" for sentence in scene.warnings), *outline.check(scene)]
+    say(f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}.")
     for sentence in sentences:
         say(f"{options.file}: {sentence}")
     return 0
 
 
 def _export(options: Namespace) -> int:
-    """Write the impact or the scene of a file, or its model alone, for another program."""
+    """`antiosc export`: write an impact, a scene or a model alone for another program."""
     from antiosc_app.export import checked
 
-    alone = checked(options.out) == ".mo"
+    model_alone = checked(options.out) == ".mo"
     scene = compiled(read(options.file))
     source = scene.scene or scene.model
-    asked = {} if scene.history is None else scene.history.arguments
+    options_of_run = {} if scene.history is None else scene.history.arguments
     if scene.striking:
         source = Call(lambda history: history.model, {"history": scene.history})
     if source is None:
@@ -91,64 +97,68 @@ def _export(options: Namespace) -> int:
             f"{options.file} has nothing to export: give a model ([extract] or [model]) or"
             " a scene of several contacts."
         )
-    given = {"path": options.out, "source": source, "fmi": options.fmi}
-    if not alone:
+    arguments = {"path": options.out, "source": source, "fmi": options.fmi}
+    if not model_alone:
         if scene.impactor is not None:
-            given |= {"impactor": scene.impactor, "contact": scene.contact}
+            arguments |= {"impactor": scene.impactor, "contact": scene.contact}
         shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
-        given |= {name: asked[name] for name in ("duration", *shared) if name in asked}
+        arguments |= {
+            name: options_of_run[name] for name in ("duration", *shared) if name in options_of_run
+        }
     with run.collected_warnings(scene.warnings):
-        Evaluation(scene.document)(Call(antiosc.export, given))
+        Evaluation(scene.document)(Call(antiosc.export, arguments))
     for sentence in scene.warnings:
         say(f"warning: {sentence}", sys.stderr)
     say(f"wrote {options.out}")
     return 0
 
 
-#: Tolerance of a trade-off if neither the command nor [strike] has one.
+#: Tolerance of a trade-off if neither the command nor [strike] gives one.
 USUAL_TOL = 0.02
 
 
 def _tradeoff(options: Namespace) -> int:
-    """Print error against seconds and memory for the impact of a scene file, and draw it."""
+    """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
     scene = compiled(read(options.file))
-    given = {**_one_impact(scene, options.file)}
+    arguments = {**_one_impact(scene, options.file)}
     if options.tol is not None:
-        given["tol"] = options.tol
+        arguments["tol"] = options.tol
     with run.collected_warnings(scene.warnings):
-        found = Evaluation(scene.document)(Call(antiosc.tradeoff, given))
-    say(found.summary())
+        tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
+    say(tradeoff.summary())
     for sentence in scene.warnings:
         say(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:
-        say(f"wrote {found.plot(options.chart)}")
+        say(f"wrote {tradeoff.plot(options.chart)}")
     return 0
 
 
 def _one_impact(scene: Compiled, path: str) -> Table:
-    """The arguments of `tradeoff` for [strike], or for a meshed part and [simulate]."""
+    """The arguments of `tradeoff`, from [strike] or from a meshed part and [simulate]."""
     if scene.striking and scene.history is not None:
         return scene.history.arguments
-    model, history = scene.model, scene.history
+    model = scene.model
+    history = scene.history
     if model is None or history is None or model.name != "extract":
         raise InputError(
             f"{path} has no impact to compare: a trade-off needs [strike], or [simulate] on a part"
             " with a mesh and one site."
         )
-    asked = history.arguments
+    arguments = history.arguments
     shared = ("impactor", "contact", "duration", "initial_velocity", "gravity", "gap")
-    kept = {name: asked[name] for name in shared if name in asked}
+    common = {name: arguments[name] for name in shared if name in arguments}
     site = model.arguments["site"]
-    return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **kept}
+    return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **common}
 
 
 def _schema(_options: Namespace) -> int:
+    """`antiosc schema`."""
     say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
     return 0
 
 
 def _study(options: Namespace) -> int:
-    """Forecast, or compute, print and write what `antiosc run`, `sweep` or `map` does."""
+    """`antiosc run`, `sweep`, `map`, …: compute, print and write, or with --dry-run forecast."""
     scene = compiled(read(options.file))
     study = STUDIES[options.command]
     if getattr(scene, study.result) is None:
@@ -163,22 +173,24 @@ def _study(options: Namespace) -> int:
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
     folder = None if target is None else report.folder(target)
-    found = run.results(scene, study.makes)
+    computed = run.results(scene, study.makes)
     # what structures hold is asked on every rank, and written on the first
-    parts = results.presentations(found)
-    say(results.text(found, parts))
-    written = [] if folder is None else report.write_output(found, parts, folder)
+    parts = results.presentations(computed)
+    say(results.text(computed, parts))
+    written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
-        written += report.write_page(found, parts, page)
-    for sentence in found.warnings:
+        written += report.write_page(computed, parts, page)
+    for sentence in computed.warnings:
         say(f"warning: {sentence}", sys.stderr)
     if written:
         say("wrote " + ", ".join(str(path) for path in written))
-    return 1 if getattr(found.history, "status", 0) == 2 else 0
+    if getattr(computed.history, "status", 0) == 2:
+        return 1
+    return 0
 
 
 def _stored(scene: Compiled, path: str) -> Compiled:
-    """The scene with the runs of [monte_carlo] stored; a campaign that broke off goes on."""
+    """The scene with a file for the runs of [monte_carlo]; an interrupted campaign continues."""
     comm = run.communicator()
     if comm is not None and comm.size > 1:
         raise InputError(
@@ -189,28 +201,31 @@ def _stored(scene: Compiled, path: str) -> Compiled:
     return replace(scene, sample=replace(scene.sample, arguments=arguments))
 
 
-# -- `--dry-run`: what a scene would compute and what it costs, before anything is factored
+# -- `--dry-run`: the size and cost of a scene, without a factorization
 
 
 def _forecast(scene: Compiled) -> str:
-    """Family, dofs, n, step and cost; the structure is built for it, but not factored."""
-    found = run.results(scene, ("structure", "impactor", "contact"))
+    """Text of family, dofs, n, step and cost; the structure is built but not factored."""
+    built = run.results(scene, ("structure", "impactor", "contact"))
     rows: list[tuple[str, str]] = []
-    if found.structure is not None:
-        dofs = f"{found.structure.dofs}"
-        rows += [*results.advice_of(found), ("dofs", dofs), ("factor", _factor(found.structure))]
-    rows += [(f"box of {one.name}", one.text()) for one in outline.outlines(scene)]
-    rows += _of_model(scene, found)
+    if built.structure is not None:
+        dofs = f"{built.structure.dofs}"
+        rows += [*results.advice_of(built), ("dofs", dofs), ("factor", _factor(built.structure))]
+    rows += [
+        (f"box of {outline_of_part.name}", outline_of_part.text())
+        for outline_of_part in outline.outlines(scene)
+    ]
+    rows += _model_rows(scene, built)
     if scene.fall is not None:
-        rows += _of_fall(scene.fall.arguments)
-    if found.impactor is not None and found.contact is not None:
-        rows += _of_impact(scene, found)
-    rows += [("warning", sentence) for sentence in found.warnings]
+        rows += _fall_rows(scene.fall.arguments)
+    if built.impactor is not None and built.contact is not None:
+        rows += _impact_rows(scene, built)
+    rows += [("warning", sentence) for sentence in built.warnings]
     return results.format_rows(rows)
 
 
 def _factor(structure: Structure) -> str:
-    """Entries and memory of the Cholesky factor, by the analysis that makes it."""
+    """Text of the entries and memory of the Cholesky factor, from its symbolic analysis."""
     from antiosc.extension import missing
 
     if missing is not None or not hasattr(structure.K, "getSizes"):
@@ -226,22 +241,25 @@ def _factor(structure: Structure) -> str:
     )
 
 
-def _of_model(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+def _model_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+    """Rows on the reduced model."""
     if scene.model is None or found.structure is None:
         return []
-    asked = scene.document.data.get("extract", {})
+    section = scene.document.data.get("extract", {})
     sites = len(scene.document.data.get("sites", {}))
-    if "band" in asked:
-        until = engineering(asked["band"], "Hz")
-        return [("anti-oscillators", f"as many as needed up to {until}")]
+    if "band" in section:
+        highest = engineering(section["band"], "Hz")
+        return [("anti-oscillators", f"as many as needed up to {highest}")]
     from antiosc.extension import DEFAULT_COUNT
 
-    n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
+    n = section.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
 
 
-def _of_fall(asked: Table) -> list[tuple[str, str]]:
-    height, gravity = asked["height"], asked.get("gravity", GRAVITY)
+def _fall_rows(asked: Table) -> list[tuple[str, str]]:
+    """Rows on a fall."""
+    height = asked["height"]
+    gravity = asked.get("gravity", GRAVITY)
     rows = [
         ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
         ("first touch", f"after {engineering(sqrt(2 * height / gravity), 's')}"),
@@ -252,7 +270,8 @@ def _of_fall(asked: Table) -> list[tuple[str, str]]:
     return rows
 
 
-def _of_impact(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+def _impact_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+    """Rows on an impact: contact time, band, step."""
     asked = scene.document.data.get("simulate", {})
     from antiosc.reduce.site.surface import PlaneOf
 

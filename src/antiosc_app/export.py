@@ -1,4 +1,4 @@
-"""`export`: an impact or a model as a file of another program, by the ending of its name.
+"""`export`: write an impact or a model as a file of another program, chosen by the file's ending.
 
 The models for MuJoCo and Modelica are written here: masses on slide joints with stiffness and a
 contact (MJCF, https://mujoco.readthedocs.io: modeling, XML reference, "solver parameters"); masses
@@ -80,7 +80,7 @@ def write_modelica(
     contact: ContactLaw | None = None,
     duration: float | None = None,
 ) -> None:
-    """Write the Modelica model; a contact is the importer's."""
+    """Write the Modelica model; contacts are added in Modelica, so that an impactor is refused."""
     if impactor is not None:
         raise InputError(
             "a file .mo holds a model with a flange: connect the striker and its contact there, or"
@@ -88,15 +88,24 @@ def write_modelica(
         )
     supported = body.k0 > 0
     text = _TEXT.format(
-        name=identifier(path.stem), version=__version__, n=body.n, m0=float(body.m0),
-        k0=float(body.k0), m=_list(body.m.tolist()), omega=_list(body.omega.tolist()),
-        ground=_GROUND if supported else "", support=_SUPPORT if supported else "",
-    )  # fmt: skip
+        name=identifier(path.stem),
+        version=__version__,
+        n=body.n,
+        m0=float(body.m0),
+        k0=float(body.k0),
+        m=_list(body.m.tolist()),
+        omega=_list(body.omega.tolist()),
+        ground=_GROUND if supported else "",
+        support=_SUPPORT if supported else "",
+    )
     files.write_text(path, text, "the Modelica model")
 
 
 def _list(values: list[float]) -> str:
-    return "{" + ", ".join(map(repr, values)) + "}" if values else "fill(0.0, 0)"
+    """Numbers as a Modelica array."""
+    if values:
+        return "{" + ", ".join(map(repr, values)) + "}"
+    return "fill(0.0, 0)"
 
 
 _RADIUS = 5e-3  # m, of the sphere that stands for a site or a striker without a size
@@ -111,20 +120,32 @@ def write_mujoco(
     contact: ContactLaw | None = None,
     duration: float | None = None,
 ) -> None:
-    """Write the MJCF file of a model, with the striker and the contact if they are given."""
+    """Write the MJCF file of a model, with striker and contact if they are given."""
     axis = np.array([0.0, 0.0, -1.0]) if body.direction is None else np.asarray(body.direction)
     root = ET.Element("mujoco", model=path.stem)
     frequencies = [*body.omega[-1:].tolist(), ((body.k0 + body.k.sum()) / body.m0) ** 0.5]
     ET.SubElement(root, "compiler", autolimits="true", inertiafromgeom="false")
     ET.SubElement(
-        root, "option", gravity="0 0 0", integrator="implicitfast", cone="elliptic",
+        root,
+        "option",
+        gravity="0 0 0",
+        integrator="implicitfast",
+        cone="elliptic",
         timestep=_number(2 * np.pi / max(frequencies) / _STEPS),
-    )  # fmt: skip
+    )
     world = ET.SubElement(root, "worldbody")
     radius = body.patch_radius or _RADIUS
     site = _mass(world, "site", body.m0, axis, body.k0)
-    ET.SubElement(site, "geom", name="site", type="sphere", size=_number(radius), contype="0",
-                  conaffinity="0", pos=_numbers(axis * radius))  # fmt: skip
+    ET.SubElement(
+        site,
+        "geom",
+        name="site",
+        type="sphere",
+        size=_number(radius),
+        contype="0",
+        conaffinity="0",
+        pos=_numbers(axis * radius),
+    )
     ET.SubElement(site, "site", name="site")
     for i, (mass, stiffness) in enumerate(zip(body.m, body.k, strict=True)):
         _mass(site, f"anti_oscillator_{i + 1}", float(mass), axis, float(stiffness))
@@ -137,14 +158,14 @@ def write_mujoco(
 def _mass(
     parent: ET.Element, name: str, mass: float, axis: np.ndarray, stiffness: float
 ) -> ET.Element:
-    """A mass that slides along the axis on a spring to its parent."""
+    """Add a mass that slides along the axis on a spring to its parent; returns its element."""
     body = ET.SubElement(parent, "body", name=name)
     ET.SubElement(
         body, "joint", name=name, type="slide", axis=_numbers(axis), stiffness=_number(stiffness)
     )
-    small = 1e-6 * mass  # kg m^2: nothing turns
+    inertia = 1e-6 * mass  # kg m^2: nothing turns
     ET.SubElement(
-        body, "inertial", pos="0 0 0", mass=_number(mass), diaginertia=_numbers([small] * 3)
+        body, "inertial", pos="0 0 0", mass=_number(mass), diaginertia=_numbers([inertia] * 3)
     )
     return body
 
@@ -158,7 +179,7 @@ def _strike(
     contact: ContactLaw,
     duration: float | None,
 ) -> None:
-    """The striker, the contact of the two spheres, and the state in which it arrives."""
+    """Add the striker, the contact of the two spheres, and the state at the start."""
     if not isinstance(impactor, RigidMass | Sphere):
         raise InputError(
             f"an .xml file holds a RigidMass or a Sphere as impactor; got"
@@ -167,8 +188,15 @@ def _strike(
     radius = impactor.radius if isinstance(impactor, Sphere) else _RADIUS
     striker = _mass(world, "impactor", impactor.mass, axis, 0.0)
     striker.set("pos", _numbers(-axis * radius))
-    ET.SubElement(striker, "geom", name="impactor", type="sphere", size=_number(radius),
-                  contype="0", conaffinity="0")  # fmt: skip
+    ET.SubElement(
+        striker,
+        "geom",
+        name="impactor",
+        type="sphere",
+        size=_number(radius),
+        contype="0",
+        conaffinity="0",
+    )
     # MuJoCo regularises a contact by its own estimate of the inverse inertia: of a body with
     # children the mean over three axes, of which a slide joint frees one.
     inverse = 1 / model.m0 + 1 / impactor.mass
@@ -178,9 +206,14 @@ def _strike(
     stiffness *= _IMPEDANCE * (inverse + regular)
     pairs = ET.SubElement(root, "contact")
     ET.SubElement(
-        pairs, "pair", geom1="site", geom2="impactor", condim="1", solref=f"{-stiffness!r} 0",
+        pairs,
+        "pair",
+        geom1="site",
+        geom2="impactor",
+        condim="1",
+        solref=f"{-stiffness!r} 0",
         solimp=f"{_IMPEDANCE} {_IMPEDANCE} 1 0.5 2",
-    )  # fmt: skip
+    )
     speeds = [0.0] * (1 + model.n) + [impactor.velocity]
     frames = ET.SubElement(root, "keyframe")
     ET.SubElement(frames, "key", name="impact", qvel=_numbers(speeds))
@@ -192,9 +225,9 @@ def equal_stiffness(
     law: ContactLaw,
     duration: float | None = None,
 ) -> float:
-    """Stiffness [N/m] of the linear contact with the peak force of a law in this impact.
+    """Stiffness [N/m] of the linear contact that gives the peak force of a law in this impact.
 
-    Of a Hertz law on a rigid wall it is 1.25 times the secant stiffness at the peak.
+    For a Hertz law on a rigid wall it is 1.25 times the secant stiffness at the peak.
     """
     if isinstance(law, Linear):
         return float(law.stiffness)
@@ -217,18 +250,21 @@ def equal_stiffness(
 
 
 def _number(x: float) -> str:
+    """A number as text with all digits."""
     return repr(float(x))
 
 
 def _numbers(values: object) -> str:
+    """Numbers as text, separated by blanks."""
     return " ".join(_number(x) for x in np.ravel(np.asarray(values)).tolist())
 
 
-#: By the ending: what writes an impact or a port.
+#: Ending -> function that writes an impact or a port.
 _RUNS: dict[str, Callable[..., None]] = {".fmu": write_fmu, ".c": write_c}
-#: By the ending: what writes a model as masses on springs, and its impact where that is given.
+#: Ending -> function that writes a model as masses on springs, with its impact if it is given.
 _MODELS: dict[str, Callable[..., None]] = {".xml": write_mujoco, ".mo": write_modelica}
-#: Residual mass over m_st below which the highest anti-oscillator enlarges it, of such a model.
+#: Residual mass over m_st below which the highest anti-oscillator is merged into it for such a
+#: file.
 _SMALLEST = 1e-6
 
 
@@ -269,8 +305,8 @@ def export(
         Neither for a model alone or a scene.
     duration : float, optional
         Time [s] for which the step of the exported run is chosen; by default twenty expected
-        contact times, or longer, until the bodies have parted. The run may go on for a thousand
-        times as long.
+        contact times, or longer, until the bodies have parted. The run may last a thousand times
+        as long.
     tol : float
         Relative error of the contact forces of an exported run over `duration`, in the L2 norm.
     initial_velocity, gravity, gap
@@ -284,31 +320,33 @@ def export(
         For an unknown ending, a law that has no form in C (a class of the user's: use `Tabulated`),
         or a source that the file cannot hold; nothing is written then.
     """
-    what, file = checks.what_and_path(source, path)
+    exported, file = checks.what_and_path(source, path)
     ending = checked(file)
     target = Path(file)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
-    law = _law(what, impactor, contact)
-    scene = _scene(what, impactor, law, initial_velocity, gravity, gap)
+    law = _law(exported, impactor, contact)
+    scene = _scene(exported, impactor, law, initial_velocity, gravity, gap)
     if ending in _MODELS:
-        if scene is what:
+        if scene is exported:
             raise InputError(
                 f"a file {ending} holds one model; a Scene can be an .fmu or a .c file."
             )
-        _MODELS[ending](target, _chain(what, ending), impactor, law, duration)
+        _MODELS[ending](target, _chain(exported, ending), impactor, law, duration)
         return
     tol = checks.tolerance(tol)
     if scene is not None:
-        data = of_scene(scene, duration, tol, plain=scene is not what)
+        data = of_scene(scene, duration, tol, plain=scene is not exported)
     else:
-        data = of_model(what)
+        data = of_model(exported)
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
     _RUNS[ending](target, data, **options)
 
 
 def checked(path: str | os.PathLike[str]) -> str:
-    """The ending of a file that can be written: ".fmu", ".c", ".xml" or ".mo"; InputError else."""
+    """The ending of a file that can be written (".fmu", ".c", ".xml", ".mo"); InputError for
+    others.
+    """
     target = Path(checks.path("path", path))
     ending = target.suffix.lower()
     if ending not in {*_RUNS, *_MODELS}:
@@ -351,7 +389,7 @@ def _scene(
 
 
 def _chain(model: object, ending: str) -> AntiOscillators:
-    """The model with a residual mass > 0; InputError where it is no chain of springs."""
+    """The model with a residual mass > 0; InputError if a file cannot hold it."""
     if not isinstance(model, AntiOscillators) or model.sites:
         raise InputError(
             f"a file {ending} holds AntiOscillators of one site; got {type(model).__name__}"
@@ -370,7 +408,7 @@ def _chain(model: object, ending: str) -> AntiOscillators:
 
 
 def _motion(model: LinearBody, initial: float | Motion) -> float | Motion:
-    """The motion of the structure for a scene; a number is > 0 when it closes the gap."""
+    """The initial motion of the structure in a scene; a number > 0 closes the gap."""
     if isinstance(initial, Motion):
         return initial
     speed = checks.number("initial_velocity", initial, "m/s")

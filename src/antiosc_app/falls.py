@@ -1,4 +1,4 @@
-"""A fall on the page of a report: the part on its path, its impacts, and what is said first."""
+"""A fall on the page of a report: the moving part, its impacts, and the headline."""
 
 from __future__ import annotations
 
@@ -16,9 +16,12 @@ from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import ended
 
-#: Times at which the page shows the part: of each flight at most, of all; and of a force.
-OF_FLIGHT, FRAMES, CURVE = 40, 300, 800
-#: Words of the numbers of an impact, and their units.
+#: Number of times at which the page shows the part: of a flight at most, of all; samples of a
+#: force.
+OF_FLIGHT = 40
+FRAMES = 300
+CURVE = 800
+#: Numbers of an impact, and their units.
 NUMBERS = (
     ("peak_force", "N"), ("contact_time", "s"), ("impulse", "N s"), ("lost", "J"),
     ("speed_before", "m/s"), ("speed_after", "m/s"),
@@ -26,11 +29,11 @@ NUMBERS = (
 
 
 def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
-    """The data of a fall, on every rank; `worst` colours the part."""
+    """The page's data of a fall, the same on every rank; `worst` colours the part."""
     points, faces = _surface(fall)
-    ends = [0.0, *(one.time for one in fall.impacts), fall.end.time]
-    each = max(2, min(OF_FLIGHT, FRAMES // len(ends)))
-    flights = [np.linspace(*both, each) for both in pairwise(ends)]
+    ends = [0.0, *(impact.time for impact in fall.impacts), fall.end.time]
+    frames = max(2, min(OF_FLIGHT, FRAMES // len(ends)))
+    flights = [np.linspace(*ends_of_flight, frames) for ends_of_flight in pairwise(ends)]
     times = np.unique(np.concatenate(flights))
     states = [at(fall, time) for time in times.tolist()]
     part = geometry(points, faces)
@@ -52,7 +55,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
 
 
 def _surface(fall: Fall) -> tuple[Array, IntArray]:
-    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), the same on all ranks."""
+    """Points (P, 3) relative to the centre of mass and triangles (T, 3), the same on all ranks."""
     structure = fall.body.structure
     if structure is None:
         return surface_of(fall)
@@ -69,40 +72,44 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
 
 
 def _impact(fall: Fall, k: int, times: Array) -> Data:
-    """The numbers of an impact, its place above the floor, and its force over time."""
-    one, body, touch = fall.impacts[k], fall.body, at(fall, fall.impacts[k].time)
+    """The page's data of an impact: its numbers, its place above the floor, its force over time."""
+    impact = fall.impacts[k]
+    body = fall.body
+    touch = at(fall, fall.impacts[k].time)
     time, force = _force(fall, k)
-    even = np.linspace(0.0, float(time[-1]), CURVE)
+    samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
-        **{name: getattr(one, name) for name, _ in NUMBERS},
-        "time": one.time,
-        "at": point_text(one.place),
-        "place": (touch.R @ (one.place - body.centre) + touch.centre).tolist(),
-        "frame": int(np.searchsorted(times, one.time)),
-        "curve": {"time": even, "force": np.interp(even, time, force)},
+        **{name: getattr(impact, name) for name, _ in NUMBERS},
+        "time": impact.time,
+        "at": point_text(impact.place),
+        "place": (touch.R @ (impact.place - body.centre) + touch.centre).tolist(),
+        "frame": int(np.searchsorted(times, impact.time)),
+        "curve": {"time": samples, "force": np.interp(samples, time, force)},
     }
 
 
 def _force(fall: Fall, k: int) -> tuple[Array, Array]:
     """Times (n,) [s] since the first touch of an impact, and the sum of its normal forces (n,)."""
-    own = [fall.episodes[i] for i in fall.groups[k]]
-    each = [(one.start.time - own[0].start.time, *one.forces()) for one in own]
-    time = np.concatenate([since + t for since, t, _ in each])
-    return time, np.concatenate([force.sum(axis=1) for _, _, force in each])
+    episodes = [fall.episodes[i] for i in fall.groups[k]]
+    records = [
+        (episode.start.time - episodes[0].start.time, *episode.forces()) for episode in episodes
+    ]
+    time = np.concatenate([offset + t for offset, t, _ in records])
+    return time, np.concatenate([force.sum(axis=1) for _, _, force in records])
 
 
 def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
-    """The headline of a fall: what fell, the hardest impact, and whether the part bears it."""
+    """The headline of a fall: the part, the strongest impact, and whether the part survives."""
     height = engineering(fall.setting.height, "m")
     about = f"{part_text(fall)} falls from {height} onto {floor_text(fall)}."
     impacts = fall.impacts
     if not impacts:
         return Headline(about, [("impacts", "none")], [f"{fall.message}."])
     hardest = max(range(len(impacts)), key=lambda k: impacts[k].peak_force)
-    one = impacts[hardest]
+    strongest = impacts[hardest]
     numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
     numbers += [
-        (name.replace("_", " "), engineering(getattr(one, name), unit))
+        (name.replace("_", " "), engineering(getattr(strongest, name), unit))
         for name, unit in NUMBERS[:3]
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
@@ -110,7 +117,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
-    """Whether part and contacts yield, and what limits the numbers."""
+    """Sentences on yielding of part and contacts, and on what limits the accuracy."""
     sentences = [contact := fall.contact_verdict]
     if worst is not None and worst.exposure is not None:
         sentences += [worst.margin().sentence, worst.doubt]
@@ -119,17 +126,17 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
         sentences.append(
             f"in {fall.missed} of {len(fall.episodes)} contacts the forces did not reach tol"
         )
-    ended = (one.rstrip(".") for one in sentences if one)
-    return [f"{capitalised(one)}." for one in ended]
+    plain = (sentence.rstrip(".") for sentence in sentences if sentence)
+    return [f"{capitalised(sentence)}." for sentence in plain]
 
 
 def part_text(fall: Fall) -> str:
-    """The part in words: "A part of 120 g"."""
+    """Text of the part: "A part of 120 g"."""
     return f"A part of {engineering(fall.body.mass, 'kg')}"
 
 
 def floor_text(fall: Fall) -> str:
-    """The floor in words."""
+    """Text of the floor."""
     floor = fall.setting.floor
     if floor.layer is not None:
         return "a soft layer"

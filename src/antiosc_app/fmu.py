@@ -1,4 +1,4 @@
-"""FMUs, and one C99 file of a run: the numbers, the library that runs it, and its sources.
+"""FMUs, and a run as one C99 file: its numbers, the library that runs it, and its sources.
 
 FMI 2.0.4 and 3.0.1 for co-simulation, https://fmi-standard.org.
 """
@@ -39,7 +39,7 @@ PLATFORMS = {
     "x86_64-darwin": ("darwin64", ".dylib"),
     "aarch64-darwin": ("", ".dylib"),
 }
-#: what one compiler call compiles
+#: source files, each compiled by itself
 UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 
 
@@ -60,7 +60,7 @@ def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
             _add(archive, "sources/buildDescription.xml", _text(_build_description(name)))
 
 
-#: Words that C99 and its programs keep for themselves.
+#: Keywords and reserved words of C99.
 C_WORDS = frozenset(
     """auto break case char const continue default do double else enum extern float for goto if
     inline int long main register restrict return short signed sizeof static struct switch typedef
@@ -69,13 +69,14 @@ C_WORDS = frozenset(
 
 
 def identifier(text: str) -> str:
-    """A name as C has it."""
+    """A text as an identifier of C."""
     name = re.sub(r"\W", "_", text, flags=re.ASCII)
-    taken = name in C_WORDS or not name[:1].isalpha()
-    return f"model_{name}" if taken else name
+    invalid = name in C_WORDS or not name[:1].isalpha()
+    return f"model_{name}" if invalid else name
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    """Add a file to an archive."""
     entry = zipfile.ZipInfo(name, _DATE)
     entry.compress_type = zipfile.ZIP_DEFLATED
     entry.external_attr = 0o644 << 16
@@ -83,12 +84,13 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
 
 
 def _text(root: ET.Element) -> bytes:
+    """An XML element as bytes."""
     ET.indent(root)
     return ET.tostring(root, "utf-8", xml_declaration=True)
 
 
 def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
-    """Value reference, causality and variable: as `csrc/export/fmu.c` numbers them."""
+    """Yields (value reference, causality, variable), numbered as in `csrc/export/fmu.c`."""
     groups = (data.input_variables, data.output_variables, data.parameter_variables)
     number = 0
     for causality, variables in zip(_CAUSES, groups, strict=True):
@@ -98,6 +100,7 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
 
 
 def _units(root: ET.Element) -> None:
+    """Add the definitions of units."""
     units = ET.SubElement(root, "UnitDefinitions")
     for name, base in _UNITS.items():
         powers = {unit: str(power) for unit, power in base.items()}
@@ -105,6 +108,7 @@ def _units(root: ET.Element) -> None:
 
 
 def _experiment(root: ET.Element, data: RunData) -> None:
+    """Add the default experiment."""
     ET.SubElement(
         root,
         "DefaultExperiment",
@@ -116,24 +120,29 @@ def _experiment(root: ET.Element, data: RunData) -> None:
 
 
 def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
-    """modelDescription.xml: what version 2 nests or counts, version 3 writes as attributes."""
-    two = fmi == 2
-    root = ET.Element("fmiModelDescription", {
-        "fmiVersion": f"{fmi}.0", "modelName": title,
-        "guid" if two else "instantiationToken": data.token,
-        "description": "an impact on anti-oscillators, or a port of a linear structure",
-        "generationTool": f"antiosc {__version__}", "variableNamingConvention": "flat",
-        **({"numberOfEventIndicators": "0"} if two else {}),
-    })  # fmt: skip
-    state = "FMUstate" if two else "FMUState"
+    """modelDescription.xml; version 3 writes as attributes what version 2 nests or counts."""
+    is_fmi2 = fmi == 2
+    root = ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi}.0",
+            "modelName": title,
+            "guid" if is_fmi2 else "instantiationToken": data.token,
+            "description": "an impact on anti-oscillators, or a port of a linear structure",
+            "generationTool": f"antiosc {__version__}",
+            "variableNamingConvention": "flat",
+            **({"numberOfEventIndicators": "0"} if is_fmi2 else {}),
+        },
+    )
+    state = "FMUstate" if is_fmi2 else "FMUState"
     abilities = ["canHandleVariableCommunicationStepSize", f"canGetAndSet{state}"]
     abilities.append(f"canSerialize{state}")
-    if two:
+    if is_fmi2:
         abilities.append("canNotUseMemoryManagementFunctions")
         abilities += ["canInterpolateInputs"] if data.input_variables else []
     abilities_of = {"modelIdentifier": name, **dict.fromkeys(abilities, "true")}
     slave = ET.SubElement(root, "CoSimulation", abilities_of)
-    if two:
+    if is_fmi2:
         listed = ET.SubElement(slave, "SourceFiles")
         for unit in UNITS:
             ET.SubElement(listed, "File", name=unit)
@@ -142,32 +151,37 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     variables = ET.SubElement(root, "ModelVariables")
 
     def variable(attributes: dict[str, str], unit: str, start: str = "") -> None:
-        own = {"unit": unit, **({"start": start} if start else {})}
-        if two:
-            ET.SubElement(ET.SubElement(variables, "ScalarVariable", attributes), "Real", own)
+        unit_and_start = {"unit": unit, **({"start": start} if start else {})}
+        if is_fmi2:
+            ET.SubElement(
+                ET.SubElement(variables, "ScalarVariable", attributes), "Real", unit_and_start
+            )
         else:
-            ET.SubElement(variables, "Float64", {**attributes, **own})
+            ET.SubElement(variables, "Float64", {**attributes, **unit_and_start})
 
-    if not two:  # version 2 needs none, and masters ask for a start value of whatever is there
+    if not is_fmi2:  # version 2 needs none, and masters ask for a start value of whatever is there
         time = {"name": "time", "valueReference": "0", "causality": "independent"}
         variable({**time, "variability": "continuous"}, "s")
     outputs = []
-    for number, causality, each in _variables(data):
+    for number, causality, variable_of_run in _variables(data):
         fixed = "fixed" if causality == "parameter" else "continuous"
         attributes = {
-            "name": each.name, "valueReference": str(number), "description": each.description,
-            "causality": causality, "variability": fixed,
-        }  # fmt: skip
+            "name": variable_of_run.name,
+            "valueReference": str(number),
+            "description": variable_of_run.description,
+            "causality": causality,
+            "variability": fixed,
+        }
         if causality == "output":
             outputs.append(number)
-            variable({**attributes, "initial": "calculated"}, each.unit)
+            variable({**attributes, "initial": "calculated"}, variable_of_run.unit)
         else:
-            variable(attributes, each.unit, repr(float(each.start)))
+            variable(attributes, variable_of_run.unit, repr(float(variable_of_run.start)))
     structure = ET.SubElement(root, "ModelStructure")
     for group in ("Output", "InitialUnknown"):
-        unknowns = ET.SubElement(structure, f"{group}s") if two else structure
+        unknowns = ET.SubElement(structure, f"{group}s") if is_fmi2 else structure
         for number in outputs:
-            if two:  # indices count from 1
+            if is_fmi2:  # indices count from 1
                 ET.SubElement(unknowns, "Unknown", index=str(number))
             else:
                 ET.SubElement(unknowns, group, valueReference=str(number))
@@ -175,6 +189,7 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
 
 
 def _build_description(name: str) -> ET.Element:
+    """buildDescription.xml of FMI 3."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=name)
     listed = ET.SubElement(configuration, "SourceFileSet", language="C99")
@@ -183,11 +198,11 @@ def _build_description(name: str) -> ET.Element:
     return root
 
 
-# -- the C sources and compiled libraries that exports take along
+# -- the C sources and compiled libraries in an export
 
 
 def sources() -> dict[str, str]:
-    """Name -> text of the C sources, with folders."""
+    """Path -> text of the C sources."""
     for folder in (_PACKAGE / "csrc", library.SOURCE):
         files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
         if files:
@@ -196,22 +211,22 @@ def sources() -> dict[str, str]:
 
 
 def binaries() -> dict[str, bytes]:
-    """Platform -> library: the one in use, and those of other platforms that were built.
+    """Platform -> library: the one in use, and those that were built for other platforms.
 
-    `packaging/library.py --fmu` builds the others into the folder `binaries`; those that were built
-    of other sources are left out.
+    `packaging/library.py --fmu` builds the others into the folder `binaries`; those built from
+    other sources are left out.
     """
-    found = {library.platform(): library.FILE.read_bytes()}
+    libraries = {library.platform(): library.FILE.read_bytes()}
     sources = library.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():
         file = _PACKAGE / "binaries" / f"{name}{ending}"
         content = file.read_bytes() if file.is_file() else b""
         if sources in content:
-            found.setdefault(name, content)
-    return found
+            libraries.setdefault(name, content)
+    return libraries
 
 
-#: What a run needs, in this order.
+#: Source files that a run needs, in this order.
 _NEEDED = (
     "antiosc_march.h", "export/antiosc_model.h", "arena.h", "internal.h", "coupled.c",
     "crossings.c", "flight.c", "forces.c", "laws.c", "memory.c", "responses.c", "runs.c", "start.c",
@@ -272,16 +287,16 @@ def write_c(path: Path, data: RunData) -> None:
 
 
 def text(title: str, data: RunData) -> str:
-    """The C file of a run."""
+    """The C file of a run as text."""
     code = _sources()
     name = identifier(title)
     if re.search(rf"\b{name}\b", re.sub(r"/\*.*?\*/", "", code + _MAIN, flags=re.DOTALL)):
         name = f"model_{name}"  # a word of the sources
     upper = name.upper()
-    outputs = distinct(identifier(each.name).upper() for each in data.output_variables)
-    listed = [
-        f" *   {upper}_{short}  {_in_comment(each.description)} [{each.unit}]"
-        for short, each in zip(outputs, data.output_variables, strict=True)
+    outputs = distinct(identifier(variable.name).upper() for variable in data.output_variables)
+    output_lines = [
+        f" *   {upper}_{short}  {_in_comment(variable.description)} [{variable.unit}]"
+        for short, variable in zip(outputs, data.output_variables, strict=True)
     ]
     inputs = (
         "Forces on the sites: axm_set_input(run, site, force, rate)."
@@ -289,29 +304,36 @@ def text(title: str, data: RunData) -> str:
         else ""
     )
     head = _HEAD.format(
-        title=_in_comment(title), version=__version__, name=name, upper=upper, first=outputs[0],
-        inputs=inputs, outputs="\n".join(listed), duration=data.duration, size=data.memory,
-    )  # fmt: skip
-    names = [f"    {upper}_{each} = {i}" for i, each in enumerate(outputs)]
+        title=_in_comment(title),
+        version=__version__,
+        name=name,
+        upper=upper,
+        first=outputs[0],
+        inputs=inputs,
+        outputs="\n".join(output_lines),
+        duration=data.duration,
+        size=data.memory,
+    )
+    names = [f"    {upper}_{variable} = {i}" for i, variable in enumerate(outputs)]
     enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
     main = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
     return "\n".join([head, code, enumeration, _numbers(name, data), main])
 
 
 def _sources() -> str:
-    """The C sources of a run as one text, without #include of each other."""
-    found = sources()
-    parts = [_OWN_INCLUDE.sub("", found[each]) for each in _NEEDED]
+    """The C sources of a run as one text, without their #include of each other."""
+    texts = sources()
+    parts = [_OWN_INCLUDE.sub("", texts[file]) for file in _NEEDED]
     return _NOT_OF_A_RUN.sub("", "".join(parts))
 
 
 def _in_comment(text: str) -> str:
-    """A text as a comment of C holds it."""
+    """A text with comment marks of C broken up."""
     return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", text)
 
 
 def _numbers(name: str, data: RunData) -> str:
-    """The numbers as constant arrays, and the model that points to them."""
+    """C text of the numbers as constant arrays, and of the model that points to them."""
     arrays = data.arrays()
     needed = [part for part in arrays if part not in ("options", "contacts")]
     absent = [] if data.system.laws else ["law_parameters"]
@@ -321,16 +343,16 @@ def _numbers(name: str, data: RunData) -> str:
     specs = ", ".join(f"{{{kind}, {index}}}" for kind, index in data.outputs.tolist())
     lines.append(f"static const axm_output_spec {name}_outputs[] = {{{specs}}};")
     modes, rows, contacts, breaks, sites, parameters, count, _, stretch = data.counts()
-    at, listed = 0, []
+    offset, contact_lines = 0, []
     scales = arrays["contacts"].reshape(contacts, 7)
     for c, values in zip(data.given.contacts, scales, strict=True):
         row = [_number(x) for x in values]
-        law = f"{{{c.law.kind}, {c.law.n_params}, {name}_law_parameters + {at}, 0}}"
-        at += c.law.n_params
+        law = f"{{{c.law.kind}, {c.law.n_params}, {name}_law_parameters + {offset}, 0}}"
+        offset += c.law.n_params
         head = f"{law}, {row[0]}, {row[1]}, {c.first_tangential}, {c.n_tangential}"
-        listed.append(f"    {{{', '.join([head, *row[2:], '0', '0'])}}}")
-    if listed:
-        body = ",\n".join(listed)
+        contact_lines.append(f"    {{{', '.join([head, *row[2:], '0', '0'])}}}")
+    if contact_lines:
+        body = ",\n".join(contact_lines)
         lines.append(f"static const aom_contact {name}_contacts[] = {{\n{body}\n}};")
     pointers = ", ".join(
         f"{name}_{part}"
@@ -341,7 +363,7 @@ def _numbers(name: str, data: RunData) -> str:
     lines.append(
         f"static const axm_model {name} = {{\n"
         f"    {{{modes}, {rows}, {contacts}, {breaks}, {pointers},\n"
-        f"     {f'{name}_contacts' if listed else '0'}, {name}_q, {name}_v,"
+        f"     {f'{name}_contacts' if contact_lines else '0'}, {name}_q, {name}_v,"
         f" {_number(data.system.given)}, 0{tensors}}},\n"
         f"    {{{', '.join(options)}}},\n"
         f"    {sites}, {name}_site_modes, {name}_site_forces, {name}_site_shifts,\n"
@@ -351,13 +373,17 @@ def _numbers(name: str, data: RunData) -> str:
 
 
 def _array(name: str, values: np.ndarray) -> str:
+    """C text of a constant array."""
     rows = [", ".join(_number(x) for x in values[k : k + 4]) for k in range(0, len(values), 4)]
     body = ",\n    ".join(rows) or "0.0"
     return f"static const double {name}[] = {{\n    {body}\n}};"
 
 
 def _number(x: float) -> str:
+    """C text of a number."""
     value = float(x)
     if value == float("inf"):
         return "INFINITY"
-    return value.hex() if value != int(value) or abs(value) > 1e15 else f"{value:.1f}"
+    if value != int(value) or abs(value) > 1e15:
+        return value.hex()
+    return f"{value:.1f}"

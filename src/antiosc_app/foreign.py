@@ -1,7 +1,7 @@
-"""How a part by others is read: its unit, its pieces, what its surface encloses, its densities.
+"""How a part of unknown origin is read: its unit, pieces, closed surfaces, densities.
 
-Nothing of this stands in most files, so it is tried: the first way that gives a mesh, or a model
-whose materials are real ones.
+Most files do not state these, so alternatives are tried: the first that gives a mesh, or a model
+with realistic materials, is used.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
 
 #: Arguments of `read_mesh` or `read_model` besides the file.
 Read: TypeAlias = dict[str, Any]
-#: A file without a unit whose longest side is this or more is taken as one in millimetres.
+#: A file without a unit is in millimetres if its longest side is at least this number.
 LONGEST_IN_METRES = 3.0
 #: Elements along the longest side of a geometry that is meshed.
 ELEMENTS = 20
-#: A geometry of more cells is meshed by larger elements, so that it is struck in about a minute.
+#: Largest number of cells of a geometry, so that an impact takes about a minute.
 MOST_CELLS = 30_000
-#: Distance [m] of nodes that are joined, where a mesh falls into pieces.
+#: Nodes of a mesh in pieces are joined up to this distance [m].
 MERGE_DISTANCE = 1e-6
-#: More solids than this are not cut at each other: the largest is taken.
+#: Largest number of solids that are joined as fragments; of more solids the largest is read alone.
 MOST_SOLIDS = 40
-#: The material of a new scene, of the part and of the ball.
+#: Default material of the part and of the ball.
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
-#: Endings of decks, which describe materials and supports themselves.
+#: Endings of decks, which contain materials and supports.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb"}
 #: Cards of decks that give elements a material.
 MODEL_CARD = re.compile(
@@ -62,8 +62,8 @@ class ForeignPart:
     ----------
     read : arguments of `read_mesh`, or of `read_model`, besides the file.
     structure : of a deck with a model.
-    notes : what was decided, one sentence each.
-    pieces : of a part that falls apart, the largest first.
+    notes : decisions that were made, one sentence each.
+    pieces : if the mesh is in several pieces, these, the largest first.
     """
 
     mesh: Mesh
@@ -79,7 +79,7 @@ def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> For
     Raises
     ------
     AntioscError
-        In no way.
+        No alternative can read it.
     """
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
@@ -93,6 +93,7 @@ def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> For
 
 
 def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
+    """Read a mesh, or mesh a geometry."""
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
     from antiosc.io.neutral import UnitSystem
@@ -102,28 +103,30 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     read: Read = {} if unit is None else {"unit": unit}
     notes: list[str] = []
     ways: list[Read] = [{}]
-    looked = None
+    file_outline = None
     if suffix in GEOMETRIES or suffix in SURFACES:
-        looked = outline(path)
-        length = float(np.ptp(looked.points, axis=0).max())
+        file_outline = outline(path)
+        length = float(np.ptp(file_outline.points, axis=0).max())
         if unit is None and length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
             read["unit"] = "mm"
         length *= UnitSystem.of(read.get("unit", "m")).length
         size = float(f"{length / ELEMENTS:.1g}")
         if suffix in GEOMETRIES:
             read["size"] = size
-            ways = _of_solids(looked, notes)
-        elif CLOSED in looked.groups:
+            ways = _of_solids(file_outline, notes)
+        elif CLOSED in file_outline.groups:
             notes.append("its surface is closed: it is filled as a solid (solid).")
             ways = [{"solid": True, "size": size}]
     else:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
-    mesh, way, pieces = _first(path, read, ways)
-    read |= way
+    mesh, options, pieces = _first(path, read, ways)
+    read |= options
     if "size" in read and mesh.n_cells > MOST_CELLS:
         larger = float(f"{read['size'] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim):.2g}")
-        notes.append(f"elements of {read['size']:g} m would be {mesh.n_cells} cells: larger ones "
-                     "are taken (size).")  # fmt: skip
+        notes.append(
+            f"elements of {read['size']:g} m would be {mesh.n_cells} cells: larger ones "
+            "are taken (size)."
+        )
         read["size"] = larger
         mesh = antiosc.read_mesh(str(path), **read)
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
@@ -134,40 +137,42 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
             read["unit"] = "mm"
             pieces = [one._replace(low=1e-3 * one.low, high=1e-3 * one.high) for one in pieces]
-    if "piece" in way:
+    if "piece" in options:
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
         read["gdim"] = 3
     if {"unit", "gdim"} & set(read):
         mesh = antiosc.read_mesh(str(path), **read)
-    if looked is not None and suffix in GEOMETRIES:
-        pieces = _solids(looked)
-    return ForeignPart(mesh, read, None, [*notes, *_of_way(read)], pieces)
+    if file_outline is not None and suffix in GEOMETRIES:
+        pieces = _solids(file_outline)
+    return ForeignPart(mesh, read, None, [*notes, *_option_notes(read)], pieces)
 
 
-def _of_solids(looked: FileMesh, notes: list[str]) -> list[Read]:
-    """Options of reading the solids of a CAD file, in the order in which they are tried."""
+def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:
+    """Alternative options for reading the solids of a CAD file, in the order of trial."""
     from antiosc.io.reading import described_pieces
 
-    solids = _solids(looked)
+    solids = _solids(file_outline)
     if not solids:
         return [{}]
     notes.append(f"it has {len(solids)} solids ({described_pieces(solids)}).")
     largest: Read = {"piece": 1}
-    return [{"fragments": True}, largest] if len(solids) <= MOST_SOLIDS else [largest]
+    if len(solids) <= MOST_SOLIDS:
+        return [{"fragments": True}, largest]
+    return [largest]
 
 
-def _solids(looked: FileMesh) -> list[Piece]:
-    """The solids of a CAD file, if there are several."""
+def _solids(file_outline: FileMesh) -> list[Piece]:
+    """The solids of a CAD file as pieces; [] if there is only one."""
     from antiosc.io.reading import Piece
 
-    boxes = looked.points[looked.cells["line"]]
+    boxes = file_outline.points[file_outline.cells["line"]]
     several = boxes if len(boxes) > 1 else boxes[:0]
     return [Piece("", box.min(axis=0), box.max(axis=0)) for box in several]
 
 
 def _described(pieces: Sequence[Piece]) -> list[str]:
-    """A sentence on the pieces of a part that falls apart."""
+    """A sentence (in a list) on the pieces of a part."""
     from antiosc.io.reading import described_pieces
 
     if not pieces:
@@ -176,15 +181,15 @@ def _described(pieces: Sequence[Piece]) -> list[str]:
 
 
 def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequence[Piece]]:
-    """(mesh, way, pieces) of the first way that gives a mesh; the error of the first if none."""
+    """(mesh, options, pieces) of the first alternative that works; else the first error."""
     pieces: Sequence[Piece] = ()
     reason: InputError | None = None
     for way in _with_pieces(ways):
         if reason is not None and way.get("of_pieces") and not isinstance(reason, PiecesError):
             continue
-        own = {key: value for key, value in way.items() if key != "of_pieces"}
+        options = {key: value for key, value in way.items() if key != "of_pieces"}
         try:
-            return antiosc.read_mesh(str(path), **read, **own), own, pieces
+            return antiosc.read_mesh(str(path), **read, **options), options, pieces
         except InputError as error:
             reason = reason or error
             pieces = pieces or getattr(error, "pieces", ())
@@ -193,18 +198,18 @@ def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequen
 
 
 def _with_pieces(ways: list[Read]) -> Iterator[Read]:
-    """Each way, then with its pieces joined, or with the largest of them alone."""
+    """Yields each alternative, then it with its pieces joined, and with the largest piece alone."""
     for way in ways:
         yield way
         if "piece" not in way:
             joined: list[Read] = [{"piece": 1}]
             if not {"size", "fragments", "solid"} & set(way):
                 joined.insert(0, {"merge": MERGE_DISTANCE})
-            yield from ({**way, **one, "of_pieces": True} for one in joined)
+            yield from ({**way, **option, "of_pieces": True} for option in joined)
 
 
-def _of_way(read: Read) -> list[str]:
-    """What the options of reading mean, in sentences."""
+def _option_notes(read: Read) -> list[str]:
+    """Sentences on the options of reading."""
     words = {
         "fragments": "its solids are joined where they touch (fragments).",
         "piece": "of its pieces the largest is read (piece).",
@@ -219,10 +224,7 @@ def _of_way(read: Read) -> list[str]:
 
 
 def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
-    """The model of a deck in that of some units in which its materials are real ones.
-
-    One model that can be read says what the others would be.
-    """
+    """The model of a deck in the unit in which its materials are the most realistic."""
     from antiosc.extension import with_parts
 
     reason: InputError | None = None
@@ -238,14 +240,18 @@ def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
                 structure, read, pieces = _model(path, best, free)
         members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
         mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-        notes = [*_described(pieces), *_of_way(read), *structure.plausibility.get("doubts", ())]
+        notes = [
+            *_described(pieces),
+            *_option_notes(read),
+            *structure.plausibility.get("doubts", ()),
+        ]
         return ForeignPart(mesh, read, structure, notes, pieces)
     assert reason is not None
     raise reason
 
 
 def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read, Sequence[Piece]]:
-    """The structure of a deck, how it was read (a density, one piece if needed), its pieces."""
+    """(structure of a deck, options of reading, pieces); density or piece are set if needed."""
     pieces: Sequence[Piece] = ()
     read: Read = {"unit": unit, **({"free": True} if free else {})}
     while True:

@@ -16,7 +16,7 @@ from pathlib import Path
 from antiosc.base import process
 from antiosc.base.process import loading, restored, start_petsc
 
-#: Of a package that is installed and cannot be imported.
+#: Remark on a package that is installed but cannot be imported.
 BROKEN = "fails to load"
 #: Fast BLAS libraries, as threadpoolctl and as people call them.
 BLAS_NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
@@ -26,11 +26,11 @@ BLAS_NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
 class Package:
     """A package that antiosc can use."""
 
-    name: str  # as its makers write it
-    module: str  # what is imported
-    debian: str  # the Debian package that brings it
-    conda: str  # that of conda-forge
-    pypi: str  # that of PyPI; empty: it has none for all systems
+    name: str  # its usual spelling
+    module: str  # the module that is imported
+    debian: str  # name of its Debian package
+    conda: str  # name on conda-forge
+    pypi: str  # name on PyPI; empty: not there for all systems
     version: Callable[[], str]  # called only where the module is installed
     meshes: bool = True  # structures with a mesh need it
 
@@ -54,42 +54,47 @@ def version() -> str:
 
 @cache
 def packages_found() -> dict[Package, str]:
-    """Version of each package; "" if it is missing, "fails to load: why" if it is broken."""
-    found = {}
+    """Version of each package; "" if it is missing, "fails to load: reason" if it is broken."""
+    versions = {}
     for package in PACKAGES:
         try:
             with loading(), restored():
-                there = importlib.util.find_spec(package.module)
-                found[package] = package.version() if there else ""
+                spec = importlib.util.find_spec(package.module)
+                versions[package] = package.version() if spec else ""
         except Exception as error:  # an installed package can fail in any way: say so and go on
-            found[package] = f"{BROKEN}: {error}"
-    return found
+            versions[package] = f"{BROKEN}: {error}"
+    return versions
 
 
 def meshes_work() -> bool:
-    """Whether every package is there that structures with a mesh need."""
-    found = packages_found()
-    return all(found[p] and not found[p].startswith(BROKEN) for p in found if p.meshes)
+    """Whether all packages are available that structures with a mesh need."""
+    versions = packages_found()
+    return all(versions[p] and not versions[p].startswith(BROKEN) for p in versions if p.meshes)
 
 
 def report() -> str:
-    """Versions, BLAS, threads, PETSc's solvers, and missing packages with the remedy, as text."""
+    """Text of versions, BLAS, threads, PETSc's solvers, and missing packages with a remedy."""
     rows = [
         ("antiosc", version()),
         ("Python", f"{platform.python_version()}  {sys.executable}"),
     ]
     remarks = []
-    for package, found in packages_found().items():
-        rows.append((package.name, BROKEN if found.startswith(BROKEN) else found or "missing"))
-        if found.startswith(BROKEN):
-            remarks.append(f"{package.name} is installed but {found}")
-    missing = [package for package, found in packages_found().items() if not found]
+    for package, version_found in packages_found().items():
+        rows.append(
+            (
+                package.name,
+                BROKEN if version_found.startswith(BROKEN) else version_found or "missing",
+            )
+        )
+        if version_found.startswith(BROKEN):
+            remarks.append(f"{package.name} is installed but {version_found}")
+    missing = [package for package, version_found in packages_found().items() if not version_found]
     rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
     rows += [("threads", _threads())]
 
-    used = blas()
-    rows.append(("BLAS", f"{used.name}  {used.path}"))
-    if used.slow:
+    blas_in_use = blas()
+    rows.append(("BLAS", f"{blas_in_use.name}  {blas_in_use.path}"))
+    if blas_in_use.slow:
         remarks.append(
             "WARNING: this is the reference BLAS, which makes every factorization and solve slow."
             " Remedy: sudo apt install libopenblas0-pthread"
@@ -105,17 +110,19 @@ def report() -> str:
 
 
 def installation() -> str:
-    """What brought this Python: "conda", "debian", "venv" of another Python on Debian, or "pip"."""
+    """Kind of this Python: "conda", "debian", "venv" (another Python on Debian) or "pip"."""
     if Path(sys.prefix, "conda-meta").is_dir():
         return "conda"
     if not Path("/etc/debian_version").is_file():
         return "pip"
     shared = "/usr/lib/python3/dist-packages" in sys.path
-    return "debian" if sys.base_prefix == "/usr" and shared else "venv"
+    if sys.base_prefix == "/usr" and shared:
+        return "debian"
+    return "venv"
 
 
 def remedy(missing: list[Package], kind: str) -> str:
-    """The command that gets packages into an installation of a kind."""
+    """The command that installs missing packages in an installation of this kind."""
     if kind == "conda":
         names = sorted({package.conda for package in missing})
         return f"conda install -c conda-forge {' '.join(names)}"
@@ -123,7 +130,7 @@ def remedy(missing: list[Package], kind: str) -> str:
     if kind == "debian":
         return debian
     pip = [package.pypi for package in missing if package.pypi]
-    said = [f"pip install {' '.join(dict.fromkeys(pip))}"] if pip else []
+    commands = [f"pip install {' '.join(dict.fromkeys(pip))}"] if pip else []
     if len(pip) < len(missing):
         elsewhere = "conda (conda-forge), or the container of packaging/Dockerfile"
         if kind == "venv":
@@ -131,12 +138,12 @@ def remedy(missing: list[Package], kind: str) -> str:
             elsewhere += "/usr/bin/python3 -m venv --system-site-packages"
         elif sys.platform == "win32":
             elsewhere = "WSL with Debian, or the container of packaging/Dockerfile"
-        said.append(f"for meshes {elsewhere}")
-    return "; ".join(said)
+        commands.append(f"for meshes {elsewhere}")
+    return "; ".join(commands)
 
 
 def solvers() -> list[str]:
-    """The direct solvers, of those antiosc uses, that PETSc was built with here."""
+    """Names of the direct solvers in this PETSc that antiosc uses."""
     try:
         from petsc4py import PETSc
     except ImportError:
@@ -147,7 +154,7 @@ def solvers() -> list[str]:
 
 
 def _cholmod() -> str:
-    """CHOLMOD's version and whether it is called directly, or through PETSc and why."""
+    """CHOLMOD's version if it is called directly; else why it is called through PETSc."""
     try:
         from antiosc.extension import cholmod
     except Exception as error:  # whatever an installed package may raise
@@ -160,16 +167,18 @@ def _cholmod() -> str:
 
 
 def blas() -> Blas:
-    """The BLAS in use, as threadpoolctl finds it among the libraries that are loaded with NumPy.
+    """The BLAS in use, found by threadpoolctl among the libraries that NumPy loads.
 
-    Debian's packages all ask for libblas.so.3 and the `alternatives` links choose what that is;
-    a NumPy from PyPI brings an OpenBLAS of its own. threadpoolctl does not know those without
-    threads, the reference implementation above all, beside which OpenBLAS may serve LAPACK alone.
+    All of Debian's packages load libblas.so.3, which its `alternatives` links to some BLAS; NumPy
+    from PyPI contains its own OpenBLAS. threadpoolctl does not know libraries without threads, such
+    as the reference BLAS, beside which OpenBLAS may be loaded for LAPACK alone.
     """
     importlib.import_module("numpy.linalg")
     path = _mapped("libblas.so")
     if path and not any(name in path for name in BLAS_NAMES):
-        return Blas("ATLAS", path, slow=False) if "atlas" in path else Blas("reference", path, True)
+        if "atlas" in path:
+            return Blas("ATLAS", path, slow=False)
+        return Blas("reference", path, True)
     for pool in process.pools() or ():
         kind = str(pool["internal_api"])
         return Blas(
@@ -179,7 +188,7 @@ def blas() -> Blas:
 
 
 def _mapped(name: str) -> str:
-    """Path of a library of this process; empty where it has none or where /proc is missing."""
+    """Path of a loaded library of this process; "" if there is none, or no /proc."""
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()
     except OSError:
@@ -189,6 +198,7 @@ def _mapped(name: str) -> str:
 
 
 def _threads() -> str:
+    """Text of the number of threads."""
     count = f"{process.cores()} cores"
     chosen = process.user_threads()
     if chosen:
@@ -200,6 +210,7 @@ def _threads() -> str:
 
 
 def _petsc() -> str:
+    """Version of PETSc."""
     start_petsc()
     from petsc4py import PETSc
 
@@ -207,12 +218,14 @@ def _petsc() -> str:
 
 
 def _slepc() -> str:
+    """Version of SLEPc."""
     from slepc4py import SLEPc
 
     return ".".join(map(str, SLEPc.Sys.getVersion()))
 
 
 def _mpi() -> str:
+    """Version of MPI."""
     from mpi4py import MPI
 
     return MPI.Get_library_version().split(",")[0]
@@ -221,6 +234,7 @@ def _mpi() -> str:
 def _gmsh() -> str:
     # Its __version__ is that of the interface, not of the program, which would have to be
     # initialised: not in this process, where it changes the locale and may be in use.
+    """Version of gmsh."""
     code = (
         "import gmsh; gmsh.initialize(readConfigFiles=False);"
         "gmsh.option.setNumber('General.Terminal', 0);"
@@ -236,7 +250,7 @@ def _gmsh() -> str:
 def _package(
     name: str, module: str = "", version: Callable[[], str] | None = None, *, meshes: bool = True
 ) -> Package:
-    """A package whose names elsewhere follow from its module, which is named as it by default."""
+    """A package; its names on Debian, conda-forge and PyPI follow from the module's name."""
     module = module or name
     version = version or (lambda: importlib.import_module(module).__version__)
     real = "-real" if module in ("dolfinx", "petsc4py", "slepc4py") else ""

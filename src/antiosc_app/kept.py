@@ -1,4 +1,4 @@
-"""What `antiosc open` keeps between calls of its page: results by their text, and free modes."""
+"""Caches of `antiosc open`: results by the text of their inputs, and free modes."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: Free modes that are known after each round of the search between the calls of the page.
+#: Number of free modes after each round of the search, which runs between calls of the page.
 ROUNDS = (10, 20, 40)
-#: Models that are kept.
+#: Number of models in the cache.
 MODELS = 50
 
 
 class Kept(OrderedDict[str, T]):
-    """The last results by the text of what they were made from."""
+    """The last results, by the text of their inputs."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
         self._most = most
 
     def of(self, key: str, make: Callable[[], T]) -> T:
-        """The result for a key, made where it is not known."""
+        """The result for a key, computed if it is not known."""
         if key not in self:
             self[key] = make()
             while len(self) > self._most:
@@ -43,19 +43,19 @@ class Kept(OrderedDict[str, T]):
 
 
 class FreeModes:
-    """Free modes of a structure, found in rounds, and models at any site from them."""
+    """Free modes of a structure, computed in rounds, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:
         from antiosc.extension import ModeSolver
 
         self._structure, self._solver = structure, ModeSolver(structure)
-        #: numbers of modes of the rounds that are left
+        #: numbers of modes of the remaining rounds
         self.left = list(ROUNDS)
         self._known: tuple[Array, Array] | None = None
         self._models: Kept[AntiOscillators] = Kept(MODELS)
 
     def search(self) -> bool:
-        """One more round; whether another is left."""
+        """Compute one more round; returns whether another one remains."""
         count = self.left[0]
         try:
             modes = self._solver.lowest(count)
@@ -68,37 +68,38 @@ class FreeModes:
         return bool(self.left) and not modes.complete
 
     def model(self, key: str, site: Site) -> AntiOscillators | None:
-        """The model of a site for balls, without shapes and bars; None before a round.
+        """The model of a site for balls, without shapes and error bars; None before the first
+        round.
 
-        `key`: the text of what it depends on.
+        `key`: the text of its inputs.
         """
         if self._known is None:
             return None
-        return self._models.of(key, lambda: self._made(site))
+        return self._models.of(key, lambda: self._computed_model(site))
 
-    def _made(self, site: Site) -> AntiOscillators:
-        """A model by one solve."""
+    def _computed_model(self, site: Site) -> AntiOscillators:
+        """The model of a site, by one solve."""
         from antiosc.fem.linalg.algebra import multiply
         from antiosc.reduce.site import functional, surfaces
 
         assert self._known is not None
         structure, (omega, phi) = self._structure, self._known
-        seen = functional(structure, site)
-        y = structure.factorize().solve_block(seen.b[:, None])[:, 0]
+        load = functional(structure, site)
+        y = structure.factorize().solve_block(load.b[:, None])[:, 0]
         inertia = float(y @ multiply(structure.M, y))
-        of_site = seen.b @ phi, float(seen.b @ y), inertia
-        found = from_free_modes(omega, *of_site, COUNT, structure.shift, "krylov")
-        assert seen.point is not None
-        assert seen.direction is not None
+        of_site = load.b @ phi, float(load.b @ y), inertia
+        model = from_free_modes(omega, *of_site, COUNT, structure.shift, "krylov")
+        assert load.point is not None
+        assert load.direction is not None
         info = ModelInfo(
-            point=seen.point.tolist(),
-            direction=seen.direction.tolist(),
-            surfaces=surfaces(structure, {"": seen}, lengths=False),
+            point=load.point.tolist(),
+            direction=load.direction.tolist(),
+            surfaces=surfaces(structure, {"": load}, lengths=False),
         )
         return replace(
-            found,
-            local_compliance=seen.local_compliance,
-            radius=seen.radius,
-            direction=seen.direction,
+            model,
+            local_compliance=load.local_compliance,
+            radius=load.radius,
+            direction=load.direction,
             info=info,
         )

@@ -1,7 +1,7 @@
-"""The live page of a report: its scripts, the blow that it repeats, and its verdict.
+"""The live page of a report: its scripts, the impact that it repeats, and its verdict.
 
-The data of the page are those of one impact of `simulate` or `strike`, or of a map; `live_meshes`
-adds the struck part and the sites of a map.
+The page's data are those of one impact of `simulate` or `strike`, or of a map; `live_meshes` adds
+the struck part and the sites of a map.
 """
 
 from __future__ import annotations
@@ -40,43 +40,43 @@ if TYPE_CHECKING:
     from antiosc import PeakField, Structure
 
 
-#: What the page reads: numbers, texts, arrays, lists and tables of them.
+#: Data of the page: numbers, texts, arrays, and lists and tables of these.
 Data: TypeAlias = dict[str, Any]
 
 FOLDER = Path(__file__).with_name("page")
-#: In the order in which they need each other.
+#: Scripts of the page in the order of their dependence.
 SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "verdict", "page", "fall")
-#: What begins: the page of a report, whose data lie in it, or that of `antiosc open`.
+#: Starting scripts: of a report, which contains its data, and of `antiosc open`.
 REPORT, OPEN = "start", "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
 KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
 
 def script(begin: str = REPORT) -> str:
-    """All of a page's program."""
+    """The whole program of a page."""
     text = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in (*SCRIPTS, begin))
     return f'(() => {{\n"use strict";\n{text}}})();\n'
 
 
 def style() -> str:
-    """The page's style."""
+    """The style sheet of the page."""
     return (FOLDER / "page.css").read_text("utf-8")
 
 
 def engine() -> bytes:
-    """The march for WebAssembly; packaging/library.py --page makes it."""
+    """The march compiled to WebAssembly (by packaging/library.py --page)."""
     return (FOLDER / "engine.wasm").read_bytes()
 
 
 def policy(program: str) -> str:
-    """The Content-Security-Policy: this program runs, and nothing is fetched."""
+    """The Content-Security-Policy: only this program runs, and nothing is fetched."""
     digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode("ascii")
-    own = f"script-src 'sha256-{digest}' 'wasm-unsafe-eval'"
-    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {own}"
+    scripts = f"script-src 'sha256-{digest}' 'wasm-unsafe-eval'"
+    return f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; {scripts}"
 
 
 def embedded(data: Data) -> str:
-    """Data as JSON that may stand in a script element: no text in it can end that."""
+    """Data as JSON that is safe inside a script element."""
     text = json.dumps(
         plain(data, _packed), allow_nan=False, separators=(",", ":"), ensure_ascii=True
     )
@@ -84,7 +84,7 @@ def embedded(data: Data) -> str:
 
 
 def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist) -> object:
-    """A value of JSON; NaN and infinity become None, and arrays what `of_array` returns."""
+    """A value as JSON: NaN and infinity become None, arrays what `of_array` returns."""
     if isinstance(value, Mapping):
         return {str(key): plain(each, of_array) for key, each in value.items()}
     if isinstance(value, bytes):
@@ -96,42 +96,48 @@ def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if value is None or isinstance(value, int | str) else str(value)
+        if np.isfinite(value):
+            return value
+        return None
+    if value is None or isinstance(value, int | str):
+        return value
+    return str(value)
 
 
 def _packed(values: Array) -> Data:
-    """An array as base64 text with its kind."""
-    own = np.ascontiguousarray(values)
-    own = own.astype(own.dtype.newbyteorder("<"))
-    text = base64.b64encode(own.tobytes()).decode("ascii")
-    return {"$": KINDS[own.dtype.str], "of": text}
+    """An array as base64 text with its type."""
+    values_in_order = np.ascontiguousarray(values)
+    values_in_order = values_in_order.astype(values_in_order.dtype.newbyteorder("<"))
+    text = base64.b64encode(values_in_order.tobytes()).decode("ascii")
+    return {"$": KINDS[values_in_order.dtype.str], "of": text}
 
 
-#: Relative error of the forces of the runs on the page, and of those that colour a map.
+#: Relative force error of the runs on the page; of those that colour a map.
 TOL, COARSE = 1e-6, 1e-3
-#: Nodes of the curve of the computed case that the page keeps.
+#: Number of points of the computed curve on the page.
 CURVE = 2000
-#: Digits of an exponent.
+#: Translates digits to superscripts.
 SUPERSCRIPTS = str.maketrans("0123456789.-", "⁰¹²³⁴⁵⁶⁷⁸⁹·⁻")
 
 
 def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
-    """The impact as data for the page; None where the page cannot repeat it.
+    """The impact as data for the page; None if the page cannot repeat it.
 
-    It repeats those of `simulate` and `strike`: one contact by a law of this package, apart at the
-    start, under loads that do not change, without dampers that couple modes, of strikers that do
-    not stretch. `bars`: its error budget, or empty.
+    It repeats impacts of `simulate` and `strike` with one contact by a built-in law, open at the
+    start, constant loads, no dampers that couple modes, and a striker that does not stretch.
+    `bars`: its error budget, or None.
     """
     if not isinstance(hit, History) or isinstance(hit, SceneHistory):
         return None
-    system, law = hit.assembly.system, hit.assembly.laws[0]
+    system = hit.assembly.system
+    law = hit.assembly.laws[0]
     if not is_compiled(law) or system.breaks.size > 1 or system.pressed.any():
         return None
-    # the page has modes that decay each for itself, and strikers that are linear
+    # the page has uncoupled modes and linear strikers only
     if system.first is not None or "impactor" in hit.assembly.stretched:
         return None
-    body, striker = hit.assembly.bodies["structure"], hit.assembly.bodies["impactor"]
+    body = hit.assembly.bodies["structure"]
+    striker = hit.assembly.bodies["impactor"]
     if not isinstance(body.modes, ModalBody) or not isinstance(striker.modes, ModalBody):
         return None
     loads = np.split(system.loads[0], [body.omega.size])
@@ -149,9 +155,10 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
 
 
 def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:
-    """What does not depend on the site: the law, the striker, and where the sliders stand.
+    """Data that do not depend on the site: the law, the striker, and the slider positions.
 
-    None for what has no slider: the mass of a striker that vibrates, a measured law's stiffness.
+    A slider that does not exist is None: the mass of a vibrating striker, the stiffness of a
+    measured law.
     """
     assert isinstance(law, Compiled)
     values = law.parameters()
@@ -178,9 +185,9 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
 
 
 def _yielding(law: ContactLaw) -> Data | None:
-    """What the page says of a contact that yields; None of a law without a dent.
+    """Data of a contact that can yield; None for a law without a dent.
 
-    strength : of the side that yields [Pa]; radius : of the sphere [m]; rim : of `Dent`.
+    strength : of the yielding side [Pa]; radius : of the sphere [m]; rim : of `Dent`.
     """
     if not isinstance(law, Hysteretic):
         return None
@@ -190,7 +197,7 @@ def _yielding(law: ContactLaw) -> Data | None:
 
 
 def finite_parameters(law: ContactLaw) -> list[float]:
-    """Parameters of a law that JSON can hold: of Hertz's without the infinite end of its range."""
+    """Parameters of a law that JSON can hold: Hertz's law without its infinite range."""
     assert isinstance(law, Compiled)
     return [value for value in law.parameters() if np.isfinite(value)]
 
@@ -198,7 +205,7 @@ def finite_parameters(law: ContactLaw) -> list[float]:
 def modal_data(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
 ) -> Data:
-    """A body in free modes, as `pose` of engine.js takes it; `local`: compliance of its patch."""
+    """A body in free modes, as `pose` of engine.js expects it; `local`: compliance of its patch."""
     zeros = np.zeros(body.omega.size)
     return {
         "omega": body.omega,
@@ -213,52 +220,58 @@ def modal_data(
 
 
 def _stretch(hit: History) -> Data | None:
-    """The rows of the part that stretch, its modes as rows, and the tensors; None: it is linear."""
-    taken, system = hit.assembly.stretched.get("structure"), hit.assembly.system
-    if taken is None:
+    """Rows of the part's stretching, its modes as rows, and the tensors; None if it is linear."""
+    stretching = hit.assembly.stretched.get("structure")
+    system = hit.assembly.system
+    if stretching is None:
         return None
     assert system.quadratic is not None
     assert system.cubic is not None
     return {
-        "rows": system.beta[-taken.size :, hit.assembly.spans["structure"]].ravel(),
-        "modes": taken.modes.T.ravel(),
+        "rows": system.beta[-stretching.size :, hit.assembly.spans["structure"]].ravel(),
+        "modes": stretching.modes.T.ravel(),
         "quadratic": system.quadratic.ravel(),
         "cubic": system.cubic.ravel(),
     }
 
 
 def _ratio(model: LinearBody) -> float | None:
-    """The damping ratio of all modes, where the damping is just that; None of another damping."""
+    """The damping ratio if all modes have the same and no other damping; else None."""
     damping = getattr(model, "damping", None)
     if damping is None:
         return 0.0
     plain = isinstance(damping, Damping) and isinstance(damping.ratio, float)
-    return damping.ratio if plain and damping.alpha == damping.beta == 0 else None
+    if plain and damping.alpha == damping.beta == 0:
+        return damping.ratio
+    return None
 
 
 def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
-    """Relative errors by quantity and cause, and bodies for those of mesh and truncation.
+    """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
 
-    On the page the bar of such a cause grows as the difference that its body makes there.
+    On the page such an error bar is scaled by the difference that its modified body makes there.
     """
     if not budget:
         return {"shares": {}, "variants": {}, "word": ""}
     causes = budget.causes
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in budget.items()}
-    if not np.isfinite([v for own in shares.values() for v in own.values()]).all():
+    if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
         return {"shares": {}, "variants": {}, "word": ""}
     model, variants = hit.model, {}
     moving = hit.assembly.bodies["structure"].start.any()
     linear = not hit.assembly.stretched
     if shares and linear and not moving and getattr(model, "strain_error", None) is not None:
         bodies = {"mesh": model.corrected(), "truncation": softest_model(model)}
-        variants = {cause: modal_data(one.modal(), local=local) for cause, one in bodies.items()}
+        variants = {
+            cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
+        }
     return {"shares": shares, "variants": variants, "word": "numerical " if budget.law else ""}
 
 
 def _computed(hit: History) -> Data:
     """The curve and the numbers of the computed case, which stay on the page."""
-    time, force = hit.time, hit.force
+    time = hit.time
+    force = hit.force
     if time.size > CURVE:
         time = np.linspace(0.0, float(time[-1]), CURVE)
         force = hit.force_at(time)
@@ -281,14 +294,14 @@ REMEDIES = {
     "stretch": "extract with a larger number of motions (stretch=)",
     "law": "give the yield strength of your material, and what it may be off by (yield_range)",
 }
-#: What is said of a striker, with its unit, and the word before it.
+#: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
 
 class Headline(NamedTuple):
-    """What struck what, its numbers (name, value with bar), and sentences of the verdict.
+    """Striker and part, the numbers (name, value with error bar), and sentences of the verdict.
 
-    `kinds` of the sentences tell the page what to say in their place when a slider is moved.
+    `kinds` of the sentences tell the page how to replace them when a slider is moved.
     """
 
     about: str
@@ -317,60 +330,66 @@ def headline_of_history(
     ]
     e = hit.restitution
     numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
-    told = [
+    sentences_of_kind = [
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),
         ("energy", _absorbed(hit)),
         ("accuracy", _accuracy(budget)),
     ]
-    kinds, sentences = zip(*(pair for pair in told if pair[1]), strict=True)
+    kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds)
 
 
-def headline_of_map(found: ImpactMap) -> Headline:
+def headline_of_map(impact_map: ImpactMap) -> Headline:
     """The headline of a map."""
-    numbers = [("sites", f"{len(found)}")]
+    numbers = [("sites", f"{len(impact_map)}")]
     sentences = []
-    if found.peak_force is not None and found.contact_time is not None:
-        worst_site, own = hardest(found), trusted(found)
-        high = float(found.peak_force[worst_site])
+    if impact_map.peak_force is not None and impact_map.contact_time is not None:
+        worst_site = hardest(impact_map)
+        mask = trusted(impact_map)
+        high = float(impact_map.peak_force[worst_site])
         for name, unit in (("peak_force", "N"), ("contact_time", "s")):
-            ends = (float(end(getattr(found, name)[own])) for end in (np.nanmin, np.nanmax))
-            text = " to ".join(engineering(each, unit) for each in ends)
+            ends = (float(end(getattr(impact_map, name)[mask])) for end in (np.nanmin, np.nanmax))
+            text = " to ".join(engineering(value, unit) for value in ends)
             numbers.append((name.replace("_", " "), text))
-        where = point_text(found.points[worst_site])
+        where = point_text(impact_map.points[worst_site])
         sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
-        if found.doubtful.any():
-            sentences.append(f"{found.doubtful.sum()} doubtful sites are left out of these.")
-    if found.peak_stress is not None:
-        sentences.append(_most_dangerous(found))
-    worst = float(found.error.max())
+        if impact_map.doubtful.any():
+            sentences.append(f"{impact_map.doubtful.sum()} doubtful sites are left out of these.")
+    if impact_map.peak_stress is not None:
+        sentences.append(_most_dangerous(impact_map))
+    worst = float(impact_map.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
-        f" {engineering(found.band, 'Hz')}; the mesh's error is not estimated."
+        f" {engineering(impact_map.band, 'Hz')}; the mesh's error is not estimated."
     )
-    about = f"{_body(found.impactor)} strikes {_named(found.info.get('structure', 'a part'))}."
-    return Headline(about if found.impactor else "Models over a surface", numbers, sentences)
+    about = (
+        f"{_body(impact_map.impactor)} strikes "
+        f"{_named(impact_map.info.get('structure', 'a part'))}."
+    )
+    return Headline(about if impact_map.impactor else "Models over a surface", numbers, sentences)
 
 
-def _most_dangerous(found: ImpactMap) -> str:
-    """The place that a blow stresses most, and whether it yields."""
-    assert found.peak_stress is not None
-    assert found.stress_points is not None
-    share = found.exposure
-    i = hardest(found, of=found.peak_stress if share is None else share)
+def _most_dangerous(impact_map: ImpactMap) -> str:
+    """Sentence on the site whose impact causes the largest stress, and whether the part yields."""
+    assert impact_map.peak_stress is not None
+    assert impact_map.stress_points is not None
+    exposure = impact_map.exposure
+    i = hardest(impact_map, of=impact_map.peak_stress if exposure is None else exposure)
     text = (
-        f"A blow at {point_text(found.points[i])} stresses the part most:"
-        f" {engineering(found.peak_stress[i], 'Pa')} at {point_text(found.stress_points[i])}"
+        f"A blow at {point_text(impact_map.points[i])} stresses the part most:"
+        f" {engineering(impact_map.peak_stress[i], 'Pa')} at "
+        f"{point_text(impact_map.stress_points[i])}"
     )
-    if share is None:
+    if exposure is None:
         return f"{text}; the material has no yield_strength to compare it with."
-    count = int(np.sum(share >= 1))
-    where = f"at {count} of {len(found)} sites" if count else "nowhere"
-    return f"{text}, {share[i]:.3g} of the yield strength; yield is reached {where}."
+    count = int(np.sum(exposure >= 1))
+    where = f"at {count} of {len(impact_map)} sites" if count else "nowhere"
+    return f"{text}, {exposure[i]:.3g} of the yield strength; yield is reached {where}."
 
 
 def _struck(hit: History, structure: Structure | None) -> str:
+    """Sentence on the striker, the part and the site."""
     part = "a model" if structure is None else _named(structure.describe())
     places = list(site_points(hit.model).values())
     where = f" at {point_text(places[0])}" if len(places) == 1 else ""
@@ -378,7 +397,7 @@ def _struck(hit: History, structure: Structure | None) -> str:
 
 
 def _body(body: LinearBody | None) -> str:
-    """A striker in words: "A sphere of 32.9 g at 2.00 m/s"."""
+    """Text of a striker: "A sphere of 32.9 g at 2.00 m/s"."""
     kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
     text = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
     for name, (unit, word) in STRIKER_WORDS.items():
@@ -389,12 +408,12 @@ def _body(body: LinearBody | None) -> str:
 
 
 def _named(described: str) -> str:
-    """What `Structure.describe` begins with: the name of the mesh, without its numbers."""
+    """The name of the mesh in a description of `Structure.describe`."""
     return re.split("[:,]", described, maxsplit=1)[0]
 
 
 def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
-    """Whether strengths are reached, and where; else the largest stress of the picture."""
+    """Sentences on strengths, where they are reached; else on the largest stress of the picture."""
     sentences = []
     for peak in fields.values():
         if peak.exposure is not None:
@@ -402,7 +421,8 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
         if peak.doubt:
             sentences.append(f"{capitalised(peak.doubt).rstrip('.')}.")
     if not fields and worst is not None:
-        value, time = engineering(worst["value"], "Pa"), engineering(worst["time"], "s")
+        value = engineering(worst["value"], "Pa")
+        time = engineering(worst["time"], "s")
         sentences.append(
             f"The largest von Mises stress is about {value} at {point_text(worst['place'])},"
             f" {time}; the material has no yield_strength to compare it with."
@@ -411,7 +431,7 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
 
 
 def _absorbed(hit: History) -> str:
-    """The share of the striker's energy that stays in the part."""
+    """Sentence on the share of the striker's energy that stays in the part."""
     if len(hit.assembly.bodies) != 2 or not hit.contacts:
         return ""
     striker = list(hit.at([0.0, hit.time[-1]]).values())[1]
@@ -425,7 +445,7 @@ def _absorbed(hit: History) -> str:
 
 
 def _accuracy(budget: ErrorBudget | None) -> str:
-    """What limits the accuracy, and what to do."""
+    """Sentence on what limits the accuracy, and the remedy."""
     if budget is None:
         return (
             "There is no error bar, for the mesh's error is not estimated:"
@@ -440,12 +460,12 @@ def _accuracy(budget: ErrorBudget | None) -> str:
     return f"{budget.law} {largest}".lstrip()
 
 
-#: Density [kg/m^3] of the ball as which a striker of unknown size is drawn.
+#: A striker of unknown size is drawn as a ball of this density [kg/m^3].
 STEEL = 7850.0
 
 
 def caption(data: Data) -> str:
-    """What the picture of the set-up shows, in words."""
+    """Text below the picture of the set-up."""
     if "fall" in data:
         return "Drag to turn; red: the impacts, click one."
     text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
@@ -455,12 +475,14 @@ def caption(data: Data) -> str:
     return text
 
 
-def striker_place(hit: History, own: Data) -> Data | None:
-    """The place of the striker in the picture; None for a site without coordinates."""
-    points, direction = list(site_points(hit.model).values()), info_of(hit.model).direction
+def striker_place(hit: History, blow: Data) -> Data | None:
+    """The striker's place in the picture; None for a site without coordinates."""
+    points = list(site_points(hit.model).values())
+    direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None
-    radius, mass = own["radius"], own["mass"]
+    radius = blow["radius"]
+    mass = blow["mass"]
     if radius is None and mass is not None:
         radius = (mass / (STEEL * 4 / 3 * pi)) ** (1 / 3)
     return {"point": list(points[0]), "direction": list(direction), "radius": radius}

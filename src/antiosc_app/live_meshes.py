@@ -1,8 +1,8 @@
-"""What the live page turns: the struck part and its fields, and the sites of a map.
+"""The 3-D data of the live page: the struck part and its fields, and the sites of a map.
 
-The displacement of a point is linear in the modal displacements and the force of the contact; so is
-its stress. Of each the page gets a few fields with what they multiply: the principal fields of the
-run, as many as it needs. Of a map it gets the free modes of every site, one after the other.
+Displacement and stress of a point are linear in the modal displacements and the contact force. The
+page gets the principal fields of the run, as many as needed, with the factors that multiply them.
+For a map it gets the free modes of all sites.
 """
 
 from __future__ import annotations
@@ -32,50 +32,54 @@ from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
-#: Most fields of the motion and of the stress, and what they may miss of the largest value.
-MOST_FIELDS, FIELD_ERROR = (12, 8), 0.01
-#: Times of the run by which fields are chosen.
+#: Largest number of fields of the motion and of the stress; their error over the largest value.
+MOST_FIELDS = (12, 8)
+FIELD_ERROR = 0.01
+#: Number of times of the run from which the fields are chosen.
 TIMES = 120
-#: A point whose displacement is this share of the largest one in all shapes is held.
+#: A point is held if its displacement is below this share of the largest in all shapes.
 HELD_RATIO = 1e-12
-#: Whole numbers of coordinates and fields.
+#: Largest integer of coordinates and fields.
 STEPS = 32767
-#: Half the width of a beam without outline on the page, over the size of the part.
+#: Half-width of a drawn beam over the size of the part.
 BEAM = 0.012
 
 
 def of_structure(structure: Structure, hit: History) -> Data | None:
-    """Surface and fields for the page, the same on all ranks; None of a part without a surface."""
+    """Surface and fields for the page, the same on all ranks; None for a part without a surface."""
     try:
         shapes = shapes_of(structure, hit, "structure")
-        points, cells, moved = source(structure).at_nodes(structure, shapes)
+        points, cells, displacements = source(structure).at_nodes(structure, shapes)
         skin = surface(points, cells)
         stress = _stress(structure, hit, shapes)
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
-    skin, moved, stress = structure.comm.bcast((skin, moved, stress), root=0)
+    skin, displacements, stress = structure.comm.bcast((skin, displacements, stress), root=0)
     used, faces = np.unique(skin.faces, return_inverse=True)
     node = skin.node[used]
-    faces, moved = faces.reshape(-1, 3), moved[node]
+    faces = faces.reshape(-1, 3)
+    displacements = displacements[node]
     times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
     x = _coordinates(hit, times)
     to_shapes = _by_coordinates(hit)
     page = geometry(skin.points[used], faces)
-    page["held"] = _held(moved).astype(np.uint8)
+    page["held"] = _held(displacements).astype(np.uint8)
     page["motion"] = fields(
-        moved @ to_shapes, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1)
+        displacements @ to_shapes, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1)
     )
     if stress is not None:
-        own = [each[node] @ to_shapes for each in stress]
-        page["stress"] = [fields(each, x, MOST_FIELDS[1], _equivalent) for each in own]
-        page["worst"] = _worst(own, x, skin.points[used], times)
+        stress_fields = [field[node] @ to_shapes for field in stress]
+        page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
+        page["worst"] = _worst(stress_fields, x, skin.points[used], times)
     return page
 
 
 def geometry(points: Array, faces: IntArray) -> Data:
-    """Points in whole numbers: those of the box about `middle` with the half side `half` [m]."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, float((high - low).max() / 2) or 1.0
+    """Points as integers in the box with centre `middle` and half-side `half` [m], and faces."""
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    middle = (low + high) / 2
+    half = float((high - low).max() / 2) or 1.0
     return {
         "points": np.round((points - middle) / half * STEPS).astype(np.int16),
         "faces": faces.astype(np.uint32),
@@ -88,7 +92,7 @@ def geometry(points: Array, faces: IntArray) -> Data:
 class Surface:
     """The surface of a structure on the page.
 
-    points (P, 3), faces (T, 3); `node` (P,) the node of the mesh to which each point belongs.
+    points (P, 3), faces (T, 3); `node` (P,): the mesh node of each point.
     """
 
     points: Array
@@ -97,56 +101,67 @@ class Surface:
 
 
 def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Surface:
-    """Outer faces of cells at points (N, 3) as triangles; lines as bars. InputError for neither.
+    """Outer faces of cells at points (N, 3) as triangles, and lines as bars.
 
-    Triangles go around alike, those of solids as seen from outside.
+    The triangles are consistently oriented, those of solids outward. InputError if there are none.
     """
-    found: list[tuple[Array, IntArray]] = [(points, np.arange(len(points)))]
+    pieces: list[tuple[Array, IntArray]] = [(points, np.arange(len(points)))]
     faces: list[IntArray] = []
     for block in cells:
-        own = outer_faces([block])
-        if own.shape[1] == 2:
-            start = sum(len(node) for _, node in found)
-            corners, own, node = _bars(points, own)
-            found.append((corners, node))
-            own = own + start
-        elif own.shape[1] == 4:
-            own = np.vstack([own[:, [0, 1, 2]], own[:, [0, 2, 3]]])
-        if own.shape[1] == 3 and len(own):
-            places = np.concatenate([x for x, _ in found])
-            faces.append(oriented(places, own)[0])
+        block_faces = outer_faces([block])
+        if block_faces.shape[1] == 2:
+            start = sum(len(node) for _, node in pieces)
+            corners, block_faces, node = _bars(points, block_faces)
+            pieces.append((corners, node))
+            block_faces = block_faces + start
+        elif block_faces.shape[1] == 4:
+            block_faces = np.vstack([block_faces[:, [0, 1, 2]], block_faces[:, [0, 2, 3]]])
+        if block_faces.shape[1] == 3 and len(block_faces):
+            places = np.concatenate([x for x, _ in pieces])
+            faces.append(oriented(places, block_faces)[0])
     if not faces:
         raise InputError("nodes alone have no surface.")
-    places, nodes = (np.concatenate(each) for each in zip(*found, strict=True))
+    places, nodes = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return Surface(places, np.vstack(faces), nodes)
 
 
 def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
-    """Lines as square bars, four points at both ends of each: points, triangles, nodes."""
+    """Lines as square bars with four points at each end: (points, triangles, nodes)."""
     along = points[lines[:, 1]] - points[lines[:, 0]]
-    aside = np.cross(along, np.where(np.abs(along).argmin(axis=1)[:, None] == np.arange(3), 1, 0))
-    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
-    third = np.cross(along, aside) / np.linalg.norm(along, axis=1, keepdims=True)
+    first_side = np.cross(
+        along, np.where(np.abs(along).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
+    )
+    first_side /= np.linalg.norm(first_side, axis=1, keepdims=True)
+    second_side = np.cross(along, first_side) / np.linalg.norm(along, axis=1, keepdims=True)
     width = BEAM * float(np.ptp(points, axis=0).max())
     corners = width * np.stack(
-        [aside + third, third - aside, -aside - third, aside - third], axis=1
+        [
+            first_side + second_side,
+            second_side - first_side,
+            -first_side - second_side,
+            first_side - second_side,
+        ],
+        axis=1,
     )
     ends = [points[lines[:, k]][:, None] + corners for k in (0, 1)]
-    own = np.arange(8 * len(lines)).reshape(len(lines), 2, 4)
+    corner_numbers = np.arange(8 * len(lines)).reshape(len(lines), 2, 4)
     faces = []
     for k in range(4):
-        a, b, c, d = own[:, 0, k], own[:, 0, (k + 1) % 4], own[:, 1, (k + 1) % 4], own[:, 1, k]
+        a = corner_numbers[:, 0, k]
+        b = corner_numbers[:, 0, (k + 1) % 4]
+        c = corner_numbers[:, 1, (k + 1) % 4]
+        d = corner_numbers[:, 1, k]
         faces += [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
     node = np.repeat(lines.ravel(), 4)
     return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
 
 
 def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
-    """Stresses (N, 6, columns) at all nodes on rank 0; None: unknown.
+    """Stresses (N, 6, columns) at all nodes on rank 0; None if unknown.
 
-    Of sheets on both sides, of beams at each point of the outlines.
+    For sheets on both sides, for beams at each point of the outline.
     """
-    found = []
+    stresses = []
     for side in sides(structure):
         try:
             points, _, tensors = tensors_at_nodes(
@@ -155,27 +170,28 @@ def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | 
         except InputError:  # a beam, whose section has no outline
             return None
         if structure.comm.rank == 0:
-            found += _averages(tensors, len(points))
-    return found
+            stresses += _averages(tensors, len(points))
+    return stresses
 
 
 def _averages(tensors: NodeTensors, n: int) -> list[Array]:
-    """Mean tensors (N, 6, columns) at each of N nodes, for each place of them."""
-    found = []
+    """Mean tensors (N, 6, columns) at N nodes, for each place in the section."""
+    means = []
     for place in dict.fromkeys(origin.place for origin in tensors.origins):
-        here = [k for k, origin in enumerate(tensors.origins) if origin.place == place]
-        own = np.isin(tensors.origin, here)
-        total, count = np.zeros((n, *tensors.columns.shape[1:])), np.zeros(n)
-        np.add.at(total, tensors.nodes[own], tensors.columns[own])
-        np.add.at(count, tensors.nodes[own], 1.0)
-        found.append(total / np.maximum(count, 1.0)[:, None, None])
-    return found
+        origins = [k for k, origin in enumerate(tensors.origins) if origin.place == place]
+        mask = np.isin(tensors.origin, origins)
+        total = np.zeros((n, *tensors.columns.shape[1:]))
+        count = np.zeros(n)
+        np.add.at(total, tensors.nodes[mask], tensors.columns[mask])
+        np.add.at(count, tensors.nodes[mask], 1.0)
+        means.append(total / np.maximum(count, 1.0)[:, None, None])
+    return means
 
 
 def _coordinates(hit: History, times: Array) -> Array:
-    """Modal displacements of the structure and the force of the contact (n, J + 1).
+    """(n, J + 1) modal displacements of the structure and contact force; then pair amplitudes.
 
-    Of a part that stretches the amplitudes of pairs of its modes follow.
+    Pairs of modes are added for a part that stretches.
     """
     q, _ = hit.states(times)
     q = q[:, hit.assembly.spans["structure"]]
@@ -186,54 +202,59 @@ def _coordinates(hit: History, times: Array) -> Array:
 
 def _by_coordinates(hit: History) -> Array:
     """Factors (B, J + 1) of the shapes by modal displacements and force, and those of pairs."""
-    _, own = hit.of("structure")
-    size = own.omega.size
-    q, force = np.eye(size + 1)[:, :size], np.eye(size + 1)[:, size]
-    factors = np.asarray(own.amplitudes(own.coordinates(q, force))).T
+    _, body = hit.of("structure")
+    size = body.omega.size
+    q = np.eye(size + 1)[:, :size]
+    force = np.eye(size + 1)[:, size]
+    factors = np.asarray(body.amplitudes(body.coordinates(q, force))).T
     forces = hit.assembly.stretched.get("structure")
     count = 0 if forces is None else forces.size * (forces.size + 1) // 2
     return block_diag(factors, np.eye(count))
 
 
-def _held(moved: Array) -> BoolArray:
-    """Points (P,) with a component that no shape moves, though it moves elsewhere."""
-    reach = np.abs(moved).max(axis=2, initial=0.0)
+def _held(displacements: Array) -> BoolArray:
+    """Mask of points (P,) with a component that no shape moves, although others move it
+    elsewhere.
+    """
+    reach = np.abs(displacements).max(axis=2, initial=0.0)
     moves = reach.max(axis=0) > 0
     return (reach[:, moves] <= HELD_RATIO * reach.max()).any(axis=1)
 
 
 def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
-    """Principal fields of `linear` (P, c, J + 1) over a run x (n, J + 1), in whole numbers.
+    """Principal fields of `linear` (P, c, J + 1) over a run x (n, J + 1), as integers.
 
-    `fields` (K, P, c) times `scale` (K,) times `factors` (K, J + 1) times x is the field; `largest`
-    is the largest `size` in the run. The coordinates are weighted by their largest values, so that
-    fields also serve runs with other amplitudes.
+    The field is `fields` (K, P, c) × `scale` (K,) × (`factors` (K, J + 1) x); `largest` is the
+    largest `size` in the run. Coordinates are weighted by their largest values, so that the fields
+    also serve runs with other amplitudes.
     """
     points, components, count = linear.shape
     weights = np.abs(x).max(axis=0)
     weights[weights == 0] = 1e-12 * (weights.max() or 1.0)
     flat = linear.reshape(-1, count) * weights
-    turned, own = (x / weights).T, np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
-    exact = flat @ turned
+    scaled_x = (x / weights).T
+    vectors = np.linalg.eigh(flat.T @ flat)[1][:, ::-1]
+    exact = flat @ scaled_x
     largest = float(size(exact.reshape(points, components, -1)).max(initial=0.0))
-    kept = min(most, count)
-    for k in range(1, kept + 1):
-        error = exact - flat @ own[:, :k] @ (own[:, :k].T @ turned)
+    count_kept = min(most, count)
+    for k in range(1, count_kept + 1):
+        error = exact - flat @ vectors[:, :k] @ (vectors[:, :k].T @ scaled_x)
         if np.abs(error).max(initial=0.0) <= FIELD_ERROR * np.abs(exact).max(initial=0.0):
-            kept = k
+            count_kept = k
             break
-    basis = (flat @ own[:, :kept]).T
+    basis = (flat @ vectors[:, :count_kept]).T
     scale = np.abs(basis).max(axis=1)
     scale[scale == 0] = 1.0
     return {
         "fields": np.round(basis / scale[:, None] * STEPS).astype(np.int16).ravel(),
         "scale": scale / STEPS,
-        "factors": (own[:, :kept] / weights[:, None]).T.ravel(),
+        "factors": (vectors[:, :count_kept] / weights[:, None]).T.ravel(),
         "largest": largest,
     }
 
 
 def _equivalent(stress: Array) -> Array:
+    """Von Mises stress of stress fields."""
     return equivalent(np.moveaxis(stress, 1, -1))
 
 
@@ -248,76 +269,90 @@ def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
     }
 
 
-#: Most sites with models on a page.
+#: Largest number of sites on a page.
 MOST_SITES = 5000
-#: Area of the part over that of the map from which the part is drawn behind it.
+#: The part is drawn behind a map if its area exceeds this times the map's.
 LARGER_AREA = 1.02
-#: Quantities of a map that the page shows: first those that it strikes anew.
+#: Quantities of a map on the page; those that it does not recompute.
 SHOWN = ("peak_force", "contact_time", "peak_deflection", "peak_stress", "exposure", "k0")
 COMPUTED = ("peak_deflection", "peak_stress", "exposure")
 
 
-def sites_of_map(found: ImpactMap, structure: Structure | None = None) -> tuple[Data, Data] | None:
-    """Blow and sites for the page, on every rank; None for a map that it cannot strike anew.
+def sites_of_map(
+    impact_map: ImpactMap, structure: Structure | None = None
+) -> tuple[Data, Data] | None:
+    """(blow, sites) for the page, the same on every rank; None if it cannot repeat the map.
 
-    `structure` gives the surface behind sites that are points by themselves.
+    `structure` gives the surface behind sites that are single points.
     """
-    impactor, law, duration = found.impactor, found.contact, found.duration
+    impactor = impact_map.impactor
+    law = impact_map.contact
+    duration = impact_map.duration
     if impactor is None or law is None or duration is None or not is_compiled(law):
         return None
-    if found.stretched is not None and found.stretched.any():
+    if impact_map.stretched is not None and impact_map.stretched.any():
         return None
-    if found.laws is not None and any(type(one) is not type(law) for one in found.laws):
+    if impact_map.laws is not None and any(type(blow) is not type(law) for blow in impact_map.laws):
         return None
     striker = checked_body("impactor", impactor)
     speed = striker.velocity
-    if len(found) > MOST_SITES or found.peak_force is None or not isinstance(speed, float):
+    if (
+        len(impact_map) > MOST_SITES
+        or impact_map.peak_force is None
+        or not isinstance(speed, float)
+    ):
         return None
-    form = striker.modal()
-    start = form.rigid_motion(-speed)
-    one = impact_data(law, modal_data(form, start), impactor, abs(speed))
-    forms = [found.model(i).modal() for i in range(len(found))]
-    local = found.local_compliance + striker.local_compliance
+    modal = striker.modal()
+    start = modal.rigid_motion(-speed)
+    blow = impact_data(law, modal_data(modal, start), impactor, abs(speed))
+    forms = [impact_map.model(i).modal() for i in range(len(impact_map))]
+    local = impact_map.local_compliance + striker.local_compliance
     if law.compliance > 0:
-        local = np.full(len(found), law.compliance)
-    quantities = {name: found.quantities()[name] for name in SHOWN if name in found.quantities()}
-    every = {n: v for n, v in found.quantities().items() if n in ("impulse", "restitution")}
+        local = np.full(len(impact_map), law.compliance)
+    quantities = {
+        name: impact_map.quantities()[name] for name in SHOWN if name in impact_map.quantities()
+    }
+    other_quantities = {
+        n: v for n, v in impact_map.quantities().items() if n in ("impulse", "restitution")
+    }
     sites = {
-        "start": np.cumsum([0, *(form.omega.size for form in forms)]).astype(np.uint32),
-        "omega": np.concatenate([form.omega for form in forms]),
-        "b": np.concatenate([form.b for form in forms]),
-        "r": np.array([form.r for form in forms]),
-        "mobility": np.array([form.mobility for form in forms]),
+        "start": np.cumsum([0, *(modal.omega.size for modal in forms)]).astype(np.uint32),
+        "omega": np.concatenate([modal.omega for modal in forms]),
+        "b": np.concatenate([modal.b for modal in forms]),
+        "r": np.array([modal.r for modal in forms]),
+        "mobility": np.array([modal.mobility for modal in forms]),
         "local": local,
-        "points": found.points.astype(np.float32).ravel(),
-        "directions": found.directions.astype(np.float32).ravel(),
-        "faces": (found.elements if found.elements.shape[1] == 3 else np.zeros((0, 3)))
+        "points": impact_map.points.astype(np.float32).ravel(),
+        "directions": impact_map.directions.astype(np.float32).ravel(),
+        "faces": (impact_map.elements if impact_map.elements.shape[1] == 3 else np.zeros((0, 3)))
         .astype(np.uint32)
         .ravel(),
-        "alone": (found.alone if found.elements.shape[1] == 3 else np.arange(len(found))).tolist(),
-        "first": hardest(found),
-        "doubtful": found.doubtful.tolist(),
+        "alone": (
+            impact_map.alone if impact_map.elements.shape[1] == 3 else np.arange(len(impact_map))
+        ).tolist(),
+        "first": hardest(impact_map),
+        "doubtful": impact_map.doubtful.tolist(),
         "names": {
             name: MAP_QUANTITIES[name][0] + " (computed case)" * (name in COMPUTED)
             for name in quantities
         },
         "units": {name: MAP_QUANTITIES[name][1] for name in quantities},
-        "quantities": quantities | every,
+        "quantities": quantities | other_quantities,
     }
-    if found.laws is not None:
-        rows = [finite_parameters(each) for each in found.laws]
+    if impact_map.laws is not None:
+        rows = [finite_parameters(site_law) for site_law in impact_map.laws]
         sites["laws"] = {
-            "kind": one["law"]["kind"],
+            "kind": blow["law"]["kind"],
             "size": len(rows[0]),
             "params": np.array(rows).ravel(),
         }
     if structure is not None:
-        sites["skin"] = _skin(structure, _area(found.points, sites["faces"].reshape(-1, 3)))
-    return {**one, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
+        sites["skin"] = _skin(structure, _area(impact_map.points, sites["faces"].reshape(-1, 3)))
+    return {**blow, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
 
 
 def _skin(structure: Structure, mapped: float) -> Data | None:
-    """The surface of a part, the same on all ranks; None where there is none behind the map's."""
+    """The surface of a part behind a map, the same on all ranks; None if there is none."""
     try:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         skin: Surface = structure.comm.bcast(surface(points, cells), root=0)

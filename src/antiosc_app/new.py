@@ -1,6 +1,6 @@
-"""`antiosc new`: what a part is, seen from its mesh, and the commented scene written for it.
+"""`antiosc new`: inspect a part by its mesh, and write a commented scene for it.
 
-Family, unit, where the part is held and where it is struck: the scene runs as it stands.
+Family, unit, supports and site are guessed, so that the scene runs without changes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: Words in the names of groups that hold a part, the likeliest first.
+#: Words in the names of groups that are supports, the likeliest first.
 SUPPORT_WORDS = (
     *("clamp", "fix", "held", "hold", "support", "encastre", "mount", "bolt", "feet", "foot"),
     *("base", "ground", "root", "rim", "ends", "left", "bottom", "edges"),
@@ -51,47 +51,50 @@ SUPPORT_WORDS = (
 SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", "front", "middle")
 #: Cosine between neighbouring faces of one side of a part.
 SAME_SIDE_COSINE = np.cos(np.radians(15.0))
-#: Share of the nodes of a part that lie at most on a plane that holds it.
+#: A supporting plane contains at most this share of the nodes.
 LARGEST_PLANE = 0.6
-#: Share of the distance to the edge of its side that the radius of a site has, and the share of the
-#: longest side of the part, at most.
+#: Radius of a site over the distance to the edge of its face; largest radius over the longest side.
 RADIUS, LARGEST_RADIUS = 0.4, 0.02
-#: The material of a part for which none is asked.
+#: Default material of a part.
 MATERIAL = "steel S235"
-#: Radius of the ball of a new scene [m], and over that of the patch at most: a ball of steel at
-#: 1 m/s touches steel over 0.05 of its radius, plastics over 0.11, and the patch must be 1.7 times
-#: as wide. Of a deck the material may be any.
-LARGEST_BALL, BALL_OVER_PATCH = 0.01, {False: 10.0, True: 5.0}
-#: Over the longest side of a sheet or a bar, at most.
+#: Largest radius of the ball of a new scene [m], and over that of the patch (False: known material,
+#: True: a deck's). At 1 m/s a steel ball touches steel over 0.05 of its radius, plastics over 0.11,
+#: and the patch must be 1.7 times as wide.
+LARGEST_BALL = 0.01
+BALL_OVER_PATCH = {False: 10.0, True: 5.0}
+#: Largest radius of the ball over the longest side of a sheet or a bar.
 BALL_OVER_LENGTH = 0.1
-#: Hollow curvature over that of the ball from which a surface is no place for a contact at a point.
+#: A site is in a hollow if its concave curvature exceeds this share of the ball's curvature.
 HOLLOW = 0.5
-#: Which way is up, for a sheet in any plane.
+#: Upward direction of a sheet in any plane.
 UP = np.array([0.1, 0.2, 1.0])
-#: Distance from the edge of a side, over the size of the part, from which more room is no merit.
+#: Distance from the edge of a face, over the size of the part, beyond which sites rate almost
+#: equal.
 ROOM = 0.1
-#: Sites that are tried, first and then among all others; what warns of a patch held partly.
+#: Number of sites that are tried first, and then among the others; words of the warning about a
+#: partly held patch.
 MOST_TRIED, PARTLY_HELD = 40, "supports fix"
-#: Distance over the size of the part within which nodes lie on a plane.
+#: Nodes lie on a plane if their distance is below this share of the part's size.
 ON_PLANE = 1e-6
-#: Thickness of a sheet, and diameter of a bar, over the longest side of the part: guesses.
+#: Guessed thickness of a sheet and diameter of a bar, over the longest side.
 THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
 #: Anti-oscillators of a new scene, by family.
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
-#: Most nodes of a part that is struck for a moment [s] before its scene is written.
+#: A part of at most so many nodes is struck for this time [s] before its scene is written.
 MOST_NODES, MOMENT = 4000, 2e-4
-#: Least dofs for each anti-oscillator.
+#: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
-#: Longest run of a new scene, in periods of the highest frequency of its impact: stresses are
-#: looked at 40 000 times, 13 a period. 2 s of a sheet of 6 m left 297 % of the largest open.
+#: Longest run of a new scene in periods of its impact's highest frequency: stresses are evaluated
+#: at most 40 000 times, 13 in a period. With 2 s for a sheet of 6 m the largest stress was 297 %
+#: off.
 LONGEST_RUN = 3000
-#: Lowest frequency of a plate of length L that is held at one end, over √(D/ρh)/L².
+#: Lowest frequency of a plate of length L clamped at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What was found; lengths in m.
+    """The result of inspecting a part; lengths in m.
 
     Attributes
     ----------
@@ -100,17 +103,17 @@ class Inspection:
     low, high : (3,) corners of its box.
     groups : names of its groups.
     cells : their number and kind in words.
-    where : group that holds it; plane : (point, normal) of nodes that do; neither: it is free.
+    where : group of the support; plane : (point, normal) of supported nodes; neither: free.
     point, direction : of the site; radius : of its patch, None for beams and sheets.
-    count : number of anti-oscillators, at most a quarter of that of the dofs.
-    cell : largest cell at the site [m], of what is meshed here; None where `size` will do.
-    material : by name; not of a deck.
+    count : number of anti-oscillators, at most a quarter of the number of dofs.
+    cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
+    material : by name; unused for a deck.
     bars : whether its models have error bars of mesh and truncation.
-    points, faces, held : nodes (P, 3), corners (F, k), and which nodes are held, to be drawn.
+    points, faces, held : nodes (P, 3), corners (F, k), mask of held nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.
-    notes : what was decided while reading, one sentence each.
-    flat : modulus [Pa] and Poisson's ratio of a flat face in place of a surface that is not known.
-    pieces : of a part that falls apart, the largest first.
+    notes : decisions made while reading, one sentence each.
+    flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
+    pieces : if the part is in several pieces, these, the largest first.
     """
 
     family: str
@@ -143,28 +146,30 @@ class Inspection:
 
     @property
     def finest(self) -> float | None:
-        """Size of the cells at the site of what is meshed here; None: as anywhere."""
-        return (self.radius or self.cell) if "size" in self.read else None
+        """Size of the cells at the site of a part meshed here; None: as elsewhere."""
+        if "size" in self.read:
+            return self.radius or self.cell
+        return None
 
     @property
     def thickness(self) -> float:
-        """A guess of a sheet's thickness, or of a bar's diameter."""
+        """Guessed thickness of a sheet, or diameter of a bar."""
         return float(
             f"{(DIAMETER_RATIO if self.family == 'Beam' else THICKNESS_RATIO) * self.length:.1g}"
         )
 
     @property
     def ball(self) -> float:
-        """Radius [m] of the ball that strikes: small enough for the patch to carry its force."""
+        """Radius [m] of the striking ball, small enough for the patch to carry its force."""
         if self.radius is None:
-            most = BALL_OVER_LENGTH * self.length
+            largest = BALL_OVER_LENGTH * self.length
         else:
-            most = BALL_OVER_PATCH[self.of_deck] * self.radius
-        return min(LARGEST_BALL, float(f"{most:.1g}"))
+            largest = BALL_OVER_PATCH[self.of_deck] * self.radius
+        return min(LARGEST_BALL, float(f"{largest:.1g}"))
 
     @property
     def stiffness(self) -> float | None:
-        """Hertz's [N/m^1.5] of the ball on a flat face; None where the surface is known."""
+        """Hertz's stiffness [N/m^1.5] of the ball on a flat face; None if the surface is known."""
         if self.flat is None:
             return None
         ball = Sphere(radius=self.ball, **STEEL, velocity=1.0)
@@ -172,17 +177,19 @@ class Inspection:
 
     @property
     def duration(self) -> float:
-        """Three half periods [s] of a sheet's lowest bending vibration, as if held at one end.
+        """Three half periods [s] of a sheet's lowest bending vibration, as if clamped at one end.
 
         At most `LONGEST_RUN` periods of the impact.
         """
-        E, nu, rho = STEEL["E"], STEEL["nu"], STEEL["rho"]
+        E = STEEL["E"]
+        nu = STEEL["nu"]
+        rho = STEEL["rho"]
         bending = self.thickness * sqrt(E / (12 * (1 - nu**2) * rho))
         periods = 1.5 * self.length**2 / (LOWEST_FREQUENCY * bending)
         return float(f"{min(periods, LONGEST_RUN / _band(self.ball)):.1g}")
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
-        """What was found, for the terminal; of a part that is dropped not how it is struck."""
+        """Text lines for the terminal; without the impact if the part is dropped."""
         side = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         kind = "as its deck says" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
@@ -191,7 +198,7 @@ class Inspection:
         return [*sentences, *aligned(self.taken(drop))]
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
-        """What was guessed: (what, its value, the key of the scene that changes it)."""
+        """The guesses: (name, value, key of the scene that changes it)."""
         section = "[deck]" if self.of_deck else "[geometry]"
         rows = []
         if "unit" in self.read:
@@ -224,7 +231,7 @@ class Inspection:
         return rows
 
     def _held(self) -> str:
-        """What holds the part, in words."""
+        """Text of the support."""
         if self.of_deck:
             return "as in the deck"
         if self.where:
@@ -235,15 +242,15 @@ class Inspection:
 
 
 def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
-    """Rows of a table as lines."""
+    """Rows of a table as lines of text with aligned columns."""
     first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
     return [f"  {a:<{first}}  {b:<{second}}  {c}" for a, b, c in rows]
 
 
 def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Inspection:
-    """Read or mesh the file of a part and look at it.
+    """Read or mesh the file of a part and inspect it.
 
-    `free`: a deck without its supports; `unit`: of the file, where it is known.
+    `free`: a deck without its supports; `unit`: of the file, if it is known.
 
     Raises
     ------
@@ -257,7 +264,7 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
 
 
 def inspect_structure(part: Structure) -> Inspection:
-    """Look at the largest of the meshes of a structure."""
+    """Inspect the largest mesh of a structure."""
     from antiosc.extension import with_parts
 
     meshes = [member.part.mesh for member in with_parts(part).members()]
@@ -265,17 +272,18 @@ def inspect_structure(part: Structure) -> Inspection:
 
 
 def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspection:
-    """Look at a mesh; `structure`: that of a deck, which has its own supports."""
+    """Inspect a mesh; `structure`: that of a deck, with its own supports."""
     from antiosc.extension import Faces
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
     nodes = compat.geometry_nodes(mesh.dolfinx)
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
-    low, high = (np.array(_rounded(ends, size)) for ends in (x.min(axis=0), x.max(axis=0)))
+    low, high = (np.array(_rounded(corner, size)) for corner in (x.min(axis=0), x.max(axis=0)))
     where = None if structure is not None else _group(mesh, SUPPORT_WORDS)
     struck = _nodes_of(mesh, _group(mesh, SITE_WORDS))
-    held, plane = np.zeros(len(x), dtype=bool), None
+    held = np.zeros(len(x), dtype=bool)
+    plane = None
     if where is not None:
         held[_nodes_of(mesh, where)] = True
     elif structure is None:
@@ -290,11 +298,11 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     elif mesh.gdim == 2:
         sites = _on_rim(x, faces, held)
     else:
-        there = _on_faces(x, faces, outer, held, struck, size)
+        candidates = _on_faces(x, faces, outer, held, struck, size)
         meshed = "size" in read
         sites = (
             (point, direction, _radius(inside, edge, longest, meshed))
-            for point, direction, inside, edge in there
+            for point, direction, inside, edge in candidates
         )
     sites = _spread(sites)
     if family == "Solid":
@@ -309,14 +317,29 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     count = min(COUNTS[family], dofs // DOFS_FOR_EACH)
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
-        family, read, low, high, list(mesh.groups), cells, where, plane,
-        _rounded(point, size), _rounded(direction), radius, count, x, faces, held,
-        of_deck=structure is not None, flat=flat, bars=_has_bars(mesh, structure),
-    )  # fmt: skip
+        family,
+        read,
+        low,
+        high,
+        list(mesh.groups),
+        cells,
+        where,
+        plane,
+        _rounded(point, size),
+        _rounded(direction),
+        radius,
+        count,
+        x,
+        faces,
+        held,
+        of_deck=structure is not None,
+        flat=flat,
+        bars=_has_bars(mesh, structure),
+    )
 
 
 def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
-    """Whether `extract(…, error="estimate")` takes a part."""
+    """Whether `extract(…, error="estimate")` accepts the part."""
     from antiosc.extension import ModelErrors, refuse_dampers
 
     if structure is None:
@@ -332,7 +355,9 @@ def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
 def _flat(
     mesh: Mesh, outer: Faces, structure: Structure | None, site: tuple[Array, Array, float | None]
 ) -> tuple[float, float] | None:
-    """Modulus [Pa] and ratio of a flat face where nothing is known of the surface at a site."""
+    """(modulus [Pa], Poisson's ratio) of a flat face if the surface at a site is unknown; else
+    None.
+    """
     from antiosc.extension import curvature
     from antiosc.reduce.site.surface import material_at, surface_at
 
@@ -343,8 +368,8 @@ def _flat(
         elif mesh.tdim > 1:
             curvature(mesh, outer, point, direction, lengths=False)
     except InputError:
-        of_deck = None if structure is None else material_at(structure, point, direction)
-        E, nu = (getattr(of_deck, name, None) for name in ("E", "nu"))
+        material = None if structure is None else material_at(structure, point, direction)
+        E, nu = (getattr(material, name, None) for name in ("E", "nu"))
         if isinstance(E, float) and isinstance(nu, float):
             return E, nu
         return STEEL["E"], STEEL["nu"]
@@ -354,16 +379,16 @@ def _flat(
 def _outside_hollows(
     mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
-    """Sites of a solid; those in hollows into which the ball does not fit come last."""
+    """Sites of a solid; those in hollows that the ball does not fit into come last."""
     from antiosc.extension import curvature
 
     hollow = []
     for site in sites:
         try:
-            bend = float(np.min(curvature(mesh, outer, *site[:2], lengths=False).values))
+            curvature_there = float(np.min(curvature(mesh, outer, *site[:2], lengths=False).values))
         except InputError:  # not known
-            bend = 0.0
-        if bend < -HOLLOW / LARGEST_BALL:  # nan of edges is not
+            curvature_there = 0.0
+        if curvature_there < -HOLLOW / LARGEST_BALL:  # nan of edges is not
             hollow.append(site)
         else:
             yield site
@@ -375,32 +400,34 @@ def _movable(
     first: tuple[Array, Array, float | None],
     others: Iterator[tuple[Array, Array, float | None]],
 ) -> tuple[Array, Array, float | None]:
-    """The first site that supports leave free, else one that they hold in part; with a patch."""
+    """The first site that no support fixes, with a patch; else the first that is partly fixed."""
     from antiosc import Site
     from antiosc.reduce.site import functional
 
-    partly = None
-    for point, usual, radius in chain([first], others):
-        ways = [(usual, radius), (usual, None), *((-axis, None) for axis in np.eye(3)[::-1])]
-        for direction, own in ways:
-            told: list[str] = []
-            with contextlib.suppress(InputError), warnings_to(told.append):
-                functional(structure, Site(point.tolist(), direction.tolist(), own, snap=True))
-                if not any(PARTLY_HELD in one for one in told):
-                    return point, direction, own
-                partly = partly or (point, direction, own)
-    return partly or first
+    partly_held = None
+    for point, normal, radius in chain([first], others):
+        attempts = [(normal, radius), (normal, None), *((-axis, None) for axis in np.eye(3)[::-1])]
+        for direction, patch_radius in attempts:
+            warnings_given: list[str] = []
+            with contextlib.suppress(InputError), warnings_to(warnings_given.append):
+                functional(
+                    structure, Site(point.tolist(), direction.tolist(), patch_radius, snap=True)
+                )
+                if not any(PARTLY_HELD in warning for warning in warnings_given):
+                    return point, direction, patch_radius
+                partly_held = partly_held or (point, direction, patch_radius)
+    return partly_held or first
 
 
 def _spread(sites: Iterator[T]) -> Iterator[T]:
-    """The first sites, then some of all others."""
+    """The first sites, then a selection of the others."""
     yield from islice(sites, MOST_TRIED)
     others = list(sites)
     yield from others[:: 1 + len(others) // MOST_TRIED]
 
 
 def _group(mesh: Mesh, words: Sequence[str]) -> str | None:
-    """The group of facets, edges or nodes that has the first of these words in its name."""
+    """The group of facets, edges or nodes whose name contains the first of these words."""
     lower = {
         n: n.lower()
         for n, parts in mesh.groups.items()
@@ -410,69 +437,72 @@ def _group(mesh: Mesh, words: Sequence[str]) -> str | None:
 
 
 def _nodes_of(mesh: Mesh, group: str | None) -> IntArray:
-    """Nodes of a group; none without one."""
+    """Nodes of a group; empty if it is None."""
     from antiosc.fem.platform import compat
 
     parts = mesh.groups[group].items() if group is not None else ()
-    found = [compat.entity_vertices(mesh.dolfinx, dim)[own].ravel() for dim, own in parts]
-    return np.unique(np.concatenate([np.zeros(0, dtype=int), *found]))
+    vertices = [
+        compat.entity_vertices(mesh.dolfinx, dim)[entities].ravel() for dim, entities in parts
+    ]
+    return np.unique(np.concatenate([np.zeros(0, dtype=int), *vertices]))
 
 
 def _plane(
     x: Array, low: Array, high: Array, size: float
 ) -> tuple[BoolArray, list[list[float]] | None]:
-    """Mask of the nodes on one side of the box, and a plane through it; none, None for a free
-    part.
-    """
+    """(mask of nodes on a side of the box, plane); an empty mask and None for a free part."""
     sides = [(2, low), (0, low), (1, low), (0, high), (1, high)]
     for axis, corner in sides:
-        on = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
-        if min(3, len(x) // 4) <= on.sum() <= max(1.0, LARGEST_PLANE * len(x)):
-            return on, [_rounded(corner, size), np.eye(3)[axis].tolist()]
+        on_plane = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
+        if min(3, len(x) // 4) <= on_plane.sum() <= max(1.0, LARGEST_PLANE * len(x)):
+            return on_plane, [_rounded(corner, size), np.eye(3)[axis].tolist()]
     return np.zeros(len(x), dtype=bool), None
 
 
 def _on_faces(
     x: Array, faces: IntArray, outer: Faces, held: BoolArray, struck: IntArray, size: float
 ) -> Iterator[tuple[Array, Array, float, float]]:
-    """Point, direction into the part, distance from the edge of its side, length of its edges.
+    """Yields candidate sites: point, inward direction, distance to the face's edge, edge length.
 
-    The middle of the largest side, those far from the supports and above being preferred; then
-    others of the part, the roomiest first.
+    First the middle of the largest face, preferably far from supports and on top; then other
+    places, those with most room first.
     """
     corners = x[faces]
     middle = corners.mean(axis=1)
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area, normal = np.linalg.norm(sides, axis=1), outer.normals
+    area = np.linalg.norm(sides, axis=1)
+    normal = outer.normals
     if outer.sheet:
         normal = _outward(x, faces, normal)
     side, edge_points = _sides(x, faces, normal)
-    far = _from_supports(x, held, middle)
+    support_distance = _from_supports(x, held, middle)
     total = np.bincount(side, area)
-    away = np.bincount(side, area * (far + 0.2 * size)) / total
-    above = np.bincount(side, area * normal[:, 2]) / total
-    worth = total * away * (1.5 + above)
-    chosen = side == np.argmax(worth)
+    mean_distance = np.bincount(side, area * (support_distance + 0.2 * size)) / total
+    mean_height = np.bincount(side, area * normal[:, 2]) / total
+    rating = total * mean_distance * (1.5 + mean_height)
+    chosen = side == np.argmax(rating)
     if len(struck):
-        there = np.isin(faces, struck).all(axis=1)
-        chosen = there if there.any() else chosen
-    inside = np.full(len(faces), size)
+        in_group = np.isin(faces, struck).all(axis=1)
+        chosen = in_group if in_group.any() else chosen
+    edge_distance = np.full(len(faces), size)
     for number in np.unique(side[chosen]):
         if len(edge_points[number]):
-            own = side == number
-            inside[own] = cKDTree(edge_points[number]).query(middle[own])[0]
-    room = (np.minimum(inside, ROOM * size) + ROOM * inside) * (far + ROOM * size)
+            on_side = side == number
+            edge_distance[on_side] = cKDTree(edge_points[number]).query(middle[on_side])[0]
+    room = (np.minimum(edge_distance, ROOM * size) + ROOM * edge_distance) * (
+        support_distance + ROOM * size
+    )
     room[held[faces].any(axis=1)] = 0.0
-    for best in np.lexsort((-room, -worth[side], ~chosen)):
+    for best in np.lexsort((-room, -rating[side], ~chosen)):
         if not chosen[best] and len(edge_points[side[best]]):
-            inside[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
+            edge_distance[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
         ends = corners[best] - np.roll(corners[best], 1, axis=0)
         longest = float(np.linalg.norm(ends, axis=1).max())
-        yield middle[best], -normal[best], float(inside[best]), longest
+        yield middle[best], -normal[best], float(edge_distance[best]), longest
 
 
 def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
-    """Normals of a sheet: outward if it is closed, else upward."""
+    """Normals of a sheet, outward if it is closed, else upward."""
     from antiosc.io.facets import SIDES, oriented
 
     triangles = faces[:, :3]
@@ -487,24 +517,24 @@ def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
 
 
 def _from_supports(x: Array, held: BoolArray, points: Array) -> Array:
-    """Distances of points (n, 3) from the next node that is held; equal ones of a free part."""
+    """Distances of points (n, 3) from the nearest held node; all equal for a free part."""
     if not held.any():
         return np.ones(len(points))
     return np.asarray(cKDTree(x[held]).query(points)[0])
 
 
 def _around(outer: Faces) -> IntArray:
-    """Corners of faces in order around each."""
+    """Corners of faces in cyclic order."""
     return outer.vertices[:, [0, 1, 3, 2] if outer.vertices.shape[1] == 4 else slice(None)]
 
 
 def sides_of(x: Array, outer: Faces) -> IntArray:
-    """Number of the side of the part on which each outer face lies."""
+    """Number of the smooth side of the part to which each outer face belongs."""
     return _sides(x, _around(outer), outer.normals)[0]
 
 
 def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int, Array]]:
-    """Number of the side of the part of each face, and points on the edges of each side."""
+    """Number of the smooth side of each face; points on the edges of each side."""
     k = faces.shape[1]
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(faces)), k)
@@ -513,15 +543,17 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
     starts = np.cumsum(count) - count
     pairs = [np.zeros((0, 2), dtype=int)]
     for first, second in combinations(range(4), 2):  # sheets join where three or four meet
-        at = starts[count > second]
-        pairs.append(np.stack([order[at + first], order[at + second]], axis=1))
-    both = np.vstack(pairs)
-    a, b = owner[both].T
-    both = both[np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > SAME_SIDE_COSINE]
-    links = coo_matrix((np.ones(len(both)), owner[both].T), shape=(len(faces),) * 2)
+        starts_of_edge = starts[count > second]
+        pairs.append(
+            np.stack([order[starts_of_edge + first], order[starts_of_edge + second]], axis=1)
+        )
+    neighbours = np.vstack(pairs)
+    a, b = owner[neighbours].T
+    neighbours = neighbours[np.abs(np.einsum("ij,ij->i", normal[a], normal[b])) > SAME_SIDE_COSINE]
+    links = coo_matrix((np.ones(len(neighbours)), owner[neighbours].T), shape=(len(faces),) * 2)
     side = connected_components(links, directed=False)[1]
     at_edge = np.ones(len(owner), dtype=bool)
-    at_edge[both.ravel()] = False
+    at_edge[neighbours.ravel()] = False
     points = np.concatenate([x[ends[:, 0]], x[ends].mean(axis=1), x[ends[:, 1]]])
     of_side = np.tile(np.where(at_edge, side[owner], -1), 3)
     return side, {int(s): points[of_side == s] for s in np.unique(side)}
@@ -530,9 +562,9 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
 def _on_lines(
     x: Array, nodes: IntArray, held: BoolArray, struck: IntArray
 ) -> Iterator[tuple[Array, Array, None]]:
-    """Nodes of the group that is struck, or far from the supports; directions across the line."""
-    own = struck if len(struck) else np.unique(nodes)
-    for best in own[np.argsort(-_from_supports(x, held, x[own]), kind="stable")]:
+    """Yields candidate sites of beams: nodes of the struck group or far from supports, across."""
+    candidates = struck if len(struck) else np.unique(nodes)
+    for best in candidates[np.argsort(-_from_supports(x, held, x[candidates]), kind="stable")]:
         rows = nodes[(nodes == best).any(axis=1)]
         along = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
         axis = int(np.argmin(along[::-1]))  # z before y before x
@@ -540,25 +572,27 @@ def _on_lines(
 
 
 def _on_rim(x: Array, faces: IntArray, held: BoolArray) -> Iterator[tuple[Array, Array, float]]:
-    """Outer edges of a plane part, farthest from its supports first: middle, inward direction,
-    radius."""
+    """Yields candidate sites of a plane part: edge middle, inward direction, radius; farthest
+    first.
+    """
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), faces.shape[1])
     edge, count = np.unique(np.sort(ends), axis=0, return_inverse=True, return_counts=True)[1:]
     outer = count[edge.ravel()] == 1
     a, b = x[ends[outer].T]
-    middle, length = (a + b) / 2, np.linalg.norm(b - a, axis=1)
+    middle = (a + b) / 2
+    length = np.linalg.norm(b - a, axis=1)
     across = np.cross([0.0, 0.0, 1.0], b - a) / length[:, None]
     inward = x[faces[owner[outer]]].mean(axis=1) - middle
     across *= np.sign(np.einsum("ni,ni->n", across, inward))[:, None]
-    far = _from_supports(x, held, middle)
-    aside = np.abs(middle[:, 0] - x[:, 0].mean())
-    for best in np.lexsort((aside, -np.round(middle[:, 1], 9), -far)):
+    support_distance = _from_supports(x, held, middle)
+    offset = np.abs(middle[:, 0] - x[:, 0].mean())
+    for best in np.lexsort((offset, -np.round(middle[:, 1], 9), -support_distance)):
         yield middle[best], across[best], float(f"{1.05 * length[best]:.2g}")
 
 
 def _radius(inscribed: float, edge: float, length: float, meshed: bool) -> float:
-    """Radius of the patch: within its side, and of the size of the faces of a finished mesh."""
+    """Radius of the patch: inside its face, and at least the edge length of a given mesh."""
     radius = min(RADIUS * inscribed, LARGEST_RADIUS * length)
     if not meshed:
         radius = min(max(radius, 1.05 * edge), 0.9 * inscribed)
@@ -566,25 +600,25 @@ def _radius(inscribed: float, edge: float, length: float, meshed: bool) -> float
 
 
 def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
-    """Numbers to a hundred-thousandth of a size."""
+    """Numbers rounded to a hundred-thousandth of a size."""
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
 
 
-def draw(found: Inspection, path: Path, *, drop: bool = False) -> None:
-    """A picture of the part: its outer faces; if not dropped, what holds it and the impact."""
+def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
+    """Draw the part: its outer faces, and its supports and impact unless it is dropped."""
     from antiosc.plot.charts import save_figure
     from antiosc.plot.surfaces import Deformed, deformed_figure
 
-    height = 1e3 * (found.points[:, 2] - found.points[:, 2].min())
-    shade = height if drop else found.held.astype(float)
+    height = 1e3 * (inspection.points[:, 2] - inspection.points[:, 2].min())
+    shade = height if drop else inspection.held.astype(float)
     label = "height over its lowest point (mm)" if drop else "1: held"
     most = max(float(shade.max()), 1.0)
-    part = Deformed(found.points, found.points, found.faces, shade, label, most)
-    arrow = None if drop else (np.array(found.point), np.array(found.direction))
+    part = Deformed(inspection.points, inspection.points, inspection.faces, shade, label, most)
+    arrow = None if drop else (np.array(inspection.point), np.array(inspection.direction))
     save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)
 
 
-#: The geometry of a scene for which no part is given.
+#: The geometry of a scene without a given part.
 PLATE = """\
 // A plate of 300 x 200 mm, held at one end; its size of elements is that of the scene.
 SetFactory("OpenCASCADE");
@@ -595,9 +629,9 @@ Physical Curve("clamp") = {4};
 
 
 def text(name: str, source: str, found: Inspection | None, drop: bool = False) -> str:
-    """The scene as a text; `source` is the file of the part as the scene names it.
+    """The scene as text; `source` is the part's file as the scene names it.
 
-    `found`: what is known of the part. `drop`: it falls.
+    `found`: the inspected part, if any. `drop`: it falls.
     """
     ending = Path(source).suffix.lower()
     deck = ending in DECK_ENDINGS if found is None else found.of_deck
@@ -634,13 +668,13 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
 
 
 def _band(radius: float) -> float:
-    """Highest frequency [Hz] that the impact of the scene excites, two digits."""
+    """Highest frequency [Hz] that the impact of the scene excites, to two digits."""
     ball = Sphere(radius=radius, **STEEL, velocity=1.0)
     return float(f"{impact_band(ball, ball.hertz(STEEL['E'], STEEL['nu'])):.1e}")
 
 
 def _picture(path: Path, about: str, draw_it: Callable[[Path], object]) -> list[str]:
-    """The sentence that names a picture, which is drawn unless it exists."""
+    """The sentence that names a picture, after drawing it; [] if it exists already."""
     if path.exists():
         return []
     try:
@@ -657,14 +691,14 @@ def write_scene(
     material: str | None = None,
     unit: str | None = None,
 ) -> tuple[Path, list[str]]:
-    """Write a new scene file, complete or absent; its path, and sentences on the part.
+    """Write a new scene file, complete or absent; returns its path and sentences on the part.
 
-    `material`: by name, of a part that is no deck; `unit`: of the file.
+    `material`: name of the material of a part that is no deck; `unit`: of the file.
 
     Raises
     ------
     AntioscError
-        It exists, the part cannot be read, or the material is not known: nothing is written.
+        The file exists, the part cannot be read, or the material is unknown: nothing is written.
     """
     chosen = materials.record(MATERIAL if material is None else material)
     if chosen.G is not None:
@@ -727,27 +761,27 @@ def write_scene(
 
 
 def _tried(scene: Path, name: str, part: str, found: Inspection, drop: bool) -> Inspection:
-    """The part as it can be struck: without error bars if need be; InputError if not even so."""
+    """The part after a trial impact, if need be without error bars; InputError if both fail."""
     reason: InputError | None = None
     for bars in (True, False)[not found.bars :]:
-        one = replace(found, bars=bars)
-        scene.write_text(text(name, part, one, drop), encoding="utf-8")
+        trial = replace(found, bars=bars)
+        scene.write_text(text(name, part, trial, drop), encoding="utf-8")
         try:
-            one = replace(one, cell=_try(scene, name))
+            trial = replace(trial, cell=_try(scene, name))
         except InputError as error:
             reason = reason or error
             continue
         if reason is None:
-            return one
+            return trial
         message = f"it is struck without error bars, for otherwise {reason}"
-        return replace(one, notes=(*one.notes, message))
+        return replace(trial, notes=(*trial.notes, message))
     raise InputError(f"the part can be read, but not struck as it is: {reason}")
 
 
 def _try(scene: Path, name: str) -> float | None:
-    """Strike the part for a moment, or drop it once: InputError if that is refused.
+    """Strike the part for a moment, or drop it once; InputError if that is refused.
 
-    Returns the largest cell [m] that the impact allows at the site, where those there are larger.
+    Returns the largest allowed cell [m] at the site, if the present cells there are larger.
     """
     calls = compiled(read(scene))
     brief: dict[str, dict[str, object]] = {
@@ -755,25 +789,25 @@ def _try(scene: Path, name: str) -> float | None:
         "fall": {"until": 1},
         "model": {"error": None},  # which tells the size of the cells; the history's has the bars
     }
-    for what, own in brief.items():
+    for what, options in brief.items():
         call = getattr(calls, what)
         if call is not None:
-            setattr(calls, what, replace(call, arguments={**call.arguments, **own}))
+            setattr(calls, what, replace(call, arguments={**call.arguments, **options}))
     try:
         with contextlib.redirect_stderr(io.StringIO()):
-            struck = results(
+            computed = results(
                 calls, ("structure", "model", "impactor", "contact", "history", "fall")
             )
     except AntioscError as error:
-        told = str(error).replace(str(scene), name)
-        raise InputError(told) from None
-    hit = struck.history
-    cell = hit and coarse_at(struck.model, "", hit.assembly.contact_time_estimate)
+        message = str(error).replace(str(scene), name)
+        raise InputError(message) from None
+    hit = computed.history
+    cell = hit and coarse_at(computed.model, "", hit.assembly.contact_time_estimate)
     return float(f"{cell.allowed:.1g}") if cell else None
 
 
 def _absent(target: Path) -> None:
-    """InputError for a file that exists."""
+    """Raise InputError if a file exists."""
     if os.path.lexists(target):  # `exists` raises for a name that no system takes
         raise InputError(
             f"{str(target)!r} exists already, and is left as it is; choose another name."

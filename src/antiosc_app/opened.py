@@ -1,11 +1,11 @@
 """`antiosc open`: a part that is struck on a page, from its file to a scene that is saved.
 
-The page sends its whole set-up with every call: what the part is made of, where it is held and
-struck, and by what. A set-up is written as a scene, and a blow is a run of that scene, so that a
-saved scene reruns to the same numbers. Structures and models are kept; one thread computes.
+The page sends its whole set-up with every call: material, supports, site and striker. A set-up is
+turned into a scene, and an impact is a run of that scene, so that a saved scene gives the same
+numbers. Structures and models are cached; one thread computes.
 
-A click is answered in three steps: by a model from free modes where these are known, which takes
-one solve; by the extracted model, with its error bars; and with motion and stress for the picture.
+A click is answered in three steps: by a model from free modes if these are known, which takes one
+solve; by the extracted model with its error bars; and with motion and stress for the picture.
 """
 
 from __future__ import annotations
@@ -65,22 +65,25 @@ if TYPE_CHECKING:
     from antiosc import Fall, Site, Structure
     from antiosc.extension import WorstField
 
-#: A step of an answer: the set-up, and what else the page sends.
+#: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
-#: Structures and falls that are kept; tabs whose latest call is known.
-STRUCTURES, FALLS, TABS = 2, 10, 100
-#: How often the duration is doubled while striker and part still touch at its end.
+#: Number of structures and of falls in the cache; number of browser tabs whose latest call is
+#: known.
+STRUCTURES = 2
+FALLS = 10
+TABS = 100
+#: Largest number of runs, each twice as long, until striker and part no longer touch at the end.
 LONGER = 5
-#: The line of a scene before a sentence.
+#: Prefix "file:line: " of a message about a scene.
 LINE = re.compile(r"^\S+\.toml:\d+: ", re.MULTILINE)
-#: Sections of a scene that say what the structure is, and what more its model depends on.
+#: Sections of a scene on which the structure depends; on which its model depends.
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 
 
 class Blow(NamedTuple):
-    """A blow, its scene, and what it was computed with; `settled`: by the extracted model."""
+    """An impact with its scene and inputs; `settled`: by the extracted model."""
 
     sections: Table
     scene: Compiled
@@ -91,7 +94,7 @@ class Blow(NamedTuple):
 
 
 class Dropped(NamedTuple):
-    """A fall, and the scene that it is of."""
+    """A fall and its scene."""
 
     sections: Table
     scene: Compiled
@@ -99,24 +102,28 @@ class Dropped(NamedTuple):
 
     @property
     def worst(self) -> WorstField | None:
-        """The largest stress of the criterion that it exposes most."""
-        return None if self.fall.body.structure is None else worst_by_strengths(self.fall)
+        """The largest stress by the criterion that is nearest to its limit."""
+        if self.fall.body.structure is None:
+            return None
+        return worst_by_strengths(self.fall)
 
 
 class Opened:
-    """A part that is open in a browser: what answers the calls of its page.
+    """A part that is open in a browser; it answers the calls of the page.
 
     Parameters
     ----------
-    path : of its file; what is saved goes beside it.
-    structure : in place of a file, which has its material and supports; nothing is saved.
+    path : of its file; results are saved beside it.
+    structure : instead of a file, with its material and supports; nothing is saved.
     unit : of the file; None: a guess.
     """
 
     def __init__(
         self, path: Path, structure: Structure | None = None, unit: str | None = None
     ) -> None:
-        self._path, self._given, self._unit = path, structure, unit
+        self._path = path
+        self._given = structure
+        self._unit = unit
         self._work = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
         self._waiting, self._lock = 0, threading.Lock()
         self._turns: Kept[int] = Kept(TABS)
@@ -127,12 +134,12 @@ class Opened:
         self._source: Source | None = None
         self._first: Data = {}
         self._doing = ""
-        #: the last site of the page
+        #: the site that was struck last
         self.site: Site | None = None
 
     @property
     def calls(self) -> dict[str, Callable[[Table], object]]:
-        """Name of a call of the page -> what answers it."""
+        """Name of a call of the page -> the function that answers it."""
         steps: dict[str, Step] = {"blow": self._blow, "settle": self._settle}
         steps |= {
             "fields": self._fields,
@@ -140,9 +147,9 @@ class Opened:
             "map": self._map,
             "write": self._write,
         }
-        found = {name: partial(self._in_turn, step) for name, step in steps.items()}
+        answers = {name: partial(self._in_turn, step) for name, step in steps.items()}
         return {
-            **found,
+            **answers,
             "look": lambda _: self._computed(self._look),
             "save": self._names,
             "progress": lambda _: {"doing": self._doing},
@@ -150,58 +157,61 @@ class Opened:
 
     @property
     def warm(self) -> bool:
-        """Whether a click at the last structure is answered from free modes."""
-        found = next(reversed(self._modes.values()), None)
-        return found is not None and not found.left
+        """Whether a click on the last structure is answered from free modes."""
+        modes = next(reversed(self._modes.values()), None)
+        return modes is not None and not modes.left
 
     def close(self) -> None:
-        """Begin no further work."""
+        """Accept no further work."""
         self._work.shutdown(wait=False, cancel_futures=True)
 
     # -- one thread computes
 
     def _computed(self, work: Callable[[], Data]) -> Data:
-        """What `work` returns in the thread that computes, with its warnings."""
+        """The result of `work` in the computing thread, with its warnings."""
 
-        def told() -> Data:
+        def run_work() -> Data:
             self._count(-1)
             messages: list[str] = []
             with progress.following(self._follow), warnings_to(messages.append):
                 try:
-                    found = work()
+                    result = work()
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(LINE.sub("", str(error.__cause__ or error))) from None
-            return {**found, "warnings": list(dict.fromkeys(map(capitalised, messages)))}
+            return {**result, "warnings": list(dict.fromkeys(map(capitalised, messages)))}
 
         self._count(1)
-        return self._work.submit(told).result()
+        return self._work.submit(run_work).result()
 
     def _count(self, change: int) -> None:
-        """Calls of the page that wait for the thread that computes."""
+        """Change the number of calls that wait for the computing thread."""
         with self._lock:
             self._waiting += change
 
     def _follow(self, doing: str) -> None:
+        """Remember what is being computed."""
         self._doing = doing
 
     def _in_turn(self, step: Step, values: Table) -> Data:
-        """What a step answers; {"stale": true} if a later set-up of its tab has overtaken it.
+        """The answer of a step; {"stale": true} if a later set-up of the same tab has replaced it.
 
-        `tab` and `turn` are the tab of the browser and the number of its set-up.
+        `tab` identifies the browser tab, `turn` is the number of its set-up.
         """
         tab = checks.text("tab", values.get("tab"))
         turn = checks.whole("turn", values.get("turn"), least=0)
         self._turns[tab] = max(turn, self._turns.of(tab, lambda: turn))
-        asked = read(values.get("setup"))
+        set_up = read(values.get("setup"))
 
         def work() -> Data:
             overtaken = self._turns.get(tab, turn) > turn
-            return {"stale": True} if overtaken else step(asked, values)
+            if overtaken:
+                return {"stale": True}
+            return step(set_up, values)
 
         return self._computed(work)
 
     def _search_modes(self) -> None:
-        """A round of free modes of the last structure, unless the page waits for an answer."""
+        """Compute a round of free modes of the last structure, unless the page waits."""
         if not self._structures or self._waiting:
             return
         key, structure = next(reversed(self._structures.items()))
@@ -213,7 +223,7 @@ class Opened:
     # -- the part
 
     def _look(self) -> Data:
-        """What the file holds: the skin, its faces, and a set-up to begin with."""
+        """The content of the file: the skin, its faces, and an initial set-up."""
         if self._first:
             return self._first
         from antiosc_app.skin import skin
@@ -221,14 +231,14 @@ class Opened:
         look = self._inspected()
         geometry = "size" in look.read and not look.of_deck
         self._source = Source(self._path.name, look, {}, geometry)
-        guessed = None if look.family == "Solid" or look.of_deck else look.thickness
-        asked = SetUp(
+        thickness = None if look.family == "Solid" or look.of_deck else look.thickness
+        set_up = SetUp(
             point=tuple(look.point),
             direction=tuple(look.direction),
             material="" if look.of_deck else FIRST,
-            thickness=guessed,
+            thickness=thickness,
         )
-        scene = self._compiled(scene_of(self._source, asked, DURATION))
+        scene = self._compiled(scene_of(self._source, set_up, DURATION))
         shape, faces, held = skin(self._structure(scene), look)
         self._source = self._source._replace(faces=faces)
         self._first = {
@@ -244,48 +254,54 @@ class Opened:
             "geometry": geometry,
             "saves": self._given is None,
             "engine": live.engine(),
-            "setup": asdict(replace(asked, held=tuple(held))),
+            "setup": asdict(replace(set_up, held=tuple(held))),
         }
         return self._first
 
     def _inspected(self) -> new.Inspection:
+        """The inspected part."""
         if self._given is not None:
             return new.inspect_structure(self._given)
         with progress.doing(f"looking at {self._path.name}"):
             return new.inspect_part(self._path, unit=self._unit)
 
-    # -- a set-up as a scene, and what is made of it
+    # -- a set-up as a scene, and its objects
 
     def _compiled(self, sections: Table) -> Compiled:
-        """A scene, compiled as its file would be."""
+        """A scene compiled as if it were read from its file."""
         text = toml(sections)
         path = self._path.with_suffix(".toml")
         return compiled(Document(path, tomllib.loads(text), Problems(path.name, text)))
 
     def _structure(self, scene: Compiled) -> Structure:
-        key, given = _key(scene, OF_STRUCTURE), self._given
+        """The structure of a scene."""
+        key = _key(scene, OF_STRUCTURE)
+        given = self._given
         if given is not None:
             return self._structures.of(key, lambda: given)
         call = scene.structure
         return self._structures.of(key, lambda: Evaluation(scene.document)(call))
 
     def _extracted(self, scene: Compiled) -> AntiOscillators:
+        """The extracted model of a scene."""
+
         def extracted() -> AntiOscillators:
             evaluate = _evaluation(scene, structure=self._structure(scene))
-            made: AntiOscillators = evaluate(scene.model)
-            return made
+            model: AntiOscillators = evaluate(scene.model)
+            return model
 
         return self._models.of(_key(scene, OF_MODEL), extracted)
 
     def _from_modes(self, scene: Compiled) -> AntiOscillators | None:
-        """The model of free modes; None before they are known, and where it was extracted."""
-        modes, key = self._modes.get(_key(scene, OF_STRUCTURE)), _key(scene, OF_MODEL)
+        """The model from free modes; None if these are unknown, or the model was extracted."""
+        modes = self._modes.get(_key(scene, OF_STRUCTURE))
+        key = _key(scene, OF_MODEL)
         if modes is None or key in self._models or scene.model is None:
             return None
         return modes.model(key, scene.model.arguments["site"].made)
 
     def _struck(self, asked: SetUp, quickly: bool = False) -> Blow:
-        """The blow of a set-up, as long as striker and part touch.
+        """The impact of a set-up, run until striker and part no longer touch.
 
         `quickly`: by a model from free modes, if they are known.
         """
@@ -297,11 +313,11 @@ class Opened:
             sections = scene_of(source, asked, duration)
             scene = self._compiled(sections)
             structure = self._structure(scene)
-            fast = self._from_modes(scene) if quickly else None
-            model = fast or self._extracted(scene)
+            approximate = self._from_modes(scene) if quickly else None
+            model = approximate or self._extracted(scene)
             try:
-                known = _evaluation(scene, structure=structure, model=model)
-                hit: History = known(scene.history)
+                evaluate = _evaluation(scene, structure=structure, model=model)
+                hit: History = evaluate(scene.history)
             except RangeError as error:
                 asked = _with_larger_patch(asked, error)
                 continue
@@ -310,9 +326,10 @@ class Opened:
             duration *= 2
         assert scene.model is not None
         self.site = scene.model.arguments["site"].made
-        return Blow(sections, scene, structure, model, hit, fast is None)
+        return Blow(sections, scene, structure, model, hit, approximate is None)
 
     def _opened(self) -> Source:
+        """The opened part; InputError before that."""
         if self._source is None:
             raise InputError("the part is not open yet.")
         return self._source
@@ -331,14 +348,16 @@ class Opened:
     # -- the steps of an answer
 
     def _blow(self, asked: SetUp, _: Table) -> Data:
+        """First step of an answer: quickly."""
         if asked.striker.kind == FLOOR:
             return _told_of_fall(self._dropped(asked), None)
         return _told(self._struck(asked, quickly=True))
 
     def _settle(self, asked: SetUp, _: Table) -> Data:
+        """Second step: by the extracted model, or with the stresses of a fall."""
         if asked.striker.kind == FLOOR:
-            one = self._dropped(asked)
-            return _told_of_fall(one, one.worst)
+            dropped = self._dropped(asked)
+            return _told_of_fall(dropped, dropped.worst)
         return _told(self._struck(asked))
 
     def _fields(self, asked: SetUp, _: Table) -> Data:
@@ -355,12 +374,13 @@ class Opened:
         return {"verdict": _headline(blow, _strengths(blow)).sentences}
 
     def _map(self, asked: SetUp, values: Table) -> Data:
-        """The blow of the striker at all points of a face, or of the part."""
-        blow, source = self._struck(asked), self._opened()
+        """Impacts of the striker at all points of a face, or of the part."""
+        blow = self._struck(asked)
+        source = self._opened()
         where = values.get("where")
         if where is not None:
             where = face_of(source, where).get("where")
-        found = antiosc.impact_map(
+        impact_map = antiosc.impact_map(
             blow.structure,
             where,
             blow.hit.impactor,
@@ -369,40 +389,50 @@ class Opened:
             direction=None if source.look.family == "Solid" else asked.direction,
             radius=blow.model.patch_radius,
         )
-        data = live_data.data_of_map(found, blow.structure)
+        data = live_data.data_of_map(impact_map, blow.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        return {"map": data, "verdict": live.headline_of_map(found).sentences}
+        return {"map": data, "verdict": live.headline_of_map(impact_map).sentences}
 
     def _names(self, _: Table) -> Data:
-        """The files that would be written, and where: the user is asked."""
+        """The files that would be written, and their folder, for the user's confirmation."""
         return {"folder": str(self._path.resolve().parent), "names": _free_names(self._path)}
 
     def _write(self, asked: SetUp, values: Table) -> Data:
-        """Write scene and report beside the part; the user has agreed to their names."""
+        """Write scene and report beside the part; the user has confirmed their names."""
         names = _free_names(self._path)
         if self._given is not None or values.get("agreed") != names:
             raise InputError("the files to be written are not those that were agreed to.")
-        fell = asked.striker.kind == FLOOR
-        one = self._dropped(asked) if fell else self._struck(asked)
+        is_fall = asked.striker.kind == FLOOR
+        result = self._dropped(asked) if is_fall else self._struck(asked)
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
-                stream.write(toml(one.sections))
+                stream.write(toml(result.sections))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
-        found = run.Results(compiled=compiled(read_document(scene)), title=one.sections["title"])
-        if isinstance(one, Dropped):
-            found.structure, found.fall, found.worst = one.fall.body.structure, one.fall, one.worst
+        page_results = run.Results(
+            compiled=compiled(read_document(scene)), title=result.sections["title"]
+        )
+        if isinstance(result, Dropped):
+            page_results.structure, page_results.fall, page_results.worst = (
+                result.fall.body.structure,
+                result.fall,
+                result.worst,
+            )
         else:
-            found.structure, found.model, found.history = one.structure, one.model, one.hit
-            found.impactor, found.stresses = one.hit.impactor, _strengths(one)
-        report.write_page(found, results.presentations(found), page)
+            page_results.structure, page_results.model, page_results.history = (
+                result.structure,
+                result.model,
+                result.hit,
+            )
+            page_results.impactor, page_results.stresses = result.hit.impactor, _strengths(result)
+        report.write_page(page_results, results.presentations(page_results), page)
         return {"written": names}
 
 
 def _told_of_file(look: new.Inspection) -> str:
-    """The size of the part, and what was decided while reading its file."""
+    """Text of the part's size, and of decisions made while reading its file."""
     side = " × ".join(f"{1e3 * c:.4g}" for c in look.high - look.low)
     unit = look.read.get("unit")
     taken = f", its file in {unit} (antiosc open --unit)" if unit else ""
@@ -410,49 +440,51 @@ def _told_of_file(look: new.Inspection) -> str:
 
 
 def _key(scene: Compiled, sections: tuple[str, ...]) -> str:
-    """The text of what an object of a scene is made from."""
+    """Text of the sections that an object depends on."""
     data = scene.document.data
     return json.dumps({name: data[name] for name in sections if name in data}, sort_keys=True)
 
 
 def _evaluation(scene: Compiled, **known: object) -> Evaluation:
-    """The evaluation of a scene some of whose objects are known, by name."""
+    """The evaluation of a scene in which some objects are already known, by name."""
     evaluate = Evaluation(scene.document)
-    for name, made in known.items():
-        evaluate.know(getattr(scene, name), made)
+    for name, value in known.items():
+        evaluate.know(getattr(scene, name), value)
     return evaluate
 
 
 def _with_larger_patch(asked: SetUp, error: RangeError) -> SetUp:
-    """The set-up with a patch that carries the force; the error, where one is given."""
+    """The set-up with a patch that carries the force; raises the error if a radius is given."""
     if error.radius is None or asked.radius is not None:
         raise error
     return replace(asked, radius=rounded_up(error.radius))
 
 
 def _strengths(blow: Blow) -> dict[str, Any]:
-    """The fields by which strengths are judged; {} of a part whose stress is not known."""
+    """The stress fields for which strengths are known; {} if the stress is unknown."""
     with contextlib.suppress(AntioscError):
         return dict(by_strengths(blow.structure, blow.hit))
     return {}
 
 
 def _headline(blow: Blow, stresses: dict[str, Any]) -> live.Headline:
+    """The headline of an impact."""
     budget = results.error_budget(blow.hit)
     return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None)
 
 
 def _told(blow: Blow) -> Data:
-    """A blow as the live page takes it, with its headline and its site."""
-    found = live.blow_of_history(blow.hit, results.error_budget(blow.hit))
-    if found is None:
+    """The page's data of an impact, with headline and site."""
+    blow_data = live.blow_of_history(blow.hit, results.error_budget(blow.hit))
+    if blow_data is None:
         raise InputError("the page cannot repeat this impact.")
-    head, info = _headline(blow, {}), info_of(blow.model)
+    head = _headline(blow, {})
+    info = info_of(blow.model)
     assert blow.scene.model is not None
     site = blow.scene.model.arguments["site"].made
     return {
-        "blow": found,
-        "place": live.striker_place(blow.hit, found),
+        "blow": blow_data,
+        "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
         "about": head.about,
         "verdict": head.sentences,
@@ -462,11 +494,11 @@ def _told(blow: Blow) -> Data:
     }
 
 
-def _told_of_fall(one: Dropped, worst: WorstField | None) -> Data:
-    """A fall as the page takes it, with its headline."""
-    head = falls.headline_of_fall(one.fall, worst)
+def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:
+    """The page's data of a fall, with headline."""
+    head = falls.headline_of_fall(dropped.fall, worst)
     return {
-        **falls.data_of_fall(one.fall, worst),
+        **falls.data_of_fall(dropped.fall, worst),
         "settled": worst is not None,
         "about": head.about,
         "verdict": head.sentences,

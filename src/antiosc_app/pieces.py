@@ -1,4 +1,4 @@
-"""The pieces of a part that falls apart: a picture of their boxes, by which one is chosen."""
+"""A picture of the pieces of a part as boxes, by which one is chosen."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import numpy as np
 if TYPE_CHECKING:
     from antiosc.io.reading import Piece
 
-#: What the name of the picture ends with.
+#: Ending of the picture's name.
 ENDING = ".pieces.png"
-#: Pieces that are drawn, the largest first.
+#: Largest number of pieces that are drawn.
 MOST_DRAWN = 12
 #: Corners of a box, and pairs of them that an edge joins.
 CORNERS = np.array(list(product((0, 1), repeat=3)))
@@ -22,11 +22,11 @@ EDGES = [(a, b) for a, b in combinations(range(8), 2) if np.abs(CORNERS[a] - COR
 
 
 def draw(pieces: Sequence[Piece], path: Path, chosen: int | None = None) -> Path:
-    """The boxes of pieces with their ranks; `chosen`: the rank of the one that is read."""
+    """Draw the boxes of pieces with their ranks; `chosen`: rank of the piece that is read."""
     from antiosc.plot.charts import save_figure
     from antiosc.plot.surfaces import axes_in_space, fit_limits
 
-    ends = np.array([[one.low, one.high] for one in pieces[:MOST_DRAWN]])
+    ends = np.array([[piece.low, piece.high] for piece in pieces[:MOST_DRAWN]])
     ends = np.pad(ends, ((0, 0), (0, 0), (0, 3 - ends.shape[2])))
     figure, axes, scale, unit = axes_in_space(ends.reshape(-1, 3), shown=False)
     ends = scale * ends

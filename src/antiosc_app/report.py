@@ -1,6 +1,7 @@
-"""The files of a run, and the report: one self-contained HTML page that can repeat the impact.
+"""The result files of a run, and the report: one self-contained HTML page that can repeat the
+impact.
 
-Files: tables for a spreadsheet, numbers for a program, pictures, fields.
+The files are tables for a spreadsheet, numbers for a program, pictures and fields.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
-    """The folder of the results, made where it is missing."""
+    """The folder of the results, created if it is missing."""
     target = checks.path("--out", path)
     try:
         target.mkdir(parents=True, exist_ok=True)
@@ -59,7 +60,7 @@ def folder(path: str | os.PathLike[str]) -> Path:
 
 
 def write_table(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
-    """A CSV file whose first line has names and units; complete or absent."""
+    """Write a CSV file whose first line has names and units; complete or absent."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(map(files.table_text, columns))
@@ -69,10 +70,14 @@ def write_table(path: Path, columns: Mapping[str, Sequence[object]]) -> Path:
 
 
 def _cell(value: object) -> object:
-    """Floats with all their digits; nothing for NaN; texts that are no formulas."""
+    """A cell of a CSV file: floats with all digits, nothing for NaN, no spreadsheet formulas."""
     if isinstance(value, float | np.floating):
-        return "" if math.isnan(value) else repr(float(value))
-    return files.table_text(value) if isinstance(value, str) else value
+        if math.isnan(value):
+            return ""
+        return repr(float(value))
+    if isinstance(value, str):
+        return files.table_text(value)
+    return value
 
 
 def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
@@ -83,54 +88,58 @@ def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     return path
 
 
-def write_output(found: Results, parts: Sequence[Presentation], target: Path) -> list[Path]:
-    """Write the files that the scene asks for, on the first rank; returns their paths."""
-    asked = found.compiled.output
-    wanted = Output() if asked is None else asked.made
+def write_output(results: Results, parts: Sequence[Presentation], target: Path) -> list[Path]:
+    """Write the files that the scene requests, on the first rank; returns their paths."""
+    output_call = results.compiled.output
+    output = Output() if output_call is None else output_call.made
     written: list[Path] = []
-    if wanted.fields and found.history is not None and found.structure is not None:
-        path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
+    if output.fields and results.history is not None and results.structure is not None:
+        path = antiosc.write_series(results.structure, results.history, target / "series.pvd")
         written.append(Path(path))
-    tables = {n: t for one in parts for n, t in one.tables.items()} if wanted.csv else {}
+    tables = (
+        {n: t for part_shown in parts for n, t in part_shown.tables.items()} if output.csv else {}
+    )
     content: dict[str, object] = {}
-    if wanted.json:
-        title = found.compiled.document.data.get("title", "")
-        content = {"title": title, "warnings": found.warnings}
-        content |= {name: value for one in parts for name, value in one.numbers.items()}
+    if output.json:
+        title = results.compiled.document.data.get("title", "")
+        content = {"title": title, "warnings": results.warnings}
+        content |= {
+            name: value for part_shown in parts for name, value in part_shown.numbers.items()
+        }
 
     def files_of_first() -> tuple[list[Path], list[str]]:
         warnings: list[str] = []
         paths = [write_table(target / name, table) for name, table in tables.items()]
         if content:
             paths.append(write_numbers(target / "result.json", content))
-        if wanted.model and found.model is not None:
-            found.model.save(target / "model.npz")
+        if output.model and results.model is not None:
+            results.model.save(target / "model.npz")
             paths.append(target / "model.npz")
-        if wanted.fields:
-            writers = ((n, field) for one in parts for n, field in one.fields.items())
+        if output.fields:
+            writers = ((n, field) for part_shown in parts for n, field in part_shown.fields.items())
             paths += [field(target / name) for name, field in writers]
-        shown = ((n, each) for one in parts for n, each in one.plotted.items())
-        for name, each in shown if wanted.plot is not None else ():
-            path = target / f"{name}.{wanted.plot}"
+        shown = ((n, plotted) for part_shown in parts for n, plotted in part_shown.plotted.items())
+        for name, plotted in shown if output.plot is not None else ():
+            path = target / f"{name}.{output.plot}"
             try:
-                if hasattr(each, "plot"):
-                    each.plot(path)
+                if hasattr(plotted, "plot"):
+                    plotted.plot(path)
                     paths.append(path)
             except (InputError, MissingDependencyError) as error:
                 warnings.append(f"{path.name} is not drawn: {error}")
         return paths, warnings
 
     paths, warnings = on_first(files_of_first)
-    found.warnings.extend(warnings)
+    results.warnings.extend(warnings)
     return [*written, *paths]
 
 
-#: Headings of the picture that stands for the live one, in print and where nothing runs.
+#: Headings of the pictures that replace the live view in print and without scripts.
 STILLS = ("Deformed structure", "Map")
 
 
 def checked(path: str) -> Path:
-    """The path of a report, or InputError; before anything is computed."""
+    """The path of a report; InputError if it cannot be written, before anything is computed."""
     target = checks.path("--report", path)
     if target.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"a report is a file named .html; got {checks.shown(path)}.")
@@ -148,8 +157,8 @@ def write_report(
 ) -> Path:
     """Write a report: one HTML file that opens anywhere, without network or server.
 
-    The page repeats an impact of `simulate` or `strike`, and those of a map at each site, with
-    sliders of mass, speed, stiffness, gap and damping; a fall is shown on its path.
+    The page repeats an impact of `simulate` or `strike`, or the impacts of a map at each site, with
+    sliders for mass, speed, stiffness, gap and damping; a fall is shown as a moving part.
 
     Parameters
     ----------
@@ -157,8 +166,8 @@ def write_report(
     path : str or Path
         The file, named .html. `result` and `path` may change places.
     structure : Structure, optional
-        The structure from which the model was extracted; of `strike` its own. With it the page
-        shows the part in 3-D, its motion and its stress; of a map the part behind its points.
+        The structure from which the model was extracted; a `strike` has its own. With it the page
+        shows the part in 3-D, its motion and its stress; for a map the part behind the sites.
     title : str
         Default: the name of the file.
 
@@ -167,70 +176,75 @@ def write_report(
     InputError
         For another kind of result, or a file that cannot be written.
     """
-    what, file = checks.what_and_path(result, path)
+    reported, file = checks.what_and_path(result, path)
     target = checked(os.fspath(checks.path("path", file)))
-    checks.instance("result", what, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
+    checks.instance("result", reported, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
     if structure is not None:
         from antiosc import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
-    found = Results(title=target.stem if title is None else checks.text("title", title))
-    if isinstance(what, ImpactMap):
-        found.map, found.structure = what, structure
-    elif isinstance(what, Fall):
-        found.fall, found.structure = what, what.body.structure
-        if found.structure is not None:
-            found.worst = worst_by_strengths(what)
+    page_results = Results(title=target.stem if title is None else checks.text("title", title))
+    if isinstance(reported, ImpactMap):
+        page_results.map = reported
+        page_results.structure = structure
+    elif isinstance(reported, Fall):
+        page_results.fall, page_results.structure = reported, reported.body.structure
+        if page_results.structure is not None:
+            page_results.worst = worst_by_strengths(reported)
     else:
-        found.history = what
-        found.structure = what.structure if structure is None else structure
-        found.model = None if isinstance(what, SceneHistory) else what.model
-        found.impactor = None if isinstance(what, SceneHistory) else what.impactor
-        if found.structure is not None:
+        page_results.history = reported
+        page_results.structure = reported.structure if structure is None else structure
+        page_results.model = None if isinstance(reported, SceneHistory) else reported.model
+        page_results.impactor = None if isinstance(reported, SceneHistory) else reported.impactor
+        if page_results.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
-                found.stresses = by_strengths(found.structure, what)
-    return write_page(found, presentations(found), target)[0]
+                page_results.stresses = by_strengths(page_results.structure, reported)
+    return write_page(page_results, presentations(page_results), target)[0]
 
 
-def write_page(found: Results, parts: Sequence[Presentation], path: Path) -> list[Path]:
-    """Write the report on the first rank, complete or absent; its path.
+def write_page(results: Results, parts: Sequence[Presentation], path: Path) -> list[Path]:
+    """Write the report on the first rank, complete or absent; returns its path in a list.
 
-    The page is made on every rank: fields and the dimensions of a structure are shared.
+    Every rank must call it, since fields and dimensions of a structure are distributed.
     """
-    text = page(found, parts)
+    text = page(results, parts)
     on_first(lambda: files.write_text(path, text, "the report"))
     return [path]
 
 
-def page(found: Results, parts: Sequence[Presentation]) -> str:
-    """The page as a text."""
-    data, headline = _live(found)
+def page(results: Results, parts: Sequence[Presentation]) -> str:
+    """The HTML text of the page."""
+    data, headline = _live(results)
     one_view = data is not None and data.get("part") is not None
     program = f"antiosc {info.version()}"
     now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     python = f"Python {platform.python_version()}, NumPy {np.__version__}"
     names = [program, python, now]
     source = ""
-    if found.compiled is not None:
-        path = found.compiled.document.path
+    if results.compiled is not None:
+        path = results.compiled.document.path
         names.insert(0, path.name)
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = _uncommented(path.read_text(encoding="utf-8"))
     script = "" if data is None else live.script()
     model, *parts = parts
-    views = (each for one in (*parts, model) for each in one.pictures)
-    pictures = list(drawn(each for each in views if not (one_view and each.same_view)))
-    stills = [each for each in pictures if each.heading.startswith(STILLS) and each.data]
+    views = (picture for part_shown in (*parts, model) for picture in part_shown.pictures)
+    pictures = list(drawn(picture for picture in views if not (one_view and picture.same_view)))
+    stills = [
+        picture for picture in pictures if picture.heading.startswith(STILLS) and picture.data
+    ]
     return rendered(
         Path(__file__).with_name("page") / "report.html",
-        title=found.title,
+        title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        warnings=map(capitalised, found.warnings),
+        warnings=map(capitalised, results.warnings),
         headline=headline,
-        sections=_untold((each for one in parts for each in one.sections.items()), headline),
-        details=[(n, [advice_of(found), *blocks]) for n, blocks in model.sections.items()],
+        sections=_untold(
+            (picture for part_shown in parts for picture in part_shown.sections.items()), headline
+        ),
+        details=[(n, [advice_of(results), *blocks]) for n, blocks in model.sections.items()],
         still=stills[0] if stills else None,
-        pictures=[each for each in pictures if each not in stills[:1]],
+        pictures=[picture for picture in pictures if picture not in stills[:1]],
         program=program,
         source=source,
         style=live.style(),
@@ -244,73 +258,78 @@ def page(found: Results, parts: Sequence[Presentation]) -> str:
 def _untold(
     sections: Iterable[tuple[str, list[Any]]], headline: live.Headline | None
 ) -> list[tuple[str, list[Any]]]:
-    """The sections without the sentences that stand in the headline."""
-    told = {_plain(one) for one in (headline.sentences if headline else ())}
-    found = []
+    """The sections without the sentences that the headline contains."""
+    in_headline = {_plain(sentence) for sentence in (headline.sentences if headline else ())}
+    remaining = []
     for heading, blocks in sections:
-        kept: list[Any] = []
+        kept_blocks: list[Any] = []
         for block in blocks:
             if isinstance(block, list):
-                kept.append(_rows_untold(block, told))
-            elif _plain(str(block)) not in told:
-                kept.append(block)
-        found.append((heading, kept))
-    return found
+                kept_blocks.append(_rows_untold(block, in_headline))
+            elif _plain(str(block)) not in in_headline:
+                kept_blocks.append(block)
+        remaining.append((heading, kept_blocks))
+    return remaining
 
 
-def _rows_untold(rows: list[tuple[str, object]], told: set[str]) -> list[tuple[str, object]]:
-    """Rows whose values stand nowhere else on the page; a nameless row has the name above."""
-    kept, name = [], ""
-    for own, value in rows:
-        name = own or name
-        if _plain(str(value)) not in told:
-            kept.append((name, value))
+def _rows_untold(rows: list[tuple[str, object]], in_headline: set[str]) -> list[tuple[str, object]]:
+    """Rows whose values are not in the headline; a row without a name gets the one above."""
+    remaining, name = [], ""
+    for row_name, value in rows:
+        name = row_name or name
+        if _plain(str(value)) not in in_headline:
+            remaining.append((name, value))
             name = ""
-    return kept
+    return remaining
 
 
 def _plain(sentence: str) -> str:
+    """A sentence for comparison, without its full stop and in lower case."""
     return sentence.rstrip(".").lower()
 
 
 def _uncommented(scene: str) -> str:
-    """A scene without lines that are comments, and without the gaps that they leave."""
+    """The text of a scene without comment lines, and without the gaps that they leave."""
     lines = [line for line in scene.splitlines() if not line.lstrip().startswith("#")]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
-def _live(found: Results) -> tuple[Data | None, live.Headline | None]:
-    """What the page turns or strikes anew, and its first screen; None for scenes and sweeps."""
-    fall = found.fall
+def _live(results: Results) -> tuple[Data | None, live.Headline | None]:
+    """(data of the live page, headline); None for scenes and sweeps."""
+    fall = results.fall
     if fall is not None and hasattr(fall, "episodes"):
         from antiosc_app import falls  # it may need the finite-element packages
 
-        return falls.data_of_fall(fall, found.worst), falls.headline_of_fall(fall, found.worst)
-    if found.map is not None:
-        return live_data.data_of_map(found.map, found.structure), live.headline_of_map(found.map)
-    hit = found.history
+        return falls.data_of_fall(fall, results.worst), falls.headline_of_fall(fall, results.worst)
+    if results.map is not None:
+        return live_data.data_of_map(results.map, results.structure), live.headline_of_map(
+            results.map
+        )
+    hit = results.history
     if hit is None or isinstance(hit, SceneHistory):
         return None, None
     budget = error_budget(hit)
-    data = live_data.data_of_history(hit, found.structure, budget)
+    data = live_data.data_of_history(hit, results.structure, budget)
     worst = ((data or {}).get("part") or {}).get("worst")
-    stresses = found.stresses or {}
+    stresses = results.stresses or {}
     if data is not None:
         data |= _largest_stress(stresses, worst)
-    return data, live.headline_of_history(hit, found.structure, budget, stresses, worst)
+    return data, live.headline_of_history(hit, results.structure, budget, stresses, worst)
 
 
 def _largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
-    """The von Mises stress [Pa] nearest to yield, and its strength; else that of the picture."""
-    margins = [one.margin() for one in fields.values() if one.exposure is not None]
-    for one in margins:
-        if one.criterion == "yield":
-            return {"stress": one.value, "strength": one.strength}
-    return {} if worst is None else {"stress": worst["value"]}
+    """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture."""
+    margins = [margin.margin() for margin in fields.values() if margin.exposure is not None]
+    for margin in margins:
+        if margin.criterion == "yield":
+            return {"stress": margin.value, "strength": margin.strength}
+    if worst is None:
+        return {}
+    return {"stress": worst["value"]}
 
 
 def rendered(template: Path, **content: object) -> str:
-    """The text of a template; in HTML all content is escaped: it is no markup."""
+    """The text of a template; in HTML all content is escaped."""
     try:
         with loading():
             jinja2 = importlib.import_module("jinja2")
@@ -334,4 +353,5 @@ def rendered(template: Path, **content: object) -> str:
 
 
 def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
+    """Rows from columns."""
     return zip(*columns, strict=True)

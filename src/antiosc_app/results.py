@@ -1,6 +1,6 @@
-"""How the results of a scene are presented: on the terminal, in files, and on the page of a report.
+"""Presentation of the results of a scene: on the terminal, in files, and in a report.
 
-Each kind of result is described once, as `Presentation`: texts, tables, and pictures over time.
+Each kind of result is described once, by a `Presentation`: texts, tables and pictures.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class Picture:
     Attributes
     ----------
     heading, caption : what it shows, with units.
-    draw : writes it to a file of this ending.
-    same_view : whether it shows what the one before it does, and fails where that does.
+    draw : function that writes it to a file with this ending.
+    same_view : whether it shows the same as the previous picture, and is left out if that failed.
     """
 
     heading: str
@@ -74,7 +74,9 @@ class Picture:
 
 
 class Drawn(NamedTuple):
-    """A picture with its data URL; that is empty where it cannot be drawn: the caption says why."""
+    """A picture with its data URL, which is empty if it could not be drawn; the caption says
+    why.
+    """
 
     heading: str
     caption: str
@@ -82,26 +84,26 @@ class Drawn(NamedTuple):
 
 
 def drawn(pictures: Iterable[Picture]) -> Iterator[Drawn]:
-    """Pictures as data; every rank must ask for all: fields are shared among them."""
-    before = ""
-    for one in pictures:
-        if one.same_view and not before:
+    """Draw pictures as data URLs; every rank must call it, since fields are distributed."""
+    data_url = ""
+    for picture in pictures:
+        if picture.same_view and not data_url:
             continue
-        caption, before = one.caption, ""
-        with progress.doing(f"drawing: {one.heading}"), tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / f"picture{one.ending}"
+        caption, data_url = picture.caption, ""
+        with progress.doing(f"drawing: {picture.heading}"), tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"picture{picture.ending}"
             try:
-                one.draw(path)
-                kind = {".svg": "svg+xml"}.get(one.ending, "png")
+                picture.draw(path)
+                kind = {".svg": "svg+xml"}.get(picture.ending, "png")
                 content = base64.b64encode(path.read_bytes()).decode("ascii")
-                before = f"data:image/{kind};base64,{content}"
+                data_url = f"data:image/{kind};base64,{content}"
             except (AntioscError, ValueError) as error:  # ValueError: a name read as a formula
                 caption = f"Not drawn: {error}"
-        yield Drawn(one.heading, caption, before)
+        yield Drawn(picture.heading, caption, data_url)
 
 
 def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture:
-    """A chart that a function draws into new axes."""
+    """A picture that a function draws into new axes."""
 
     def draw(path: Path) -> None:
         figure = new_figure((7.0, 3.4), shown=False)
@@ -112,7 +114,7 @@ def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture
 
 
 def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
-    """Curves over time: (name, times in s, values)."""
+    """Draw curves over time: (name, times in s, values)."""
     for name, time, values in islice(given, CURVES):
         ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
     ax.set_xlabel("time (ms)")
@@ -121,7 +123,7 @@ def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
 
 
 def spectrum(model: AntiOscillators, ax: Axes) -> None:
-    """Frequency and mass of each anti-oscillator."""
+    """Draw frequency and mass of each anti-oscillator."""
     several = np.ndim(model.k0) > 0
     height = model.mass_shares if several else model.m
     ax.vlines(model.omega / (2 * np.pi), 0, height, lw=1.5)
@@ -134,25 +136,27 @@ def spectrum(model: AntiOscillators, ax: Axes) -> None:
 
 
 def escaped(name: str) -> str:
-    """A name of the scene in a picture: not read as a formula."""
+    """A name from the scene as plain text in a picture, without formulas."""
     shown = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
-    return shown if len(shown) <= 60 else f"{shown[:57]}…"
+    if len(shown) <= 60:
+        return shown
+    return f"{shown[:57]}…"
 
 
-#: Names and values; a table by the names of its columns.
+#: (name, value) rows; a table as name of a column -> its values.
 Rows: TypeAlias = list[tuple[str, str]]
 Columns: TypeAlias = dict[str, Any]
-#: What stands below a heading: names and values, a table of columns, a sentence, or nothing.
+#: A block below a heading: names and values, a table of columns, a sentence, or nothing.
 Block: TypeAlias = Rows | Columns | str
 
-#: Rows of a table of a sweep that are printed; the files hold all.
+#: Largest number of rows of a table that are printed; the files contain all.
 ROWS = 30
 #: Units of the quantities of probes.
 PROBE_UNITS = {
     **{"displacement": "m", "velocity": "m/s", "acceleration": "m/s²", "rotation": "rad"},
     **{"stress": "Pa", "von_mises": "Pa"},
 }
-#: Section forces with their units, by their number.
+#: Number of section forces -> their names and units.
 SECTION_FORCES = {
     1: {"N": "N"},
     3: {"N": "N", "V": "N", "M": "N m"},
@@ -161,11 +165,11 @@ SECTION_FORCES = {
     | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
     | dict.fromkeys(("Q1", "Q2"), "N/m"),
 }
-#: How a part in space is shown: name -> (elevation, azimuth) in degrees; None: the usual view.
+#: Views of a part in space: name -> (elevation, azimuth) in degrees; None: the default view.
 VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
 ENERGIES = ("kinetic", "strain", "contact", "dissipated")
 
-# -- words and tables
+# -- texts and tables
 
 
 def format_rows(rows: Rows) -> str:
@@ -175,7 +179,7 @@ def format_rows(rows: Rows) -> str:
 
 
 def format_columns(table: Columns) -> str:
-    """A table with a line of names; of long ones the first rows; units with prefixes."""
+    """A table as text, units with prefixes; only the first rows of a long one."""
     columns = with_prefixes(table)
     rows = list(zip(*columns.values(), strict=True))
     cells = [list(columns), *([format_number(value) for value in row] for row in rows[:ROWS])]
@@ -188,12 +192,12 @@ def format_columns(table: Columns) -> str:
 
 
 def with_prefixes(table: Columns) -> dict[str, list[object]]:
-    """The columns of a table, values with units in the prefix that suits the largest."""
+    """The columns of a table with units in the prefix that suits the largest value."""
     return dict(_column(name, list(values)) for name, values in table.items())
 
 
 def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
-    """A column whose name ends with its unit, as "contact time (s)", in (µs) where that fits."""
+    """(name, values) of a column named as "contact time (s)", scaled to "(µs)" if that fits."""
     title, _, unit = name.partition(" (")
     numbers = [float(v) for v in values if isinstance(v, float | np.floating) and np.isfinite(v)]
     if not unit or len(numbers) < len(values):
@@ -203,42 +207,48 @@ def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
 
 
 def format_number(value: object) -> str:
-    """A number to five digits; a dash for one that is not finite."""
+    """A number to five digits; a dash if it is not finite."""
     if isinstance(value, float | np.floating):
-        return f"{value:.5g}" if np.isfinite(value) else "–"
+        if np.isfinite(value):
+            return f"{value:.5g}"
+        return "–"
     return str(value)
 
 
 def _words(name: str) -> str:
+    """A name with blanks instead of underscores."""
     return name.replace("_", " ")
 
 
 def _largest(peak: PeakField) -> str:
+    """Text of the largest value of a field, its place and time."""
     value, point, time = peak.largest(1)[0]
     where = f"at {placed(point)}, {engineering(time, 's')}"
     return f"largest {engineering(value, peak.unit, 4)} {where}"
 
 
-def _quantiles(many: Sample | Drops, units: Mapping[str, str]) -> Columns:
-    """Quantiles of some quantities of an ensemble, with their bars."""
+def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
+    """Quantiles of an ensemble's quantities with their confidence intervals."""
     rows = []
     for name, unit in units.items():
-        values = [many.quantile(name, q) for q in (0.5, 0.9, 0.99)]
+        values = [ensemble.quantile(name, q) for q in (0.5, 0.9, 0.99)]
         rows += [
-            (f"{_words(name)} ({unit})", q, one.value, one.low, one.high)
-            for q, one in zip((0.5, 0.9, 0.99), values, strict=True)
+            (f"{_words(name)} ({unit})", q, quantile.value, quantile.low, quantile.high)
+            for q, quantile in zip((0.5, 0.9, 0.99), values, strict=True)
         ]
     names = ("quantity", "quantile", "value", "low", "high")
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
 def error_budget(history: Any) -> ErrorBudget | None:
-    """The error budget of a history; None where it has none."""
+    """The error budget of a history; None if it has none."""
     try:
         budget = getattr(history, "error_budget", None)
     except AntioscError:  # the model was not extracted for it
         return None
-    return budget if isinstance(budget, ErrorBudget) else None
+    if isinstance(budget, ErrorBudget):
+        return budget
+    return None
 
 
 # -- the kinds of results
@@ -246,16 +256,16 @@ def error_budget(history: Any) -> ErrorBudget | None:
 
 @dataclass
 class Presentation:
-    """How one kind of result is presented; made on every rank, for ranks share fields.
+    """How one kind of result is presented; made on every rank, since fields are distributed.
 
     Attributes
     ----------
     text : for the terminal.
     tables : file -> its columns.
     numbers : for result.json.
-    plotted : name of a file -> what has a method `plot`.
-    fields : file -> what writes it.
-    sections : heading of a report -> what stands below it.
+    plotted : name of a file -> object with a method `plot`.
+    fields : file -> function that writes it.
+    sections : heading of a report -> blocks below it.
     pictures : of a report.
     """
 
@@ -268,20 +278,22 @@ class Presentation:
     pictures: Sequence[Picture] = ()
 
 
-def _model(found: Results) -> Presentation:
-    """The structure and its reduced model; in a report it stands behind the pictures."""
-    shown, part, model = Presentation(), found.structure, found.model
+def _model(results: Results) -> Presentation:
+    """The structure and its reduced model; a report shows them after the pictures."""
+    presentation = Presentation()
+    structure = results.structure
+    model = results.model
     blocks: list[Block] = []
-    if part is not None:
-        shown.text = [part.describe()]
-        shown.numbers["structure"] = part.describe()
+    if structure is not None:
+        presentation.text = [structure.describe()]
+        presentation.numbers["structure"] = structure.describe()
     if model is not None:
         rows = _model_rows(model)
-        shown.text = [*shown.text, format_rows(rows)]
+        presentation.text = [*presentation.text, format_rows(rows)]
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
         attributes = {name: getattr(model, name, None) for name in names}
-        shown.numbers["model"] = attributes | {"points": site_points(model)}
-        shown.plotted["model"] = model
+        presentation.numbers["model"] = attributes | {"points": site_points(model)}
+        presentation.plotted["model"] = model
         blocks.append(rows)
         if np.ndim(model.k0) == 0:
             table = {"anti-oscillator": range(1, model.n + 1)}
@@ -289,26 +301,33 @@ def _model(found: Results) -> Presentation:
             blocks.append(table | {"stiffness (N/m)": model.k})
         masses = "Frequency (Hz) and mass of each anti-oscillator: in kg at one site, as share"
         stiff = "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share"
-        shown.pictures = [
-            chart("Anti-oscillators", f"{masses} of the static mass at several.",
-                  partial(spectrum, model)),
-            Picture("Dynamic stiffness", f"{stiff} of the static mass that the anti-oscillators"
-                    " hold.", partial(plot_model, model), ".svg"),
-        ]  # fmt: skip
-    if blocks or part is not None:
-        shown.sections["Model"] = blocks
-    return shown
+        presentation.pictures = [
+            chart(
+                "Anti-oscillators",
+                f"{masses} of the static mass at several.",
+                partial(spectrum, model),
+            ),
+            Picture(
+                "Dynamic stiffness",
+                f"{stiff} of the static mass that the anti-oscillators hold.",
+                partial(plot_model, model),
+                ".svg",
+            ),
+        ]
+    if blocks or structure is not None:
+        presentation.sections["Model"] = blocks
+    return presentation
 
 
-def advice_of(found: Results) -> Rows:
-    """The structure, and what `advise` says of the family, where it can."""
-    if found.structure is None:
+def advice_of(results: Results) -> Rows:
+    """Rows on the structure, and on `advise`'s choice of the family if it has one."""
+    if results.structure is None:
         return []
-    rows = [("structure", found.structure.describe())]
-    if not hasattr(found.impactor, "hertz"):
+    rows = [("structure", results.structure.describe())]
+    if not hasattr(results.impactor, "hertz"):
         return rows
     try:
-        advice = advise(found.structure, found.impactor)
+        advice = advise(results.structure, results.impactor)
     except AntioscError as error:
         return [*rows, ("element family", f"no advice: {error}")]
     return [
@@ -321,32 +340,39 @@ def advice_of(found: Results) -> Rows:
 
 
 def _model_rows(model: AntiOscillators) -> Rows:
-    """The parameters of the reduced model."""
+    """Rows on the parameters of the reduced model."""
     rows = [(f"site {name}".rstrip(), placed(point)) for name, point in site_points(model).items()]
-    several = bool(np.ndim(model.k0))
-    if several:
+    several_sites = bool(np.ndim(model.k0))
+    if several_sites:
         rows.append(("sites", ", ".join(model.sites)))
     else:
         rows.append(("static stiffness k0", engineering(model.k0, "N/m", 4)))
         rows.append(("static mass m_st", engineering(model.m_st, "kg", 4)))
     rows.append(("anti-oscillators", f"{model.n}"))
-    if not several and model.m_st > 0:
+    if not several_sites and model.m_st > 0:
         rows.append(("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
-    first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in model.omega[:5])
-    more = ", …" if len(model.omega) > 5 else ""
-    return [*rows, ("antiresonances", f"{first or 'none'}{more} Hz")]
+    lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in model.omega[:5])
+    ellipsis = ", …" if len(model.omega) > 5 else ""
+    return [*rows, ("antiresonances", f"{lowest or 'none'}{ellipsis} Hz")]
 
 
-def _impact(found: Results) -> Presentation:
+def _impact(results: Results) -> Presentation:
     """A history with its probes and its largest stresses."""
-    hit, peaks = found.history, found.stresses or {}
-    probes = [Probe(found, name) for name in found.probes or ()]
-    asked, stresses, budget = _probe_rows(probes), _stress_rows(peaks), error_budget(hit)
+    hit = results.history
+    peaks = results.stresses or {}
+    probes = [Probe(results, name) for name in results.probes or ()]
+    probe_rows = _probe_rows(probes)
+    stresses = _stress_rows(peaks)
+    budget = error_budget(hit)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     groups: list[Columns] = []  # of probes with equal times
     for probe in probes:
-        same = (each for each in groups if np.array_equal(each["time (s)"], probe.times))
+        same = (
+            group_of_times
+            for group_of_times in groups
+            if np.array_equal(group_of_times["time (s)"], probe.times)
+        )
         group = next(same, None)
         if group is None:
             groups.append(group := {"time (s)": probe.times})
@@ -355,38 +381,40 @@ def _impact(found: Results) -> Presentation:
     bars = {}
     for name, bar in (budget or {}).items():
         bars[name] = {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
-    several = isinstance(hit, SceneHistory)
+    is_scene = isinstance(hit, SceneHistory)
     return Presentation(
-        text=[hit.summary(), str(budget or ""), format_rows([*asked, *stresses])],
+        text=[hit.summary(), str(budget or ""), format_rows([*probe_rows, *stresses])],
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
             "probes": {probe.name: probe.peak() for probe in probes},
             "stress": _stress_numbers(peaks),
         },
-        plotted={**({} if several else {"force": hit}), **peaks},
+        plotted={**({} if is_scene else {"force": hit}), **peaks},
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
         sections={
-            "Results": [_facts(hit), hit.explanation, asked, stresses],
+            "Results": [_facts(hit), hit.explanation, probe_rows, stresses],
             "Errors": _errors(hit),
         },
-        pictures=_of_impact(found, probes),
+        pictures=_of_impact(results, probes),
     )
 
 
 def _facts(hit: History) -> Block:
+    """The numbers of a history, or of each contact of a scene."""
     if contacts := _contacts(hit):
         hits = contacts.values()
         table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
         for n, unit in QUANTITIES.items():
-            table[f"{_words(n)} ({unit})"] = [getattr(each, n) for each in hits]
-        return table | {"contacts": [len(each.contacts) for each in hits]}
+            table[f"{_words(n)} ({unit})"] = [getattr(contact, n) for contact in hits]
+        return table | {"contacts": [len(contact.contacts) for contact in hits]}
     e = "not defined" if hit.restitution is None else f"{hit.restitution:.4f}"
     numbers = [(_words(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
     return [*numbers, ("contacts", f"{len(hit.contacts)}"), ("coefficient of restitution", e)]
 
 
 def _errors(hit: History) -> list[Block]:
+    """Blocks on the errors of a history."""
     budget = error_budget(hit)
     rows = [(f"time integration: {name}", percent(value)) for name, value in hit.error.items()]
     rows.append(("these errors cover", error_scope(hit)))
@@ -405,19 +433,20 @@ def _errors(hit: History) -> list[Block]:
 
 
 def _probe_rows(probes: Sequence[Probe]) -> Rows:
-    """The largest value of each probe with its component and time."""
+    """Rows with the largest value of each probe, its component and time."""
     rows = []
     for probe in probes:
         p = probe.peak()
         what = f"{_words(p['quantity'])} {p['component']}".rstrip()
-        value, time = engineering(p["value"], p["unit"], 4), engineering(p["time"], "s")
+        value = engineering(p["value"], p["unit"], 4)
+        time = engineering(p["time"], "s")
         g = f" ({p['g']:.4g} g)" if "g" in p else ""
         rows.append((f"probe {probe.name}", f"{what}: largest {value}{g} at {time}"))
     return rows
 
 
 def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
-    """The verdicts on the largest stresses, or the values where no strength is known."""
+    """Rows with the verdicts on stresses, or the largest values if no strength is known."""
     rows = []
     for name, peak in peaks.items():
         sentence = _largest(peak) if peak.exposure is None else peak.margin().sentence
@@ -444,67 +473,72 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 
 
 def _margin_numbers(peak: PeakField) -> Columns:
-    """The verdict where a strength is known."""
+    """The margin of a stress field if a strength is known, else {}."""
     if peak.exposure is None:
         return {}
     keys = ("criterion", "exposure", "margin", "reached", "layer", "sentence", "point", "time")
     return {"margin": {key: getattr(peak.margin(), key) for key in keys}}
 
 
-def _of_impact(found: Results, probes: Sequence[Probe]) -> list[Picture]:
-    hit, contacts = found.history, _contacts(found.history)
-    forces = [(f"{a} – {b}", one.time, one.force) for (a, b), one in contacts.items()]
+def _of_impact(results: Results, probes: Sequence[Probe]) -> list[Picture]:
+    """Pictures of an impact."""
+    hit = results.history
+    contacts = _contacts(results.history)
+    forces = [(f"{a} – {b}", contact.time, contact.force) for (a, b), contact in contacts.items()]
     several = partial(curves, forces, "contact force (N)")
     about = "Force (N) over time; an estimated error of 0.5 % or more is drawn as a band."
-    shown = [chart("Contact force", about, several if contacts else partial(plot_force, hit))]
+    pictures = [chart("Contact force", about, several if contacts else partial(plot_force, hit))]
     if not contacts:
         about = "Displacements of the site and of the impactor over time."
-        shown.append(chart("Displacements", about, partial(plot_motion, hit)))
+        pictures.append(chart("Displacements", about, partial(plot_motion, hit)))
     energies = [(name, hit.time, getattr(hit.energy, name)) for name in ENERGIES]
     about = "Energies (J) of both bodies, of the contact and of what is dissipated, over time."
-    shown.append(chart("Energies", about, partial(curves, energies, "energy (J)")))
+    pictures.append(chart("Energies", about, partial(curves, energies, "energy (J)")))
     if probes:
         about = "The component of each probe with the largest value; of probes with several units"
         about += " each is divided by its largest value, which the legend states."
-        shown.append(chart("Probes", about, partial(_signals, probes)))
-    if found.structure is not None:
+        pictures.append(chart("Probes", about, partial(_signals, probes)))
+    if results.structure is not None:
         about = "The structure at the time of the largest displacement of its site, or of the"
         about += " largest force; displacements are drawn larger by the factor stated."
-        arrow = _struck(found.model)
+        arrow = _struck(results.model)
         for name, view in (VIEWS if arrow else {"": None}).items():
-            draw = partial(plot_deformed, found.structure, hit, view=view, **arrow)
-            shown.append(Picture(f"Deformed structure{name}", about, draw, same_view=bool(name)))
-    for name, peak in (found.stresses or {}).items():
+            draw = partial(plot_deformed, results.structure, hit, view=view, **arrow)
+            pictures.append(Picture(f"Deformed structure{name}", about, draw, same_view=bool(name)))
+    for name, peak in (results.stresses or {}).items():
         about = f"The largest value at each node over the run: {_words(name)}."
-        shown.append(Picture("Largest stress", about, peak.plot))
-    return shown
+        pictures.append(Picture("Largest stress", about, peak.plot))
+    return pictures
 
 
 def _struck(model: AntiOscillators) -> Columns:
-    """Point and direction of the one site, for the arrow of the impact, if known in space."""
-    points, direction = list(site_points(model).values()), info_of(model).direction
+    """Point and direction of the only site, for the arrow of the impact; {} if unknown."""
+    points = list(site_points(model).values())
+    direction = info_of(model).direction
     known = len(points) == 1 and len(points[0]) == 3 and direction is not None
-    return {"point": points[0], "direction": direction} if known else {}
+    if known:
+        return {"point": points[0], "direction": direction}
+    return {}
 
 
 def _contacts(history: History) -> dict[tuple[str, str], Any]:
-    """The contacts of a scene of several, by their ends; none of a single impact."""
+    """The contacts of a scene by their ends; {} for a single impact."""
     if not isinstance(history, SceneHistory):
         return {}
     return {(c.a, c.b): history[c.a, c.b] for c in history.assembly.scene.contacts}
 
 
 class Probe:
-    """One probe: its quantity, times [s], and values (n, c) by components."""
+    """One probe: its quantity, times [s], and values (n, c) by component."""
 
-    def __init__(self, found: Results, name: str) -> None:
-        asked = found.compiled.probes[name].arguments
+    def __init__(self, results: Results, name: str) -> None:
+        arguments = results.compiled.probes[name].arguments
         self.name = name
-        self.quantity: str = asked.get("quantity", "displacement")
-        times = asked.get("times", found.history.time)
-        given = probe_times(found.history) if isinstance(times, Call) else times
-        self.times = np.reshape(given, -1).astype(float)
-        values: Array = np.asarray(found.probes[name])
+        self.quantity: str = arguments.get("quantity", "displacement")
+        times = arguments.get("times", results.history.time)
+        times_given = probe_times(results.history) if isinstance(times, Call) else times
+        self.times = np.reshape(times_given, -1).astype(float)
+        values: Array = np.asarray(results.probes[name])
         self.tensor = values.ndim == 3
         if self.tensor:  # the six of a symmetric one
             values = values[:, *np.triu_indices(values.shape[1])]
@@ -512,8 +546,9 @@ class Probe:
         self.values = values.reshape(len(values), -1)
 
     def units(self) -> dict[str, str]:
-        """The components with their units, one for each column; "" of a scalar."""
-        unit, count = PROBE_UNITS.get(self.quantity, ""), self.values.shape[1]
+        """Component -> unit, one for each column; "" is the component of a scalar."""
+        unit = PROBE_UNITS.get(self.quantity, "")
+        count = self.values.shape[1]
         if self.scalar:
             return {"": unit}
         if self.tensor:
@@ -533,31 +568,33 @@ class Probe:
         return dict(zip(heads, self.values.T, strict=True))
 
     def peak(self) -> Columns:
-        """The largest value: of a vector its magnitude; else of one component.
+        """The largest value, of a vector its magnitude, of others that of one component.
 
-        Keys: quantity, component ("magnitude", "" of a scalar), value, unit, time, of an
-        acceleration also g.
+        Keys: quantity, component ("magnitude"; "" for a scalar), value, unit, time, and g for
+        accelerations.
         """
-        values, units = self.values, self.units()
+        values = self.values
+        units = self.units()
         if self.quantity in PROBE_UNITS and not self.tensor and len(units) > 1:
             values = np.linalg.norm(values, axis=1)[:, None]
             units = {"magnitude": next(iter(units.values()))}
-        at, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+        row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
         component, unit = list(units.items())[k]
-        value, time = float(values[at, k]), float(self.times[at])
+        value = float(values[row, k])
+        time = float(self.times[row])
         peak = {"quantity": self.quantity, "component": component, "value": value}
         g = {"g": value / GRAVITY} if self.quantity == "acceleration" else {}
         return peak | {"unit": unit, "time": time} | g
 
     def signal(self) -> tuple[str, Array, Array, str]:
-        """The component with the largest value: its name, times, values and unit."""
+        """(name, times, values, unit) of the component with the largest value."""
         k = int(np.argmax(np.abs(self.values).max(axis=0)))
         component, unit = list(self.units().items())[k]
         return f"{self.name} {component}".rstrip(), self.times, self.values[:, k], unit
 
 
 def _signals(probes: Sequence[Probe], ax: Axes) -> None:
-    """Draw the signals of probes in their unit, or of several units as shares of their maxima."""
+    """Draw the signals of probes in their unit; with several units as shares of their maxima."""
     signals = [probe.signal() for probe in probes[:CURVES]]
     largest = [float(np.abs(values).max()) for _, _, values, _ in signals]
     kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
@@ -570,22 +607,26 @@ def _signals(probes: Sequence[Probe], ax: Axes) -> None:
         )
         return
     shares = [
-        (f"{name}, at most {engineering(most, unit)}", time, values / (most or 1.0))
-        for (name, time, values, unit), most in zip(signals, largest, strict=True)
+        (f"{name}, at most {engineering(maximum, unit)}", time, values / (maximum or 1.0))
+        for (name, time, values, unit), maximum in zip(signals, largest, strict=True)
     ]
     curves(shares, "share of the largest value", ax)
 
 
-def _fall(found: Results) -> Presentation:
-    """A fall, or an ensemble of them; its accelerometers and largest stress."""
-    fall, worst, peaks = found.fall, found.worst, found.peaks or {}
-    single = hasattr(fall, "flights")
-    table = dict(fall.impacts.columns()) if single else _quantiles(fall, QUANTITIES | {"lost": "J"})
-    asked = found.compiled.document.data.get("accelerometers", {}) if peaks else {}
+def _fall(results: Results) -> Presentation:
+    """A fall or an ensemble of falls, with accelerometers and largest stress."""
+    fall = results.fall
+    worst = results.worst
+    peaks = results.peaks or {}
+    is_single = hasattr(fall, "flights")
+    table = (
+        dict(fall.impacts.columns()) if is_single else _quantiles(fall, QUANTITIES | {"lost": "J"})
+    )
+    accelerometers = results.compiled.document.data.get("accelerometers", {}) if peaks else {}
     rows = [
         (
             f"accelerometer {name}",
-            f"at most {peak.g:.5g} g ({asked[name].get('filter', 'unfiltered')}),"
+            f"at most {peak.g:.5g} g ({accelerometers[name].get('filter', 'unfiltered')}),"
             f" in impact {peak.impact + 1}",
         )
         for name, peak in peaks.items()
@@ -594,7 +635,7 @@ def _fall(found: Results) -> Presentation:
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
-    if single:
+    if is_single:
         about = "The part as it first touches, the heights (m), the energies (J) and the peak"
         pictures.append(Picture("Fall", f"{about} forces of the impacts (N).", fall.plot))
     if worst is not None:
@@ -602,41 +643,41 @@ def _fall(found: Results) -> Presentation:
         about = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", about, worst.plot))
     return Presentation(
-        text=[fall.summary() if single else format_columns(table), format_rows(rows)],
+        text=[fall.summary() if is_single else format_columns(table), format_rows(rows)],
         tables={"fall.csv": table},
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
         sections={
-            "Fall": [narrow_table(fall) if single else table, rows, ended(fall.message)],
+            "Fall": [narrow_table(fall) if is_single else table, rows, ended(fall.message)],
         },
         pictures=pictures,
     )
 
 
 def narrow_table(fall: Fall) -> Columns:
-    """The impacts of a fall in columns that fit on a sheet of paper."""
-    each = fall.impacts
-    before, after = (each.column(f"speed_{when}") for when in ("before", "after"))
+    """The impacts of a fall as a table that fits on paper."""
+    impacts = fall.impacts
+    before, after = (impacts.column(f"speed_{when}") for when in ("before", "after"))
     return {
-        "impact": np.arange(1, len(each) + 1),
-        "time (s)": each.column("time"),
-        "peak force (N)": each.column("peak_force"),
-        "contact time (s)": each.column("contact_time"),
+        "impact": np.arange(1, len(impacts) + 1),
+        "time (s)": impacts.column("time"),
+        "peak force (N)": impacts.column("peak_force"),
+        "contact time (s)": impacts.column("contact_time"),
         "before, after (m/s)": [f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)],
-        "lost (J)": each.column("lost"),
-        "at": [placed(one.place) for one in each],
+        "lost (J)": impacts.column("lost"),
+        "at": [placed(impact.place) for impact in impacts],
     }
 
 
 def ended(message: str) -> str:
-    """How a fall ended, as a sentence."""
+    """Sentence on how a fall ended."""
     return f"The fall ended: {message}."
 
 
-def _blow(found: Results) -> Presentation:
-    """A blow that was found."""
-    blow = found.found
+def _blow(results: Results) -> Presentation:
+    """The result of `find_impact`."""
+    blow = results.found
     about = "Signals in the band that is compared, and the contact force (N) that was found."
     return Presentation(
         text=[blow.summary()],
@@ -648,10 +689,10 @@ def _blow(found: Results) -> Presentation:
     )
 
 
-def _sweep(found: Results) -> Presentation:
-    """A sweep: what was varied, and the results of each impact."""
-    batch = found.batch
-    lists = {label(place): list(values) for place, values in varied(found.compiled).items()}
+def _sweep(results: Results) -> Presentation:
+    """A sweep: the varied values, and the results of each impact."""
+    batch = results.batch
+    lists = {label(place): list(values) for place, values in varied(results.compiled).items()}
     table = lists | {f"{_words(n)} ({u})": getattr(batch, n) for n, u in QUANTITIES.items()}
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
 
@@ -664,14 +705,18 @@ def _sweep(found: Results) -> Presentation:
 
     about = "Peak force (N) of each impact, over the first value that varies."
     return Presentation(
-        [format_columns(table)], {"sweep.csv": table}, {"sweep": table},
-        sections={"Sweep": [table]}, pictures=[chart("Sweep", about, draw)],
-    )  # fmt: skip
+        [format_columns(table)],
+        {"sweep.csv": table},
+        {"sweep": table},
+        sections={"Sweep": [table]},
+        pictures=[chart("Sweep", about, draw)],
+    )
 
 
-def _sample(found: Results) -> Presentation:
-    """A Monte Carlo study: quantiles, and the inputs and results of each run."""
-    sample, table = found.sample, _quantiles(found.sample, QUANTITIES)
+def _sample(results: Results) -> Presentation:
+    """A Monte Carlo study: quantiles, and inputs and results of each run."""
+    sample = results.sample
+    table = _quantiles(results.sample, QUANTITIES)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     about = "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
     return Presentation(
@@ -685,65 +730,73 @@ def _sample(found: Results) -> Presentation:
 
 
 def _map(results: Results) -> Presentation:
-    """A map: the range of each quantity, and the hardest impact of each of several surfaces."""
-    found, quantities, surfaces = results.map, results.map.quantities(), results.map.surfaces()
-    sites = f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else "")
-    if found.doubtful.any():
-        sites += f"; {found.doubtful.sum()} doubtful ones are not in these ranges"
+    """A map: the range of each quantity, and the hardest impact of each surface."""
+    impact_map = results.map
+    quantities = results.map.quantities()
+    surfaces = results.map.surfaces()
+    sites = f"{len(impact_map)}" + (
+        f", {impact_map.skipped} left out" if impact_map.skipped else ""
+    )
+    if impact_map.doubtful.any():
+        sites += f"; {impact_map.doubtful.sum()} doubtful ones are not in these ranges"
     rows = [("sites", sites)]
     meant = {name: MAP_QUANTITIES.get(name, (_words(name), "")) for name in quantities}
     for name, values in quantities.items():
-        known = values[trusted(found)]
-        known = known[np.isfinite(known)]
-        if known.size:
-            rows.append((meant[name][0], _range(known, meant[name][1])))
+        finite = values[trusted(impact_map)]
+        finite = finite[np.isfinite(finite)]
+        if finite.size:
+            rows.append((meant[name][0], _range(finite, meant[name][1])))
     for name, surface in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(surface)} sites"
-        if found.peak_force is not None:
-            i = hardest(found, surface)
-            force = engineering(found.peak_force[i], "N", 4)
-            text += f", at most {force} at {placed(found.points[i])}"
+        if impact_map.peak_force is not None:
+            i = hardest(impact_map, surface)
+            force = engineering(impact_map.peak_force[i], "N", 4)
+            text += f", at most {force} at {placed(impact_map.points[i])}"
         rows.append((name, text))
     heads = {name: f"{name} ({unit})" if unit else name for name, (_, unit) in meant.items()}
-    table = {"surface": found.names.tolist()} if len(surfaces) > 1 else {}
-    table |= {f"{axis} (m)": found.points[:, k] for k, axis in enumerate("xyz")}
-    numbers = {"points": found.points, "surface": found.names.tolist(), **quantities}
+    table = {"surface": impact_map.names.tolist()} if len(surfaces) > 1 else {}
+    table |= {f"{axis} (m)": impact_map.points[:, k] for k, axis in enumerate("xyz")}
+    numbers = {"points": impact_map.points, "surface": impact_map.names.tolist(), **quantities}
     return Presentation(
         text=[format_rows(rows)],
         tables={"map.csv": table | {heads[name]: values for name, values in quantities.items()}},
-        numbers={"map": numbers | {"doubtful": found.doubtful}},
-        plotted={"map": found},
-        fields={"map.vtu": found.write},
+        numbers={"map": numbers | {"doubtful": impact_map.doubtful}},
+        plotted={"map": impact_map},
+        fields={"map.vtu": impact_map.write},
         sections={"Map": [rows]},
         pictures=[
-            Picture(f"Map: {meant[q][0]}", f"{meant[q][0].capitalize()} ({meant[q][1]}) over the"
-                    " surface.", partial(plot_map, found, quantity=q))
-            for q in ("peak_force", "contact_time", "k0") if q in quantities
+            Picture(
+                f"Map: {meant[q][0]}",
+                f"{meant[q][0].capitalize()} ({meant[q][1]}) over the surface.",
+                partial(plot_map, impact_map, quantity=q),
+            )
+            for q in ("peak_force", "contact_time", "k0")
+            if q in quantities
         ],
-    )  # fmt: skip
+    )
 
 
 def _range(values: Array, unit: str) -> str:
-    """The smallest and the largest value; angular frequencies in Hz."""
+    """Text of the smallest and the largest value; angular frequencies in Hz."""
     values, unit = (values / (2 * np.pi), "Hz") if unit == "rad/s" else (values, unit)
     return range_text(values.min(), values.max(), unit)
 
 
-#: Object of a scene -> how it is presented.
+#: Object of a scene -> function that makes its presentation.
 _KINDS: dict[str, Callable[[Results], Presentation]] = {
     **{"history": _impact, "fall": _fall, "found": _blow},
     **{"batch": _sweep, "sample": _sample, "map": _map},
 }
 
 
-def presentations(found: Results) -> list[Presentation]:
-    """What is presented of a scene: the structure with its model first, then the results."""
-    present = (one for name, one in _KINDS.items() if getattr(found, name) is not None)
-    return [_model(found), *(one(found) for one in present)]
+def presentations(results: Results) -> list[Presentation]:
+    """The presentations of a scene: structure with model first, then the results."""
+    present = (make for name, make in _KINDS.items() if getattr(results, name) is not None)
+    return [_model(results), *(make(results) for make in present)]
 
 
-def text(found: Results, parts: Sequence[Presentation]) -> str:
-    """Title, structure, model, and what the simulation, the sweep or the map found."""
-    title = str(found.compiled.document.data.get("title", ""))
-    pieces = [title, *(piece for one in parts for piece in one.text)]
+def text(results: Results, parts: Sequence[Presentation]) -> str:
+    """Text of title, structure, model and results."""
+    title = str(results.compiled.document.data.get("title", ""))
+    pieces = [title, *(piece for presentation in parts for piece in presentation.text)]
     return "\n\n".join(piece for piece in pieces if piece)

@@ -1,4 +1,4 @@
-"""What an exported run is made of: the numbers of `export/antiosc_model.h`, and their names."""
+"""The data of an exported run: the numbers of `export/antiosc_model.h`, and their names."""
 
 from __future__ import annotations
 
@@ -40,9 +40,11 @@ OF_CONTACT = {
     3: ("impulse", "N.s"),
 }
 OF_SITE = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
-#: Expected contact times for which the step is chosen by default, how often that is doubled until
-#: the bodies part, and how much longer a run may be.
-CONTACT_TIMES, MOST_DOUBLINGS, LONGEST_RUN = 20, 6, 1024
+#: Duration for which the step is chosen, in expected contact times; number of doublings until the
+#: bodies part; longest run over that duration.
+CONTACT_TIMES = 20
+MOST_DOUBLINGS = 6
+LONGEST_RUN = 1024
 _MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
 
 
@@ -62,10 +64,10 @@ class RunData:
 
     Attributes
     ----------
-    system : its bodies and contacts; of a port (`inputs`) no contact, and a row a site.
+    system : its bodies and contacts; for a port (`inputs`) no contact, and one row for each site.
     options : duration [s], rel_tol, force scale, step, resolution [s].
     site_modes, site_forces, site_shifts : (S, J), (S, m), (K, S).
-    outputs : (O, 2) kind and contact or site.
+    outputs : (O, 2) kind, and index of the contact or site.
     starts : (N, J) change of the initial modal velocities by a unit of each parameter.
     """
 
@@ -82,13 +84,13 @@ class RunData:
     parameter_variables: list[Variable] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Give each variable a name of its own."""
+        """Make the names of all variables distinct."""
         kinds = ("input_variables", "output_variables", "parameter_variables")
-        every = [each for kind in kinds for each in getattr(self, kind)]
-        names = iter(distinct(["time", *(each.name for each in every)])[1:])
+        variables = [variable for kind in kinds for variable in getattr(self, kind)]
+        names = iter(distinct(["time", *(variable.name for variable in variables)])[1:])
         for kind in kinds:
-            own = [replace(each, name=next(names)) for each in getattr(self, kind)]
-            object.__setattr__(self, kind, own)
+            renamed = [replace(variable, name=next(names)) for variable in getattr(self, kind)]
+            object.__setattr__(self, kind, renamed)
 
     @property
     def given(self) -> Given:
@@ -97,17 +99,24 @@ class RunData:
 
     def counts(self) -> list[int]:
         """Numbers of modes, rows, contacts, breaks, sites, parameters, outputs, law parameters, and
-        of rows that stretch."""
+        stretching rows.
+        """
         laws = [law.n_params for law, _ in self.given.laws]
         m, size = self.system.beta.shape
         return [
-            size, m, len(laws), self.system.breaks.size, len(self.site_modes),
-            len(self.parameter_variables), len(self.outputs), sum(laws),
+            size,
+            m,
+            len(laws),
+            self.system.breaks.size,
+            len(self.site_modes),
+            len(self.parameter_variables),
+            len(self.outputs),
+            sum(laws),
             0 if self.system.cubic is None else len(self.system.cubic),
-        ]  # fmt: skip
+        ]
 
     def integers(self) -> NDArray[np.int32]:
-        """The kind, number of parameters and tangential rows of each contact; then the outputs."""
+        """Kind, number of parameters and tangential rows of each contact; then the outputs."""
         contacts = [
             (c.law.kind, c.law.n_params, c.first_tangential, c.n_tangential)
             for c in self.given.contacts
@@ -119,37 +128,62 @@ class RunData:
         """All numbers by name, in the order of the model file."""
         s = self.system
         contacts = [
-            [c.friction, c.tangential_stiffness, c.mass, c.expected_depth, c.expected_speed,
-             c.slowest, c.preload]
+            [
+                c.friction,
+                c.tangential_stiffness,
+                c.mass,
+                c.expected_depth,
+                c.expected_speed,
+                c.slowest,
+                c.preload,
+            ]
             for c in self.given.contacts
-        ]  # fmt: skip
+        ]
         laws = [values for _, values in self.given.laws]
-        values = np.concatenate([np.asarray(each, dtype=float) for each in laws]) if laws else []
+        values = np.concatenate([np.asarray(law, dtype=float) for law in laws]) if laws else []
         parts = {
-            "options": [*self.options, s.given], "omega": s.omega, "decay": s.decay,
-            "beta": s.beta, "residual": s.R, "breaks": s.breaks, "loads": s.loads,
-            "offsets": s.offsets, "q": s.q, "v": s.v, "site_modes": self.site_modes,
-            "site_forces": self.site_forces, "site_shifts": self.site_shifts,
-            "parameters": [each.start for each in self.parameter_variables],
-            "starts": self.starts, "contacts": contacts, "law_parameters": values,
+            "options": [*self.options, s.given],
+            "omega": s.omega,
+            "decay": s.decay,
+            "beta": s.beta,
+            "residual": s.R,
+            "breaks": s.breaks,
+            "loads": s.loads,
+            "offsets": s.offsets,
+            "q": s.q,
+            "v": s.v,
+            "site_modes": self.site_modes,
+            "site_forces": self.site_forces,
+            "site_shifts": self.site_shifts,
+            "parameters": [law.start for law in self.parameter_variables],
+            "starts": self.starts,
+            "contacts": contacts,
+            "law_parameters": values,
             "quadratic": () if s.quadratic is None else s.quadratic,
             "cubic": () if s.cubic is None else s.cubic,
-        }  # fmt: skip
+        }
         return {name: np.ravel(np.asarray(part, dtype=float)) for name, part in parts.items()}
 
     @property
     def memory(self) -> int:
-        """Bytes that a run needs on a machine of 64 bits, and at most elsewhere."""
+        """Bytes that a run needs on a 64-bit machine, which is the most."""
         arrays = [
-            np.ascontiguousarray(each, dtype=float)
-            for each in (self.site_modes, self.site_forces, self.site_shifts, self.starts)
+            np.ascontiguousarray(array, dtype=float)
+            for array in (self.site_modes, self.site_forces, self.site_shifts, self.starts)
         ]
-        at = [each.ctypes.data for each in arrays]
-        start = np.array([each.start for each in self.parameter_variables])
+        addresses = [array.ctypes.data for array in arrays]
+        start = np.array([array.start for array in self.parameter_variables])
         model = library.Model(
-            self.given.system, library.Options(), len(self.site_modes), *at[:3], start.size,
-            start.ctypes.data, at[3], len(self.outputs), self.outputs.ctypes.data,
-        )  # fmt: skip
+            self.given.system,
+            library.Options(),
+            len(self.site_modes),
+            *addresses[:3],
+            start.size,
+            start.ctypes.data,
+            addresses[3],
+            len(self.outputs),
+            self.outputs.ctypes.data,
+        )
         return int(library.library.axm_size(byref(model)))
 
     @property
@@ -165,7 +199,7 @@ class RunData:
 
 
 def of_model(model: LinearBody) -> RunData:
-    """A model alone: forces on its sites, their motions."""
+    """Data of a model alone: forces on its sites are inputs, their motions outputs."""
     body = scene_body("model", model, None)
     _refuse_coupled({"model": body})
     if isinstance(model, Obstacle) or not body.B.size:
@@ -181,25 +215,35 @@ def of_model(model: LinearBody) -> RunData:
     inputs = [Variable(f"{name}force".lstrip("."), "N", "force on the site") for name in names]
     outputs, variables = _site_outputs(names)
     return RunData(
-        system, (1.0, 1e-3, 0.0, 0.0, 0.0), 1.0, body.B.T.copy(), body.r.copy(),
-        np.zeros((1, count)), outputs, variables, inputs, np.zeros((0, body.omega.size)),
-    )  # fmt: skip
+        system,
+        (1.0, 1e-3, 0.0, 0.0, 0.0),
+        1.0,
+        body.B.T.copy(),
+        body.r.copy(),
+        np.zeros((1, count)),
+        outputs,
+        variables,
+        inputs,
+        np.zeros((0, body.omega.size)),
+    )
 
 
 def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool) -> RunData:
-    """Data of a scene's run; `plain`: names of results without a body, as of `simulate`."""
+    """Data of a scene's run; `plain`: names of results without the body, as in `simulate`."""
     for contact in scene.contacts:
         if not is_compiled(contact.law):
             raise InputError(
                 f"the contact law {type(contact.law).__name__} is a class of your own and has no"
                 f" form in C: export a `Tabulated` law with its curve."
             )
-    first = CONTACT_TIMES * assemble_scene(scene, 1.0, stretch=True).contact_time_estimate
-    spans = [first * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
+    shortest = CONTACT_TIMES * assemble_scene(scene, 1.0, stretch=True).contact_time_estimate
+    spans = [shortest * 2**k for k in range(MOST_DOUBLINGS + 1)] if duration is None else [duration]
     for span in spans:
         assembly = _assembled(scene, span, tol)
-        found, _ = integrate_exact(assembly, span, tol, None, *_MAX)
-        if not plain or not open_contacts(found.run, assembly.system):  # scenes may come to rest
+        converged, _ = integrate_exact(assembly, span, tol, None, *_MAX)
+        if not plain or not open_contacts(
+            converged.run, assembly.system
+        ):  # scenes may come to rest
             break
     else:
         warn(
@@ -207,25 +251,35 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
             " chosen and its table printed; give a longer duration=.",
             AccuracyWarning,
         )
-    if message := inexact_message(found, tol, _MAX[1], lambda: energy_gain(assembly, found.run)):
+    if message := inexact_message(
+        converged, tol, _MAX[1], lambda: energy_gain(assembly, converged.run)
+    ):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, plain)
     shift = assembly.pushes(assembly.system.breaks) @ assembly.r
-    listed = [(c.a, c.b) for c in scene.contacts]
-    contacts, contact_variables = _contact_outputs(listed, plain)
+    ends = [(c.a, c.b) for c in scene.contacts]
+    contacts, contact_variables = _contact_outputs(ends, plain)
     sites, site_variables = _site_outputs(names)
     parameters, starts = _initial_speeds(assembly, plain)
     span = float(span)  # its repr is that of C
-    options = (LONGEST_RUN * span, found.share, 0.0, 0.0, assembly.contact_time_estimate / FINE)
+    options = (LONGEST_RUN * span, converged.share, 0.0, 0.0, assembly.contact_time_estimate / FINE)
     return RunData(
-        assembly.system, options, span, modes, -(assembly.G @ assembly.r)[:, columns].T.copy(),
-        shift[:, columns].copy(), np.concatenate((contacts, sites)),
-        contact_variables + site_variables, [], starts, parameters,
-    )  # fmt: skip
+        assembly.system,
+        options,
+        span,
+        modes,
+        -(assembly.G @ assembly.r)[:, columns].T.copy(),
+        shift[:, columns].copy(),
+        np.concatenate((contacts, sites)),
+        contact_variables + site_variables,
+        [],
+        starts,
+        parameters,
+    )
 
 
 def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
-    """The scene for a run of `span` seconds, with the second-order forces that `simulate` takes."""
+    """The scene for a run of `span` seconds, with the second-order forces that `simulate` uses."""
     assembly = assemble_scene(scene, span, stretch=True)
     _refuse_coupled(assembly.bodies)
     set_initial_forces(assembly)
@@ -236,6 +290,7 @@ def _assembled(scene: SceneParts, span: float, tol: float) -> Assembly:
 
 
 def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
+    """Raise InputError for damping that couples modes."""
     for name, body in bodies.items():
         if body.modes.first_order is not None:
             raise InputError(
@@ -245,13 +300,13 @@ def _refuse_coupled(bodies: Mapping[str, SceneBody]) -> None:
 
 
 def _body_system(body: SceneBody) -> System:
-    """A body alone as a system: a row a site, no contact."""
+    """A body alone as a system: one row for each site, no contact."""
     modes = BodyModes(body.omega, body.modes.decay, body.B.T, np.zeros(body.omega.size))
     return posed([modes], (), body.r)
 
 
 def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
-    """Names of a body's columns with a dot behind: "tip.", "tip.1."; "" of the only one."""
+    """Names of a body's columns with a trailing dot, as "tip.", "tip.1."; "" for a single one."""
     names = [""] * body.B.shape[1]
     for site, columns in body.sites.items():
         for k, column in enumerate(columns):
@@ -277,6 +332,7 @@ def _sites(assembly: Assembly, plain: bool) -> tuple[list[str], Array, list[int]
 def _contact_outputs(
     contacts: Sequence[tuple[str, str]], plain: bool
 ) -> tuple[NDArray[np.int32], list[Variable]]:
+    """Output specifications and variables of contacts."""
     specs, variables = [], []
     for c, (a, b) in enumerate(contacts):
         for kind, (name, unit) in OF_CONTACT.items():
@@ -288,6 +344,7 @@ def _contact_outputs(
 
 
 def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
+    """Output specifications and variables of sites."""
     specs, variables = [], []
     for i, prefix in enumerate(names):
         of = f"the {prefix.rstrip('._')}" if prefix else "the site"
@@ -298,38 +355,38 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
 
 
 def _initial_speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Array]:
-    """Initial speeds of strikers that can be set, and their modal velocities (N, J)."""
+    """Initial speeds of strikers that can be changed, and their modal velocities (N, J)."""
     variables: list[Variable] = []
     rows = []
     for name, body in assembly.bodies.items():
-        given = body.body
-        speed = getattr(given, "velocity", None)
-        if not isinstance(given, RigidMass | Sphere | Impactor) or not isinstance(speed, float):
+        striker = body.body
+        speed = getattr(striker, "velocity", None)
+        if not isinstance(striker, RigidMass | Sphere | Impactor) or not isinstance(speed, float):
             continue
         if speed == 0.0 or name in assembly.scene.motion:
             continue
         row = np.zeros(assembly.system.omega.size)
         row[assembly.spans[name]] = body.start / speed
         rows.append(row)
-        full = "initial_velocity" if plain else f"{name}.initial_velocity"
-        variables.append(Variable(full, "m/s", f"velocity of {name} at the start", speed))
+        variable_name = "initial_velocity" if plain else f"{name}.initial_velocity"
+        variables.append(Variable(variable_name, "m/s", f"velocity of {name} at the start", speed))
     return variables, np.array(rows).reshape(len(rows), assembly.system.omega.size)
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """The names, the second of two equal ones with "_2" behind."""
-    found: dict[str, None] = {}
+    """The names, made distinct by "_2", "_3", …."""
+    taken: dict[str, None] = {}
     for name in names:
-        own, copies = name, 1
-        while own in found:
+        unique, copies = name, 1
+        while unique in taken:
             copies += 1
-            own = f"{name}_{copies}"
-        found[own] = None
-    return list(found)
+            unique = f"{name}_{copies}"
+        taken[unique] = None
+    return list(taken)
 
 
 def model_file(data: RunData) -> bytes:
-    """The file resources/model.aom that `csrc/export/fmu.c` reads."""
+    """Content of the file resources/model.aom that `csrc/export/fmu.c` reads."""
     mark = np.array([*data.counts(), 0x01020304, library.VERSION], dtype="<i4")
     token = data.token.encode().ljust(64, b"\0")
     numbers = np.concatenate(list(data.arrays().values())).astype("<f8")

@@ -1,9 +1,9 @@
 """A page and its calls for the browser of this user on this machine, and for nobody else.
 
-The server listens on 127.0.0.1. The page's address holds a random token, and each call sends it
-again as a header that no foreign page may send. A foreign Host (DNS rebinding) or Origin is
-refused, so is what is too large, too slow, or not JSON. A call has a name and a table of values;
-nothing that comes from the page is a path.
+The server listens on 127.0.0.1. The page's address contains a random token, and each call repeats
+it in a header that foreign pages cannot send. A foreign Host (DNS rebinding) or Origin is refused,
+and so are requests that are too large, too slow, or not JSON. A call has a name and a table of
+values; no value of the page is used as a path.
 """
 
 from __future__ import annotations
@@ -27,14 +27,17 @@ from antiosc.base.errors import AntioscError
 from antiosc_app.live import embedded
 
 HOST = "127.0.0.1"
-#: Header of the calls that repeats the token of the page's address.
+#: Header of calls with the token of the page's address.
 TOKEN = "X-Antiosc-Token"
-#: Largest body of a call [bytes], most bytes of its headers, most requests at a time, seconds in
-#: which a request must have arrived.
-LARGEST_BODY, LARGEST_HEADERS, MOST_REQUESTS, PATIENCE = 65_536, 16_384, 32, 10.0
-#: Seconds after which it sees that it is closed.
+#: Largest body of a call and of its headers [bytes]; largest number of simultaneous requests; time
+#: limit [s] for a request to arrive.
+LARGEST_BODY = 65_536
+LARGEST_HEADERS = 16_384
+MOST_REQUESTS = 32
+PATIENCE = 10.0
+#: Interval [s] at which the server checks whether it is closed.
 POLL = 0.1
-#: Deepest brackets of a call.
+#: Deepest nesting of a call's values.
 DEEPEST = 8
 #: Headers of every answer.
 ALWAYS = {
@@ -44,12 +47,12 @@ ALWAYS = {
     "Cross-Origin-Opener-Policy": "same-origin",
 }
 
-#: A call: its values -> a value of JSON.
+#: A call: a function from its values to a JSON value.
 Call: TypeAlias = Callable[[dict[str, Any]], object]
 
 
 class Refused(Exception):
-    """A request that is not answered: its status and a sentence."""
+    """A request that is refused: its status and a sentence."""
 
     def __init__(self, status: HTTPStatus, sentence: str) -> None:
         super().__init__(sentence)
@@ -61,8 +64,8 @@ class Server(ThreadingHTTPServer):
 
     Parameters
     ----------
-    page : its HTML, and its Content-Security-Policy.
-    calls : name -> what answers a call; an AntioscError becomes a sentence on the page.
+    page : its HTML and its Content-Security-Policy.
+    calls : name -> function that answers; an AntioscError becomes a sentence on the page.
     """
 
     daemon_threads = True
@@ -77,7 +80,7 @@ class Server(ThreadingHTTPServer):
         self._room = threading.BoundedSemaphore(MOST_REQUESTS)
 
     def start(self) -> None:
-        """Serve in a thread of its own."""
+        """Serve in a new thread."""
         # PETSc that another program started aborts the process on a broken pipe; signals can be
         # set in the main thread alone, as `antiosc open` and notebooks do
         with contextlib.suppress(ValueError, AttributeError):
@@ -85,7 +88,7 @@ class Server(ThreadingHTTPServer):
         threading.Thread(target=self.serve_forever, args=(POLL,), daemon=True).start()
 
     def close(self) -> None:
-        """End; requests that are being answered are left alone."""
+        """Stop; requests in progress are not interrupted."""
         self.shutdown()
         self.server_close()
 
@@ -102,11 +105,11 @@ class Server(ThreadingHTTPServer):
             self._room.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a connection that broke."""
+        """Ignore broken connections."""
 
 
 class _Request(BaseHTTPRequestHandler):
-    """One request on a connection, which ends with it."""
+    """One request on a connection, which is closed after it."""
 
     server: Server
     timeout = PATIENCE
@@ -114,7 +117,7 @@ class _Request(BaseHTTPRequestHandler):
     sys_version = ""
 
     def handle_one_request(self) -> None:
-        """End the connection of a request that comes in drops."""
+        """Handle a request, and close the connection if it arrives too slowly."""
         arrived = threading.Event()
         threading.Thread(target=self._hang_up_unless, args=(arrived,), daemon=True).start()
         self._arrived = arrived.set
@@ -124,7 +127,7 @@ class _Request(BaseHTTPRequestHandler):
             arrived.set()
 
     def _hang_up_unless(self, arrived: threading.Event) -> None:
-        """Hang up after PATIENCE, of which one POLL passes while PETSc holds the interpreter."""
+        """Close the connection after PATIENCE, which counts time only while Python runs."""
         for _ in range(round(PATIENCE / POLL)):
             if arrived.wait(POLL):
                 return
@@ -138,12 +141,15 @@ class _Request(BaseHTTPRequestHandler):
         self._answer(self._call)
 
     def _answer(self, work: Callable[[], tuple[str, bytes]]) -> None:
+        """Send the result of `work`, or its refusal."""
         try:
             self._check_source()
             kind, content = work()
             status = HTTPStatus.OK
         except Refused as error:
-            kind, content, status = "text/plain", f"{error}\n".encode(), error.status
+            kind = "text/plain"
+            content = f"{error}\n".encode()
+            status = error.status
         self.send_response(status)
         for name, value in {**ALWAYS, "Content-Security-Policy": self.server.policy}.items():
             self.send_header(name, value)
@@ -153,7 +159,7 @@ class _Request(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _check_source(self) -> None:
-        """Refuse what does not come from the page itself, by its address on this machine."""
+        """Refuse requests that do not come from the page itself."""
         headers = self.headers
         if sum(len(name) + len(value) for name, value in headers.items()) > LARGEST_HEADERS:
             raise Refused(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "the headers are too long.")
@@ -167,10 +173,12 @@ class _Request(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.NOT_IMPLEMENTED, "a body needs a Content-Length.")
 
     def _check_token(self, token: str) -> None:
+        """Refuse a wrong token."""
         if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             raise Refused(HTTPStatus.FORBIDDEN, "the token is missing or wrong.")
 
     def _page(self) -> tuple[str, bytes]:
+        """(content type, content) of the page."""
         self._arrived()
         parts = self.path.split("/")
         self._check_token(parts[1] if len(parts) > 1 else "")
@@ -179,6 +187,7 @@ class _Request(BaseHTTPRequestHandler):
         return "text/html", self.server.page
 
     def _call(self) -> tuple[str, bytes]:
+        """(content type, content) of a call's answer."""
         self._check_token(self.headers.get(TOKEN, ""))
         call = self.server.calls.get(self.path.removeprefix("/"))
         if call is None:
@@ -196,7 +205,7 @@ class _Request(BaseHTTPRequestHandler):
         return "application/json", embedded(answer).encode()
 
     def _values(self) -> dict[str, Any]:
-        """The values of a call: JSON, a table, without NaN and not too deep."""
+        """The values of a call: a JSON table without NaN, not nested too deep."""
         if self.headers.get("Content-Type") != "application/json":
             raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "a call is application/json.")
         length = self.headers.get_all("Content-Length", [])
@@ -216,23 +225,27 @@ class _Request(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.") from None
 
     def log_message(self, *_: object) -> None:
-        """Keep the terminal free of requests."""
+        """Print no requests."""
 
 
 def _no_number(text: str) -> float:
+    """Refuse NaN and infinity."""
     raise ValueError(text)
 
 
 def _checked(values: object) -> dict[str, Any]:
-    """A table whose numbers are finite and whose brackets are few; else ValueError."""
+    """A table with finite numbers and limited nesting; else ValueError."""
     if not isinstance(values, dict):
         raise ValueError("no table")
     level: list[object] = [values]
     for _ in range(DEEPEST):
-        inner = [list(each.values()) if isinstance(each, dict) else each for each in level]
-        level = [one for each in inner if isinstance(each, list) for one in each]
-        if any(isinstance(one, float) and not math.isfinite(one) for one in level):
+        inner = [
+            list(container.values()) if isinstance(container, dict) else container
+            for container in level
+        ]
+        level = [item for container in inner if isinstance(container, list) for item in container]
+        if any(isinstance(item, float) and not math.isfinite(item) for item in level):
             raise ValueError("not finite")
-    if any(isinstance(one, dict | list) for one in level):
+    if any(isinstance(item, dict | list) for item in level):
         raise ValueError("too deep")
     return values

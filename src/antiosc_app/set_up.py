@@ -1,4 +1,4 @@
-"""The set-up of `antiosc open`: what its page may send, and the scene that it stands for."""
+"""The set-up of `antiosc open`: the values that its page sends, and the scene for them."""
 
 from __future__ import annotations
 
@@ -18,49 +18,52 @@ from antiosc_app.new import Inspection
 #: A table of a scene.
 Table = dict[str, Any]
 
-#: What falls on the part, and what the part falls on.
+#: Name of the floor among the strikers; all kinds of strikers.
 FLOOR = "floor"
 STRIKERS = ("ball", "mass", "hammer", FLOOR)
 #: Hammers of IEC 60068-2-75 with a tip of steel.
 HAMMERS = tuple(name for name, one in IMPACTORS.items() if name[:2] == "IK" and one.steel)
-#: Radius of a patch over the size of the faces there, which resolve it; by how much a finer mesh
-#: has smaller ones; faces that are looked at.
-RESOLVED, FINER, NEIGHBOURS = 1.05, 3.0, 12
-#: Most faces that are held.
+#: Radius of a patch over the size of the faces there; refinement factor of a finer mesh; number of
+#: neighbouring faces from which the size is taken.
+RESOLVED = 1.05
+FINER = 3.0
+NEIGHBOURS = 12
+#: Largest number of held faces.
 MOST_HELD = 200
 #: Anti-oscillators of a solid or a bar, and of a sheet.
 COUNT, COUNT_OF_SHEET = 20, 100
-#: Materials by name that are the same in all directions; the first of a new part, of a ball.
+#: Names of isotropic materials; default of a part and of a ball.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 FIRST, FIRST_OF_BALL = "steel S235", "bearing steel 100Cr6"
-#: Floors by name: rigid, or a half-space of a material; their friction; impacts and free modes of a
-#: fall, as in the pages about drops.
+#: Names of floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
 FRICTION, IMPACTS, MODES = 0.3, 3, 20  # of a floor; of a fall
-#: Inclination of a fall on a face [degree]: none lands quite flat, on all its vertices at once.
+#: Tilt of a fall on a face [degree], so that not all vertices touch at once.
 TILT = (2.0, 1.0, 0.0)
 #: Duration of the impact on a solid or a bar [s].
 DURATION = 1e-3
 
 
 class Source(NamedTuple):
-    """What the file of a part says.
+    """The inspected file of a part.
 
     Attributes
     ----------
     name : of the file.
-    look : what was found in it.
-    faces : name -> the table of the support that holds this face.
+    look : the inspected part.
+    faces : name -> table of the support that holds this face.
     geometry : whether it is meshed here.
     """
 
     def size_at(self, point: Sequence[float]) -> float:
-        """Size of the faces of the skin next to a point [m]."""
+        """Size [m] of the skin's faces near a point."""
         corners = self.look.points[self.look.faces]
-        far = np.linalg.norm(corners.mean(axis=1) - point, axis=1)
-        near = corners[np.argsort(far)[:NEIGHBOURS]]
-        return float(np.linalg.norm(near - np.roll(near, 1, axis=1), axis=2).mean(axis=1).max())
+        distances = np.linalg.norm(corners.mean(axis=1) - point, axis=1)
+        nearest = corners[np.argsort(distances)[:NEIGHBOURS]]
+        return float(
+            np.linalg.norm(nearest - np.roll(nearest, 1, axis=1), axis=2).mean(axis=1).max()
+        )
 
     name: str
     look: Inspection
@@ -70,20 +73,20 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Striker:
-    """What strikes: a ball, a mass with a spherical tip, a hammer, or the floor under a fall."""
+    """The striker: a ball, a mass with a spherical tip, a hammer, or the floor of a fall."""
 
     kind: str = "ball"
-    #: m: of the ball, of the tip
+    #: radius of the ball or the tip [m]
     radius: float = 0.01
-    #: kg, of the mass
+    #: mass [kg] of the kind "mass"
     mass: float = 0.5
-    #: m/s
+    #: [m/s]
     speed: float = 1.0
-    #: of the ball, of the mass
+    #: material of the ball or the mass
     material: str = FIRST_OF_BALL
-    #: of a hammer, whose speed is that of its test
+    #: name of a hammer, whose speed is that of its test
     name: str = HAMMERS[0]
-    #: m, of a fall; the site's direction points up
+    #: height of a fall [m]; the site's direction points up
     height: float = 1.0
     #: material of the floor
     floor: str = RIGID_FLOOR
@@ -104,14 +107,14 @@ class SetUp:
 
     point: tuple[float, ...]
     direction: tuple[float, ...]
-    #: of the patch, m; None: that which the mesh of a solid resolves
+    #: radius of the patch [m]; None: as the mesh of a solid resolves it
     radius: float | None = None
     striker: Striker = field(default_factory=Striker)
-    #: "" for a deck
+    #: name of the material; "" for a deck
     material: str = FIRST
-    #: of a sheet, or diameter of a bar, m
+    #: thickness of a sheet, or diameter of a bar [m]
     thickness: float | None = None
-    #: names of faces
+    #: names of the held faces
     held: tuple[str, ...] = ()
     damping: float = 0.0
     #: whether the mesh is refined around the site
@@ -142,15 +145,16 @@ def read(values: object) -> SetUp:
     table = dict(_known("set-up", values, SetUp))
     table["striker"] = Striker(**_known("striker", table.get("striker", {}), Striker))
     for name in ("point", "direction", "held"):
-        given = table.get(name, [])
-        if not isinstance(given, list):
+        values_given = table.get(name, [])
+        if not isinstance(values_given, list):
             raise InputError(f"{name} must be a list.")
-        table[name] = tuple(given)
+        table[name] = tuple(values_given)
     return SetUp(**table)
 
 
 def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
-    names = {one.name for one in fields(kind)}
+    """The values as a table with no other names than the fields of `kind`."""
+    names = {item.name for item in fields(kind)}
     if not isinstance(values, dict) or not values.keys() <= names:
         raise InputError(f"a {what} is a table of {', '.join(sorted(names))}.")
     return values
@@ -183,8 +187,9 @@ def scene_of(source: Source, asked: SetUp, duration: float) -> Table:
 
 
 def _part(source: Source, asked: SetUp) -> Table:
-    """What is struck: the mesh or geometry with its material, or the deck."""
-    look, read = source.look, dict(source.look.read)
+    """The sections of the part: mesh or geometry with material, or the deck."""
+    look = source.look
+    read = dict(source.look.read)
     if look.of_deck:
         return {"deck": {"path": source.name, **read}}
     if asked.finer and source.geometry:
@@ -205,57 +210,58 @@ def face_of(source: Source, name: object) -> Mapping[str, Any]:
     return source.faces[name]
 
 
-def _striker(one: Striker) -> Table:
-    """[impactor]."""
-    made: Table = {"velocity": one.speed, "material": one.material}
-    if one.kind == "ball":
-        return {"kind": "Sphere", "radius": one.radius, **made}
-    if one.kind == "mass":
-        return {"kind": "RigidMass", "mass": one.mass, "tip_radius": one.radius, **made}
-    return {"kind": "named_impactor", "name": one.name}
+def _striker(striker: Striker) -> Table:
+    """The section [impactor]."""
+    common: Table = {"velocity": striker.speed, "material": striker.material}
+    if striker.kind == "ball":
+        return {"kind": "Sphere", "radius": striker.radius, **common}
+    if striker.kind == "mass":
+        return {"kind": "RigidMass", "mass": striker.mass, "tip_radius": striker.radius, **common}
+    return {"kind": "named_impactor", "name": striker.name}
 
 
 def _drop(asked: SetUp) -> Table:
-    """[drop]: the place that was clicked leads the way."""
-    one = asked.striker
+    """The section [drop]; the clicked place points down."""
+    striker = asked.striker
     floor: Table = {"friction": FRICTION}
-    if one.floor != RIGID_FLOOR:
-        own = materials.record(one.floor)
-        known = {name: getattr(own, name) for name in ("E", "nu", "rho", "yield_strength")}
+    if striker.floor != RIGID_FLOOR:
+        record = materials.record(striker.floor)
+        known = {name: getattr(record, name) for name in ("E", "nu", "rho", "yield_strength")}
         floor["material"] = {name: value for name, value in known.items() if value is not None}
     down = [-c for c in asked.direction]
-    rest: Table = {"until": IMPACTS, "modes": MODES, "damping": asked.damping, "floor": floor}
-    return {"height": one.height, "toward": down, "tilt": list(TILT), **rest}
+    options: Table = {"until": IMPACTS, "modes": MODES, "damping": asked.damping, "floor": floor}
+    return {"height": striker.height, "toward": down, "tilt": list(TILT), **options}
 
 
 def toml(sections: Mapping[str, Any]) -> str:
-    """Sections as TOML: keys of the scene first, then [x], [x.NAME] and [[x]]."""
+    """Sections as TOML: top-level keys first, then [x], [x.NAME] and [[x]]."""
     lines = [f"{name} = {_value(value)}" for name, value in sections.items() if _plain(value)]
     for name, value in sections.items():
         if _plain(value):
             continue
         if isinstance(value, list):
-            for one in value:
-                lines += ["", f"[[{name}]]", *_lines(one)]
-        elif value and all(isinstance(one, Mapping) for one in value.values()):
-            for key, one in value.items():
-                lines += ["", f"[{name}.{key}]", *_lines(one)]
+            for table in value:
+                lines += ["", f"[[{name}]]", *_lines(table)]
+        elif value and all(isinstance(table, Mapping) for table in value.values()):
+            for key, table in value.items():
+                lines += ["", f"[{name}.{key}]", *_lines(table)]
         else:
             lines += ["", f"[{name}]", *_lines(value)]
     return "\n".join([*lines, ""])
 
 
 def _plain(value: object) -> bool:
-    """Whether a value is no section."""
+    """Whether a value is not a section."""
     return not isinstance(value, Mapping | list)
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
+    """A table as lines "key = value"."""
     return [f"{key} = {_value(value)}" for key, value in table.items()]
 
 
 def _value(value: object) -> str:
-    """A value in TOML, which writes texts, flags and lists as JSON does."""
+    """A value in TOML, which writes texts, flags and lists like JSON."""
     if isinstance(value, Mapping):
         return f"{{ {', '.join(_lines(value))} }}"
     if isinstance(value, Sequence) and not isinstance(value, str):

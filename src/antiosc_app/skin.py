@@ -1,4 +1,4 @@
-"""The skin of a part for the page that opens it, and the faces that may be held there."""
+"""The skin of a part for the page that opens it, and the faces that can be held."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.new import ON_PLANE, Inspection, sides_of
 
-#: The name of the plane on which a new scene holds a part without names.
+#: Name of the plane at which a new scene supports a part without named groups.
 PLANE = "lowest plane"
 #: The table of a support.
 Held: TypeAlias = Mapping[str, Any]
 
 
 class Skin(NamedTuple):
-    """Points and triangles of a part with the number of their face.
+    """Points and triangles of a part, each triangle with the number of its face.
 
     Attributes
     ----------
-    data : for the page; `tags` (T,) number the faces from 1 on, 0 for none.
-    faces : name -> the support that holds it; groups of edges and points have no triangles.
-    held : names of those that a new scene holds.
+    data : for the page; `tags` (T,) number the faces from 1, 0 for none.
+    faces : name -> support that holds it; groups of edges and points have no triangles.
+    held : names of the faces that a new scene holds.
     """
 
     data: Data
@@ -47,7 +47,8 @@ def skin(structure: Structure, look: Inspection) -> Skin:
         shape["tags"] = np.zeros(len(drawn.faces), dtype=np.uint32)
         return Skin(shape, *_with_usual(_groups(mesh), look))
     outer = Faces(mesh, mesh.tdim < 3)
-    held, owner = _groups(mesh), np.zeros(len(outer), dtype=int)
+    held = _groups(mesh)
+    owner = np.zeros(len(outer), dtype=int)
     for number, name in enumerate(held, start=1):
         owner[np.isin(outer.facets, mesh.groups[name].get(outer.dim, []))] = number
     if not outer.sheet:
@@ -58,27 +59,27 @@ def skin(structure: Structure, look: Inspection) -> Skin:
         owner = np.tile(owner, 2)
     used, faces = np.unique(corners, return_inverse=True)
     shape = geometry(mesh.dolfinx.geometry.x[used], faces.reshape(-1, 3))
-    usual = _faces_on(outer, look.plane, mesh.extent())
-    numbers = np.unique(owner[usual][owner[usual] > 0])
-    beyond = np.isin(np.delete(owner[: len(outer)], usual), numbers).any()
+    on_plane = _faces_on(outer, look.plane, mesh.extent())
+    numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
+    beyond = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
     names = [name for number, name in enumerate(held, start=1) if number in numbers]
     # a face that goes on beyond the plane would hold more, perhaps the site
-    every, first = _with_usual(held, look) if beyond or not names else (held, names)
-    return Skin({**shape, "tags": owner.astype(np.uint32)}, every, first)
+    all_faces, held_first = _with_usual(held, look) if beyond or not names else (held, names)
+    return Skin({**shape, "tags": owner.astype(np.uint32)}, all_faces, held_first)
 
 
 def _groups(mesh: Mesh) -> dict[str, Held]:
-    """The groups that can be held: faces, edges and points, the largest first."""
+    """The groups that can be held (faces, edges and points), the largest first."""
     size = {
-        name: sum(len(own) for dim, own in parts.items() if dim == max(parts))
+        name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
         for name, parts in mesh.groups.items()
         if min(parts) < mesh.tdim
     }
-    return {name: {"where": name} for name in sorted(size, key=lambda one: -size[one])}
+    return {name: {"where": name} for name in sorted(size, key=lambda group: -size[group])}
 
 
 def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Held], list[str]]:
-    """Faces with the plane on which a new scene holds the part, and the names that it holds."""
+    """(faces with the plane at which a new scene supports the part, names of the held ones)."""
     if look.of_deck:
         return {}, []
     if look.where is not None:
@@ -89,7 +90,7 @@ def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Hel
 
 
 def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float) -> IntArray:
-    """Numbers of the faces on a plane [point, normal]; none without it."""
+    """Indices of the faces on a plane [point, normal]; none if it is None."""
     if plane is None:
         return np.zeros(0, dtype=int)
     point, normal = np.array(plane)
@@ -97,16 +98,18 @@ def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float
 
 
 def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[str, Held]:
-    """The flat sides among faces without a name, whose `owner` they become."""
-    x, size = mesh.dolfinx.geometry.x, mesh.extent()
+    """The flat sides among faces without a name; sets their `owner`."""
+    x = mesh.dolfinx.geometry.x
+    size = mesh.extent()
     held: dict[str, Held] = {}
     side = sides_of(x, outer)
     for number in np.unique(side[owner == 0]):
-        own = np.flatnonzero((side == number) & (owner == 0))
-        if not len(own):
+        members = np.flatnonzero((side == number) & (owner == 0))
+        if not len(members):
             continue
-        point, normal = outer.corners[own[0], 0], outer.normals[own[0]]
-        if not _on_plane(outer.corners[own], point, normal, size).all():
+        point = outer.corners[members[0], 0]
+        normal = outer.normals[members[0]]
+        if not _on_plane(outer.corners[members], point, normal, size).all():
             continue
         held[f"flat side {len(held) + 1}"] = {"plane": [point.tolist(), normal.tolist()]}
         owner[(owner == 0) & _on_plane(outer.corners, point, normal, size)] = names + len(held)
@@ -114,6 +117,6 @@ def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[s
 
 
 def _on_plane(corners: Array, point: Array, normal: Array, size: float) -> BoolArray:
-    """Which faces (F, v, 3) lie on a plane."""
-    off = np.abs((corners - point) @ normal).max(axis=1)
-    return np.asarray(off < ON_PLANE * size)
+    """Mask of faces (F, v, 3) on a plane."""
+    distance = np.abs((corners - point) @ normal).max(axis=1)
+    return np.asarray(distance < ON_PLANE * size)

@@ -22,7 +22,7 @@ from antiosc_app.server import Server
 if TYPE_CHECKING:
     from antiosc import Site, Structure
 
-#: Who may show the page in a frame: nobody, or a notebook of this machine.
+#: Sources that may show the page in a frame: none, or notebooks of this machine.
 NOBODY, NOTEBOOKS = "'none'", "'self' http://127.0.0.1:* http://localhost:*"
 #: Height of the frame in a notebook [pixels].
 HEIGHT = 900
@@ -33,7 +33,7 @@ class View:
 
     Attributes
     ----------
-    address : of the page, with its token: who knows it may use it.
+    address : of the page, with its token, which grants access.
     """
 
     def __init__(self, opened: Opened, title: str, frames: str) -> None:
@@ -49,11 +49,11 @@ class View:
 
     @property
     def site(self) -> Site | None:
-        """The site that was struck last on the page; None before the first blow."""
+        """The site that was struck last on the page; None before the first impact."""
         return self._opened.site
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         self._server.close()
         self._opened.close()
 
@@ -68,10 +68,11 @@ class View:
 
 
 def view(part: Structure | str | os.PathLike[str]) -> View:
-    """Open a part on a page that strikes it: in a notebook below the cell, else by its address.
+    """Open a part on a page where it can be struck: in a notebook below the cell, else at its
+    address.
 
-    A click is a site; the page shows it as `Site(…)` to copy, and the returned object has it as
-    `site`. The page is for the browsers of this machine.
+    A click sets the site; the page shows it as `Site(…)` to copy, and the returned object has it as
+    `site`. The page is for browsers on this machine only.
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
 
 
 def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
-    """Serve the page of a file, of a unit that is known or not, until Ctrl-C."""
+    """Serve the page of a file until Ctrl-C; `unit`: of the file, if it is known."""
     shown = _shown(_file(path), None, NOBODY, unit)
     say(f"{path} is open at {shown.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
@@ -115,6 +116,7 @@ def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
 
 
 def _file(given: str | os.PathLike[str]) -> Path:
+    """The path of an existing file."""
     path = checks.path("the part", given)
     if not path.is_file():
         raise InputError(f"there is no file {checks.shown(str(path))} to open.")
@@ -123,6 +125,7 @@ def _file(given: str | os.PathLike[str]) -> Path:
 
 
 def _shown(path: Path, structure: Structure | None, frames: str, unit: str | None = None) -> View:
+    """The page of a file or of a structure."""
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")

@@ -191,7 +191,9 @@ class Builder:
     def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
         """A section, or an empty one where it is missing or of the wrong form."""
         value = (self.data if data is None else data).get(name)
-        return value if isinstance(value, form) else form()
+        if isinstance(value, form):
+            return value
+        return form()
 
     def table(
         self,
@@ -258,7 +260,9 @@ class Builder:
         if not whole or None in arguments.values():
             return None
         made = Call(resolved(function), arguments, place)
-        return self._tried(made) if only_checks(function) else made
+        if only_checks(function):
+            return self._tried(made)
+        return made
 
     def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
         """The callable that `kind` chooses."""

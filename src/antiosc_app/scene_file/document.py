@@ -179,7 +179,10 @@ def lines_of(text: str, places: Iterable[Place]) -> list[int]:
 def _numbered(text: str) -> str:
     """The text with its line in place of each value, in each table, and first in each array."""
     rows: list[str] = []
-    open_brackets, header, state, line = "", False, "key", 1
+    open_brackets = ""
+    header = False
+    state = "key"
+    line = 1
     for token in _TOKEN.findall(text + "\n"):
         if token == "\n" and not open_brackets:
             rows.append(f'\n"\\u0000line" = {line}\n' if header else "\n")
@@ -196,7 +199,8 @@ def _numbered(text: str) -> str:
         elif token in "]}" and open_brackets:
             rows[-1] = rows[-1].removesuffix(", ")  # of a table or array without entries
             rows.append(token)
-            open_brackets, state = open_brackets[:-1], "past"
+            open_brackets = open_brackets[:-1]
+            state = "past"
         elif token == "," and open_brackets:
             rows.append(token)
             state = "value" if open_brackets[-1] == "[" else "key"
@@ -228,7 +232,9 @@ def _first(tree: object) -> int:
     """The line at which a table, an array or a value begins."""
     if isinstance(tree, dict):
         return _first(tree.get(_MARK) or next(iter(tree.values()), 0))
-    return _first(tree[0]) if isinstance(tree, list) else int(str(tree))
+    if isinstance(tree, list):
+        return _first(tree[0])
+    return int(str(tree))
 
 
 # -- words of messages
@@ -270,7 +276,9 @@ def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
     meant = SYNONYMS.get(name.lower(), "").lower()
     close = [meant] if meant in lowered else []
     close = close or difflib.get_close_matches(name.lower(), lowered, 1, least)
-    return lowered[close[0]] if close else None
+    if close:
+        return lowered[close[0]]
+    return None
 
 
 def meant(name: object, known: Iterable[str]) -> str:

@@ -42,7 +42,8 @@ LARGEST = 50_000_000
 #: Endings of files that have to be meshed first.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
 #: Sections of points, and keys that hold a point or names of groups.
-POINTS, KEYS = ("sites", "probes", "accelerometers", "sensors"), ("point", "at", "where")
+POINTS = ("sites", "probes", "accelerometers", "sensors")
+KEYS = ("point", "at", "where")
 #: Names of groups that are listed, and digits of a box.
 MOST_NAMES, DIGITS = 12, 4
 
@@ -78,7 +79,9 @@ class Outline:
         """Distance of a point (3,) from the box [m]; 0 within what a snap may bridge."""
         off = float(np.linalg.norm(point - np.clip(point, self.low, self.high)))
         size = float(np.linalg.norm(self.high - self.low))
-        return off if off > max(SNAP_SHARE * size, self.element) else 0.0
+        if off > max(SNAP_SHARE * size, self.element):
+            return off
+        return 0.0
 
     def placed(self, at: Placement) -> Outline:
         """The box around its box after a `Placement`."""
@@ -92,7 +95,8 @@ def check(found: Compiled) -> list[str]:
 
     They describe the box and the groups of each file, or say why it was not read.
     """
-    problems, sentences = found.document.problems, []
+    problems = found.document.problems
+    sentences = []
     known: dict[str, Outline] = {}
     calls = list(dict.fromkeys(calls_in(list(vars(found).values()))))
     for part, call in _meshes(found):
@@ -146,13 +150,16 @@ def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outlin
     }
     for call in calls:
         key = "at" if "at" in call.arguments else "point"
-        point, snap = call.arguments.get(key), call.arguments.get("snap")
+        point = call.arguments.get(key)
+        snap = call.arguments.get("snap")
         if not isinstance(point, tuple) or call.place[:1] not in {(one,) for one in POINTS}:
             continue
-        x, part = np.resize([*point, 0.0], 3), call.arguments.get("part")
+        x = np.resize([*point, 0.0], 3)
+        part = call.arguments.get("part")
         boxes_of_part = [boxes[part]] if part in boxes else list(boxes.values())
         nearest = min(boxes_of_part, key=lambda one: one.distance(x))
-        off, place = nearest.distance(x), (*call.place, key)
+        off = nearest.distance(x)
+        place = (*call.place, key)
         if off and (isinstance(snap, bool) or snap is None or off > snap):
             box = f"{checks.point_text(nearest.low)} to {checks.point_text(nearest.high)}"
             sentence = f"{label(place)}: the point {checks.point_text(x)} lies {off:.3g} m outside"

@@ -139,12 +139,15 @@ def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
     """The lists of [sweep] by their places in the scene."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
-    return dict(leaves(table)) if isinstance(table, dict) else {}
+    if isinstance(table, dict):
+        return dict(leaves(table))
+    return {}
 
 
 def sweep(build: Builder, found: Compiled) -> Call | None:
     """The batch; None without [sweep], or after a mistake in it."""
-    lists, known = varied(build), _known(build)
+    lists = varied(build)
+    known = _known(build)
     if "sweep" in build.data and not lists:
         sentence = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         build.note(("sweep",), sentence)
@@ -183,7 +186,8 @@ def _known(build: Builder) -> list[str]:
 
 def _of_batch() -> list[str]:
     """The keys of [simulate] of which a batch takes lists."""
-    batch, one = parameters("simulate_many"), parameters("simulate")
+    batch = parameters("simulate_many")
+    one = parameters("simulate")
     return [name for name in batch if name in one and DATA in batch[name].kinds]
 
 
@@ -244,7 +248,9 @@ def _model(build: Builder) -> Call | None:
         forces = None if found.stretch is None else replace(found.stretch, shapes=None)
         return replace(found, shapes=None, hidden=None, stretch=forces)
 
-    return None if made is None else Call(alone, {})
+    if made is None:
+        return None
+    return Call(alone, {})
 
 
 # -- [monte_carlo]

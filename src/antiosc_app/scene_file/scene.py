@@ -200,7 +200,8 @@ def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
 
 def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
     """One material, or a table of them by groups of cells."""
-    table, at = data.get("material"), (*place, "material")
+    table = data.get("material")
+    at = (*place, "material")
     section = SECTIONS["material"]
     if not isinstance(table, dict):
         sentence = f"there is no [{label(at)}]; it takes kind and the constants"
@@ -213,7 +214,9 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
     if table and all(isinstance(each, dict) for each in table.values()):
         made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
         sound = {group: call for group, call in made.items() if call is not None}
-        return sound if len(sound) == len(made) else None
+        if len(sound) == len(made):
+            return sound
+        return None
     return build.call(section, table, at)
 
 
@@ -233,7 +236,8 @@ def _assembly(build: Builder) -> Call | None:
     with contextlib.suppress(Mistake):
         rule = parameters("assemble")["points"]
         points = build.value(rule, build.part("points"), ("points",))
-    joints, placed = build.listed("joints"), build.named("at")
+    joints = build.listed("joints")
+    placed = build.named("at")
     for call in joints:
         for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point
             end = call.arguments.get(key)
@@ -260,7 +264,8 @@ def model(build: Builder, structure: Call | None) -> Call | None:
 
 
 def _model(build: Builder, structure: Call | None) -> Call | None:
-    name, sites = source(build), build.named("sites")
+    name = source(build)
+    sites = build.named("sites")
     if name == "model":
         return build.table("model")
     if name == "frf":
@@ -406,7 +411,8 @@ STRUCTURE = "structure"
 
 def several(build: Builder, found: Compiled) -> None:
     structure = {STRUCTURE: found.model} if source(build) else {}
-    named, tables = build.named("bodies"), build.part("bodies")
+    named = build.named("bodies")
+    tables = build.part("bodies")
     if STRUCTURE in tables and structure:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
     methods: dict[str, tuple[str, Call | None]] = {}
@@ -456,7 +462,8 @@ def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: P
     body, _, site = end.partition(":")
     if not build.names("body", body, bodies, (*place, key)):
         return
-    made, sites = bodies[body], list(build.part("sites"))
+    made = bodies[body]
+    sites = list(build.part("sites"))
     if body != STRUCTURE or not source(build):
         if made is None or made.name == "AntiOscillators.load":
             return  # of bodies that are wrong or not read yet nobody knows the sites

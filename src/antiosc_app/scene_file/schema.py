@@ -97,7 +97,9 @@ class Kind:
         """Several of them, in words."""
         if self.name == "list":
             return f"lists of {plural(self.items or self.each[0])}"
-        return _KINDS[self.name][2] if self.name in _KINDS else self.text
+        if self.name in _KINDS:
+            return _KINDS[self.name][2]
+        return self.text
 
 
 NUMBER, WHOLE, TEXT, FLAG, PATH, DATA = map(
@@ -142,7 +144,8 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
         return kinds_of(annotation.type)
     if hasattr(annotation, "__value__"):  # a name for a type, as ArrayLike is from NumPy 2.4
         return kinds_of(annotation.__value__)
-    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    origin = typing.get_origin(annotation)
+    arguments = typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
         if complex in arguments:  # NumPy's ArrayLike
             return (DATA,)
@@ -151,7 +154,9 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
     if origin is typing.Literal:
         texts = tuple(one for one in arguments if isinstance(one, str))
         flags = (FLAG,) if len(texts) < len(arguments) else ()
-        return (Kind("choice", texts), *flags) if texts else flags
+        if texts:
+            return (Kind("choice", texts), *flags)
+        return flags
     if origin is np.ndarray:
         return (Kind("list", items=(NUMBER, NUMBERS)),)
     if origin is tuple and arguments and arguments[-1] is not ...:
@@ -164,7 +169,9 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
     module = getattr(annotation, "__module__", "")
     if known is None and isinstance(annotation, type) and module.startswith("antiosc"):
         known = Kind("object", kind=annotation)
-    return () if known is None else (known,)
+    if known is None:
+        return ()
+    return (known,)
 
 
 # -- parameters of what the sections make
@@ -219,7 +226,8 @@ def parameters(function: str) -> Mapping[str, Parameter]:
     for name, parameter in inspect.signature(
         call, globals=names, locals=names, eval_str=True
     ).parameters.items():
-        full, kinds = f"{function}.{name}", kinds_of(parameter.annotation)
+        full = f"{function}.{name}"
+        kinds = kinds_of(parameter.annotation)
         if full in OBJECTS:
             kinds = (Kind("object", kind=resolved(OBJECTS[full])), TEXT)
         if full in FILES or PATH in kinds:
@@ -498,7 +506,8 @@ STRUCTURAL = (
     *("at", "points", "assembly", "sites", "extract", "from_frf", "surface"),
 )
 #: Sections of which [monte_carlo] draws values, and its input whose values are points of a map.
-DRAWN, POINT = ("impactor", "contact", "material", "structure", "parts"), "point"
+DRAWN = ("impactor", "contact", "material", "structure", "parts")
+POINT = "point"
 
 # -- the JSON schema, for editors
 
@@ -543,7 +552,9 @@ def _section(name: str, section: Section) -> dict[str, object]:
     if section.form == "list":
         return {"type": "array", "items": one}
     if section.form == "named":
-        return {"anyOf": [one, _many(one), _NAME, _many(_NAME)]} if section.alone else _many(one)
+        if section.alone:
+            return {"anyOf": [one, _many(one), _NAME, _many(_NAME)]}
+        return _many(one)
     return one
 
 
@@ -566,7 +577,9 @@ def _one_of(
         kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
         tables.append({"type": "object", "required": [KIND], "properties": kind})
         tables.append(_closed({KIND: {"const": "auto"}}))
-    return tables[0] if len(tables) == 1 else {"anyOf": tables}
+    if len(tables) == 1:
+        return tables[0]
+    return {"anyOf": tables}
 
 
 def _parameter(one: Parameter) -> dict[str, object]:
@@ -580,7 +593,9 @@ def _parameter(one: Parameter) -> dict[str, object]:
 
 def _any(kinds: Sequence[Kind]) -> dict[str, object]:
     schemas = [_kind(kind) for kind in kinds]
-    return schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+    if len(schemas) == 1:
+        return schemas[0]
+    return {"anyOf": schemas}
 
 
 def _kind(kind: Kind) -> dict[str, object]:

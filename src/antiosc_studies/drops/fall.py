@@ -118,7 +118,7 @@ class Fall(Trajectory, Result):
     setting : floor, gravity and tolerances of the fall.
     start, end : position, orientation, velocity and spin at the start and at the end.
     episodes : the contacts; each scene is linear about its first orientation, corrected for the
-    path.
+        path.
     flights : the motions between the episodes.
     groups : for each impact the indices of its episodes.
     status : 0: at rest, or at the requested end; 1: contact forces miss `tol`; 3: not at rest after

@@ -379,9 +379,8 @@ class Sampled:
     Attributes
     ----------
     time : [s]; force : of the contact [N].
-    displacement, velocity : of the first end of the contact, along it [m], [m/s]: for `simulate`
-    the
-        structure's site; the velocity is without the residual compliance.
+    displacement, velocity : of the first end of the contact, along it [m], [m/s]; for `simulate`
+        that is the structure's site. The velocity is without the residual compliance.
     impactor_displacement, impactor_velocity : the same of the second end.
     """
 
