@@ -163,8 +163,7 @@ class Drops(Result):
     Attributes
     ----------
     values : name -> (n, k) results of each fall's impacts, NaN after its last impact: "peak_force"
-        [N],
-        "impulse" [N s], "contact_time" [s], "lost" [J].
+        [N], "impulse" [N s], "contact_time" [s], "lost" [J].
     orientations : (n, 3, 3) at the start.
     impacts : (n,) numbers of impacts.
     failed : number of each fall that failed -> its message.
