@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import ClassVar, TypeAlias
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
@@ -49,34 +51,48 @@ CUT_DEGREE, CUT_POINTS = 16, 12
 End: TypeAlias = str | tuple[str, tuple[float, ...]] | tuple[str, tuple[float, ...], float]
 
 
+#: Unit motions (6,) by the names of the components.
+UNIT = dict(zip(COMPONENTS, np.eye(6), strict=True))
+
+
+def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
+    """Functionals of displacements, then of rotations."""
+    return scipy.sparse.vstack([displacements, rotations]).tocsr()
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Displacement and rotation of an end at a point, in the axes of the assembly.
 
     Attributes
     ----------
-    displacements, rotations : (3, n) functionals of the displacement and of the rotation.
-    rotation_space : (3, 3) projection on the rotations that the end has; 0 at a point of a solid.
+    six : (6, n) functionals of the displacement, then of the rotation.
+    space : (6, 6) projection on those that the end has: a point of a solid has no rotation, a site
+        of a superelement may have one displacement alone.
     point : (3,) coordinates, m.
-    displacement_space : (3, 3) projection on the displacements that it has; a site of a
-        superelement may have one alone.
     """
 
-    displacements: Sparse
-    rotations: Sparse
-    rotation_space: Array
+    six: Sparse
+    space: Array
     point: Array
-    displacement_space: Array = field(default_factory=lambda: np.eye(3))
 
-    def has(self, component: str) -> bool:
-        """Whether the end has a displacement or rotation of this name, in the assembly's axes."""
-        space = self.displacement_space if component in DISPLACEMENTS else self.rotation_space
-        return self.along(space, np.eye(3)["xyz".index(component[-1])])
+    @cached_property
+    def displacements(self) -> Sparse:
+        """(3, n) functionals of the displacement."""
+        return self.six[:3]
 
-    def components(self, names: Sequence[str] = COMPONENTS) -> Sparse:
-        """Functionals of the named displacements and rotations, by default all six."""
-        six = scipy.sparse.vstack([self.displacements, self.rotations]).tocsr()
-        return six[[COMPONENTS.index(name) for name in names]]
+    @cached_property
+    def rotations(self) -> Sparse:
+        """(3, n) functionals of the rotation."""
+        return self.six[3:]
+
+    def has(self, direction: Array) -> bool:
+        """Whether the end has the motion along a unit direction (6,)."""
+        return bool(direction @ self.space @ direction > 1 - MISSING_SHARE)
+
+    def components(self, names: Sequence[str]) -> Sparse:
+        """Functionals of the named displacements and rotations."""
+        return self.six[[COMPONENTS.index(name) for name in names]]
 
     def lacking(self, names: Sequence[str]) -> list[str]:
         """The components among `names` without a dof at this end."""
@@ -84,21 +100,18 @@ class Motion:
         return [
             name
             for name, none in zip(names, empty, strict=True)
-            if none or (name in DISPLACEMENTS and not self.has(name))
+            if none or (name in DISPLACEMENTS and not self.has(UNIT[name]))
         ]
 
     def turns(self, all_of: Array) -> bool:
         """Whether the end has all rotations in the image of a projection (3, 3)."""
-        return bool(np.abs(all_of - all_of @ self.rotation_space @ all_of).max() <= MISSING_SHARE)
-
-    @staticmethod
-    def along(space: Array, direction: Array) -> bool:
-        """Whether a unit direction lies in the image of a projection."""
-        return bool(direction @ space @ direction > 1 - MISSING_SHARE)
+        missing = all_of - all_of @ self.space[3:, 3:] @ all_of
+        return bool(np.abs(missing).max() <= MISSING_SHARE)
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to this end."""
-        return replace(self, displacements=self.displacements_at(point[None]), point=point)
+        moved = self.displacements_at(point[None])
+        return replace(self, six=stacked(moved, self.rotations), point=point)
 
     def displacements_at(self, points: Array) -> Sparse:
         """Displacements (3P, n) of points (P, 3) that are rigidly connected to this end."""
@@ -191,8 +204,8 @@ def motion_without_mesh(layout: Layout, end: End, partly: bool) -> Motion | None
         return _of_condensed(layout, layout.condensed[part], end, partly)
     if not isinstance(end, str) or end not in layout.points:
         return None
-    own = layout.units(layout.of_point(end))
-    return Motion(own[:3], own[3:], layout.rotations, layout.points[end])
+    space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
+    return Motion(layout.units(layout.of_point(end)), space, layout.points[end])
 
 
 def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
@@ -223,25 +236,22 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
         )
         raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
     found, R = one.part.ends[name], one.at.rotation
-    displacement_space = R @ found.displacement_space @ R.T
+    moves, turns = (R @ found.space[own, own] @ R.T for own in (slice(3), slice(3, 6)))
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if not partly and np.abs(needed - needed @ displacement_space @ needed).max() > MISSING_SHARE:
+    if not partly and np.abs(needed - needed @ moves @ needed).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
             "Bushing."
         )
-    displacements, rotations = interface(one, found, layout.count)
-    point = one.at.placed(found.point[None])[0]
-    return Motion(
-        displacements, rotations, R @ found.rotation_space @ R.T, point, displacement_space
-    )
+    six = interface(one, found, layout.count)
+    space = scipy.linalg.block_diag(moves, turns)
+    return Motion(six, space, one.at.placed(found.point[None])[0])
 
 
 def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
-    displacements = layout.at_nodes(member, nodes, DISPLACEMENTS)
-    rotations = layout.at_nodes(member, nodes, ROTATIONS)
-    return Motion(displacements, rotations, _rotation_space(layout, member), member.nodes[nodes[0]])
+    six = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
+    return Motion(six, _space(layout, member), member.nodes[nodes[0]])
 
 
 def _of_point(
@@ -259,9 +269,9 @@ def _of_point(
         )
     if radius is not None:
         return mean(layout, member, _around(member, end, place, radius)).at(place)
-    displacements = layout.at_points(member, nearest.cell, nearest.X, DISPLACEMENTS)
-    rotations = layout.at_points(member, nearest.cell, nearest.X, ROTATIONS)
-    return Motion(displacements, rotations, _rotation_space(layout, member), place)
+    at = member, nearest.cell, nearest.X
+    six = stacked(*(layout.at_points(*at, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
+    return Motion(six, _space(layout, member), place)
 
 
 def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
@@ -280,9 +290,9 @@ def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature
     return replace(part, x=member.at.placed(part.x))
 
 
-def _rotation_space(layout: Layout, member: Member) -> Array:
-    """Projection (3, 3) on the rotations that the nodes of a part have."""
-    return layout.rotations if member.has_rotations else np.zeros((3, 3))
+def _space(layout: Layout, member: Member) -> Array:
+    """Projection (6, 6) on the displacements and rotations that the nodes of a part have."""
+    return scipy.linalg.block_diag(np.eye(3), member.has_rotations * layout.rotations)
 
 
 def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
@@ -306,13 +316,14 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
     good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
-    rotation_space = axes[:, good] @ axes[:, good].T
-    rest = _rotation_space(layout, member) @ (np.eye(3) - rotation_space)
+    turns = axes[:, good] @ axes[:, good].T
+    rest = _space(layout, member)[3:, 3:] @ (np.eye(3) - turns)
     if np.abs(rest).max() > 1e-9:
         own = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
         rotations = (rotations + scipy.sparse.csr_matrix(rest) @ own).tocsr()
-        rotation_space = rotation_space + rest
-    return Motion(displacements, rotations, rotation_space, centre)
+        turns = turns + rest
+    space = scipy.linalg.block_diag(np.eye(3), turns)
+    return Motion(stacked(displacements, rotations), space, centre)
 
 
 #: (joint, the joints from which some of its rows follow, number of these rows)
@@ -472,9 +483,8 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
     ):
         point = motion(layout, support.where, partly=True)
         if support.fix == "all":
-            six = point.components()
-            return six[np.flatnonzero(np.diff(six.indptr))]
-        lost = [name for name in names if name in DISPLACEMENTS and not point.has(name)]
+            return point.six[np.flatnonzero(np.diff(point.six.indptr))]
+        lost = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
         if lost:
             raise InputError(
                 f"the support {support.label} fixes {', '.join(lost)}, which this site does "

@@ -57,12 +57,8 @@ class Interface:
     """A site or node of a superelement, in the axes of the superelement."""
 
     point: Array  # (3,) [m]
-    #: displacements, rotations: (3, n) functionals of the displacement and the rotation
-    displacements: Array
-    rotations: Array
-    #: displacement_space, rotation_space: (3, 3) projections on those that it has
-    displacement_space: Array
-    rotation_space: Array
+    six: Array  # (6, n) functionals of the displacement, then of the rotation
+    space: Array  # (6, 6) projection on those that it has
     radius: float | None = None  # of the patch of a site [m]; None for a point
     local_compliance: float = 0.0  # half-space compliance of the patch [m/N], which 1/K contains
 
@@ -154,17 +150,10 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
     ends = {}
     for k, (site, some) in enumerate(model.columns.items()):
         along = model.direction[list(some)]
-        displacements = np.zeros((3, size))
-        displacements[:, :count] = along.T @ follows[list(some)]
-        ends[site] = Interface(
-            np.array(points[site]),
-            displacements,
-            np.zeros((3, size)),
-            along.T @ along,
-            np.zeros((3, 3)),
-            model.radius[k],
-            float(model.local_compliance[k]),
-        )
+        six, space = np.zeros((6, size)), np.zeros((6, 6))
+        six[:3, :count], space[:3, :3] = along.T @ follows[list(some)], along.T @ along
+        patch = model.radius[k], float(model.local_compliance[k])
+        ends[site] = Interface(np.array(points[site]), six, space, *patch)
     none = np.zeros(size, dtype=bool), np.zeros((size, 0))
     places = DofPlaces(positions, np.arange(size), axes, kind)
     found = Superelement(both.K, both.M, places, ends, *none)
@@ -190,13 +179,12 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
     K, M = (_dense(matrix) for matrix in (given.K, given.M))
     node, places, ends = given.map.node, given.places, {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
-        moves, turns = (
-            np.where((node == number) & (places.kind == kind), places.axes.T, 0.0)
-            for kind in (MOVE, TURN)
+        own = node == number
+        six = np.vstack(
+            [np.where(own & (places.kind == kind), places.axes.T, 0.0) for kind in (MOVE, TURN)]
         )
-        along, about = (np.diag(one.any(axis=1).astype(float)) for one in (moves, turns))
-        point = given.map.points[node == number][0]
-        ends[str(number)] = Interface(point, moves, turns, along, about)
+        space = np.diag(six.any(axis=1).astype(float))
+        ends[str(number)] = Interface(given.map.points[own][0], six, space)
     fixed = np.zeros(size, dtype=bool)
     fixed[given.fixed] = True
     C = None if given.C is None else _dense(given.C)
@@ -252,14 +240,7 @@ def _padded(one: Superelement) -> Superelement:
     """
     more, places = -one.size % NODE_DOFS, one.places
     right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
-    ends = {
-        name: replace(
-            end,
-            displacements=np.pad(end.displacements, right),
-            rotations=np.pad(end.rotations, right),
-        )
-        for name, end in one.ends.items()
-    }
+    ends = {name: replace(end, six=np.pad(end.six, right)) for name, end in one.ends.items()}
     return Superelement(
         np.pad(one.K, (0, more)),
         np.pad(one.M, (0, more)),
@@ -276,14 +257,13 @@ def _padded(one: Superelement) -> Superelement:
     )
 
 
-def interface(one: Condensed, end: Interface, count: int) -> tuple[scipy.sparse.csr_matrix, ...]:
-    """(displacements, rotations) (3, count) of an end as functionals of u, in assembly axes."""
-    found = []
-    for own in (end.displacements, end.rotations):
-        rotated = scipy.sparse.coo_matrix(one.at.rotation @ own)
-        where = rotated.row, rotated.col + one.first
-        found.append(scipy.sparse.csr_matrix((rotated.data, where), shape=(3, count)))
-    return tuple(found)
+def interface(one: Condensed, end: Interface, count: int) -> scipy.sparse.csr_matrix:
+    """Displacement and rotation (6, count) of an end as functionals of u, in assembly axes."""
+    rotated = scipy.sparse.coo_matrix(
+        np.vstack([one.at.rotation @ end.six[:3], one.at.rotation @ end.six[3:]])
+    )
+    where = rotated.row, rotated.col + one.first
+    return scipy.sparse.csr_matrix((rotated.data, where), shape=(6, count))
 
 
 def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
+import scipy.linalg
 import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
@@ -16,6 +17,7 @@ from antiosc.fem.assembly.joint import (
     COLLINEAR,
     END,
     NAME,
+    UNIT,
     Between,
     End,
     HeldDofs,
@@ -40,6 +42,8 @@ from antiosc.io.dof_map import COMPONENTS, DISPLACEMENTS, ROTATIONS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
+#: The motions of plane parts among the six of an end.
+IN_PLANE = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -56,26 +60,19 @@ class _Pin(Between):
             carried(layout, label, end, one, x)
             for end, one in zip((self.a, self.b), ends, strict=True)
         )
-        displacements, rotations = self._constrained()
+        directions = self._constrained()
         if layout.plane:
-            displacements, rotations = (
-                displacements[:, :2] @ np.eye(2, 3),
-                rotations * np.array([0.0, 0.0, 1.0]),
-            )
-            displacements, rotations = (
-                m[np.abs(m).max(axis=1) > 1e-9] for m in (displacements, rotations)
-            )
-        _check_rotations(label, self, rotations, a, b)
-        apart = _apart(displacements, a.displacements, b.displacements)
-        rotated = _apart(rotations, a.rotations, b.rotations)
-        rows = scipy.sparse.vstack([layout.nothing(0), apart, rotated]).tocsr()
+            directions = directions * IN_PLANE
+            directions = directions[np.abs(directions).max(axis=1) > 1e-9]
+        _check_rotations(label, self, directions, a, b)
+        rows = _apart(directions, a.six, b.six)
         rows.eliminate_zeros()
         if not rows.nnz:
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
         return [Rows.free(rows, label)]
 
-    def _constrained(self) -> tuple[Array, Array]:
-        """Directions (k, 3) in which displacements, and (l, 3) in which rotations are equal."""
+    def _constrained(self) -> Array:
+        """Directions (k, 6) in which displacements and rotations are equal."""
         raise NotImplementedError
 
 
@@ -96,8 +93,8 @@ class Weld(_Pin):
         What messages call the joint.
     """
 
-    def _constrained(self) -> tuple[Array, Array]:
-        return np.eye(3), np.eye(3)
+    def _constrained(self) -> Array:
+        return np.eye(6)
 
 
 @dataclass(frozen=True)
@@ -107,8 +104,8 @@ class Ball(_Pin):
     Parameters as for `Weld`.
     """
 
-    def _constrained(self) -> tuple[Array, Array]:
-        return np.eye(3), np.zeros((0, 3))
+    def _constrained(self) -> Array:
+        return np.eye(3, 6)
 
 
 @dataclass(frozen=True)
@@ -149,8 +146,8 @@ class Hinge(_Axis):
         Direction of the axis in the assembly, default z.
     """
 
-    def _constrained(self) -> tuple[Array, Array]:
-        return np.eye(3), self._across()
+    def _constrained(self) -> Array:
+        return scipy.linalg.block_diag(np.eye(3), self._across())
 
 
 @dataclass(frozen=True)
@@ -162,8 +159,8 @@ class Slider(_Axis):
 
     _turns_about_axis: ClassVar[bool] = False
 
-    def _constrained(self) -> tuple[Array, Array]:
-        return self._across(), np.eye(3)
+    def _constrained(self) -> Array:
+        return scipy.linalg.block_diag(self._across(), np.eye(3))
 
 
 def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Motion:
@@ -186,18 +183,19 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
 
 
 def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
-    """b − a along directions (k, 3), without entries that are rounding of equal coefficients."""
+    """b − a along directions (k, 6), without entries that are rounding of equal coefficients."""
     along = scipy.sparse.csr_matrix(directions)
     found = (along @ (b - a)).tocsr()
     distinct = abs(found) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
     return found.multiply(distinct).tocsr()
 
 
-def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Motion) -> None:
+def _check_rotations(label: str, joint: _Pin, directions: Array, a: Motion, b: Motion) -> None:
     """InputError if an end lacks a rotation that the joint constrains."""
+    rotations = directions[directions[:, 3:].any(axis=1)]
     for end, one in ((joint.a, a), (joint.b, b)):
         for direction in rotations:
-            if not one.along(one.rotation_space, direction / np.linalg.norm(direction)):
+            if not one.has(direction / np.linalg.norm(direction)):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
                     "solid, or a straight row of them, does not rotate; give a group of faces, a "
@@ -339,7 +337,8 @@ class Bushing(Between):
             length = float(np.linalg.norm(line))
             if length <= COINCIDENT * layout.size:
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
-            _check_moves(label, "axial", line / length, (self.a, a), (self.b, b))
+            along = np.append(line / length, np.zeros(3))
+            _check_has(label, "axial", along, (self.a, a), (self.b, b))
             found.append(
                 scipy.sparse.csr_matrix(line / length) @ (b.displacements - a.displacements)
             )
@@ -348,16 +347,7 @@ class Bushing(Between):
             x = a.point if self.point is None else in_space(self.point)
             here = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
             for name in others:
-                axis = COMPONENTS.index(name)
-                if axis < 3:
-                    _check_moves(label, name, np.eye(3)[axis], (self.a, here[0]), (self.b, here[1]))
-                    continue
-                for end, one in zip((self.a, self.b), here, strict=True):
-                    if not one.has(name):
-                        raise InputError(
-                            f"{label} acts on {name}, a rotation that {end_text(end)} does not "
-                            "have."
-                        )
+                _check_has(label, name, UNIT[name], (self.a, here[0]), (self.b, here[1]))
             found.append(here[1].components(others) - here[0].components(others))
         G = scipy.sparse.vstack(found).tocsr()
         if not G.nnz:
@@ -368,12 +358,14 @@ class Bushing(Between):
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
 
 
-def _check_moves(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:
-    """InputError where an end does not move along the direction of a spring."""
+def _check_has(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:
+    """InputError where an end does not move along the direction (6,) of a spring."""
+    rotation = direction[3:].any()
     for end, one in ends:
-        if one.displacements.nnz and not one.along(one.displacement_space, direction):
+        if (rotation or one.displacements.nnz) and not one.has(direction):
+            kind = "rotation" if rotation else "displacement"
             raise InputError(
-                f"{label} acts on {name}, a displacement that {end_text(end)} does not have."
+                f"{label} acts on {name}, a {kind} that {end_text(end)} does not have."
             )
 
 
@@ -437,7 +429,7 @@ class Bolt(Between):
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = element(self.beam, length)
         turn = scipy.sparse.block_diag([R] * 4, format="csr")
-        G = (turn @ scipy.sparse.vstack([one.components() for one in ends])).tocsr()
+        G = (turn @ scipy.sparse.vstack([one.six for one in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [Stiffness(G, k, m, mass)]
 
@@ -576,8 +568,7 @@ class Rigid(Joint):
             rows = _as_rigid_body(layout, member, nodes, leader, label)
             return [rows, *_undetermined(member, nodes, leader)]
         leader = motion(layout, self.point)
-        own = leader.displacements.indices, leader.rotations.indices
-        columns = np.unique(np.concatenate(own))
+        columns = np.unique(leader.six.indices)
         block = (columns - member.first) // member.block
         inside = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[inside])]  # the point itself may be in the group
@@ -630,9 +621,9 @@ class Mean(Joint):
                 "whose mean it should follow; take a group without it."
             )
         led = leader.at(follower.point)
-        both = leader.rotation_space @ follower.rotation_space
-        rotations = scipy.sparse.csr_matrix(_rows_of(both)) @ (follower.rotations - led.rotations)
-        rows = scipy.sparse.vstack([follower.displacements - led.displacements, rotations]).tocsr()
+        both = leader.space[3:, 3:] @ follower.space[3:, 3:]
+        directions = scipy.linalg.block_diag(np.eye(3), _rows_of(both))
+        rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - led.six)).tocsr()
         rows.eliminate_zeros()
         return [Rows(rows, _single(follower, rows.shape[0]), label)]
 

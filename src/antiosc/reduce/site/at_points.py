@@ -164,7 +164,7 @@ def _without_mesh(
             else f"the reference point {site.point!r} has no surface: leave radius and tangential "
             "out, or give each direction a site of its own."
         )
-    if not end.along(end.displacement_space, direction):
+    if not end.has(np.append(direction, np.zeros(3))):
         raise InputError(
             f"the site {site.point!r} of a superelement does not move along the direction of "
             "impact: extract its model with Site(..., tangential=True)."

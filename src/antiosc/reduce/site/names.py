@@ -19,6 +19,7 @@ from antiosc.base.errors import InputError, name_list
 from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.structure import Structure
+from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
 from antiosc.reduce.site.site import Site
 
 if TYPE_CHECKING:
@@ -152,12 +153,13 @@ def motions_without_mesh(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
             f"{', '.join(MOTIONS)}."
         )
+    from antiosc.fem.assembly.joint import UNIT  # needs dolfinx
+
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
     rotated = quantity == "rotation"
-    wanted = np.eye(3)[2:] if plane and rotated else np.eye(3)[: 3 - plane]
-    space = end.rotation_space if rotated else end.displacement_space
-    if not all(end.along(space, axis) for axis in wanted):
+    names = ROTATIONS[2 * plane :] if rotated else DISPLACEMENTS[: 3 - plane]
+    if not all(end.has(UNIT[name]) for name in names):
         raise InputError(
             f"the {quantity} of {name!r} is not known"
             + (
@@ -166,5 +168,4 @@ def motions_without_mesh(
                 else " along all axes: extract its model with Site(..., tangential=True)."
             )
         )
-    functionals = end.rotations if rotated else end.displacements
-    return np.asarray(wanted @ (functionals @ matrices.expanded(shapes)))
+    return np.asarray(end.components(names) @ matrices.expanded(shapes))
