@@ -1,4 +1,4 @@
-"""Element families; here the cross-sections of beams, and the sections of shells."""
+"""Cross-sections of beams, and layers and sections of shells."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from antiosc.base.checks import (
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
 
-#: Points of the outline of a circle: the largest stress between two of them is 0.5 % larger.
+#: Points on the outline of a circle; the stress between two of them is up to 0.5 % larger.
 ON_CIRCLE = 32
 
 
 def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
-    """Points (y, z), or InputError."""
+    """The outline as a tuple of points (y, z); InputError if `value` is not a list of points."""
     if isinstance(value, Sequence) and not len(value):
         return ()
     rows = array(name, value, (None, 2))
@@ -37,7 +37,7 @@ def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
 
 
 def _circle(d: float) -> list[tuple[float, float]]:
-    """Points of the outline of a circle of diameter d."""
+    """Points (y, z) on the outline of a circle of diameter d."""
     angles = 2 * math.pi * np.arange(ON_CIRCLE) / ON_CIRCLE
     return [(d / 2 * math.cos(a), d / 2 * math.sin(a)) for a in angles]
 
@@ -49,8 +49,9 @@ class Section(Checked):
     `I` is the second moment of area for bending in the plane of the height (sufficient for a plane
     frame), `I_side` for bending in the other plane (default: `I`), `J` Saint-Venant's torsion
     constant (default: the polar moment `I + I_side`, correct for circular sections only), `shear`
-    Timoshenko's shear coefficient κ. `outline` has points (y, z) on the edge of the section, m,
-    along the height and across it, at which `peak_field` takes stresses; the shapes below know it.
+    Timoshenko's shear coefficient κ. `outline` has points (y, z) [m] on the edge of the section,
+    y along the height and z across it. `peak_field` evaluates the stresses at these points;
+    `rectangle`, `circle` and `tube` set them.
     """
 
     A: float = field(metadata=checked_by(positive, "m²"))
@@ -65,23 +66,28 @@ class Section(Checked):
     @property
     def side(self) -> float:
         """Second moment of area for bending across the height, m⁴."""
-        return self.I if self.I_side is None else self.I_side
+        if self.I_side is None:
+            return self.I
+        return self.I_side
 
     @property
     def torsion(self) -> float:
         """Torsion constant, m⁴."""
-        return self.I + self.side if self.J is None else self.J
+        if self.J is None:
+            return self.I + self.side
+        return self.J
 
     @property
     def isotropic(self) -> bool:
-        """Whether every axis is a principal one, so that no orientation is needed."""
+        """Whether every axis is a principal one, so that no orientation is required."""
         return math.isclose(self.I, self.side, rel_tol=1e-9)
 
     @classmethod
     @within_range
     def rectangle(cls, width: float, height: float, shear: float = 5 / 6) -> Section:
-        """A full rectangle, sides in m; κ = 5/6 (Reissner)."""
-        width, height = positive("width", width, "m"), positive("height", height, "m")
+        """A solid rectangle with sides in m; κ = 5/6 (Reissner)."""
+        width = positive("width", width, "m")
+        height = positive("height", height, "m")
         return cls(
             A=width * height,
             I=width * height**3 / 12,
@@ -93,7 +99,7 @@ class Section(Checked):
 
     @classmethod
     def circle(cls, d: float, shear: float = 0.9) -> Section:
-        """A full circle of diameter `d` in m (not its radius); κ = 9/10."""
+        """A solid circle of diameter `d` in m (not its radius); κ = 9/10."""
         d = positive("d", d, "m")
         A, I = math.pi * d**2 / 4, math.pi * d**4 / 64  # noqa: E741
         return cls(A=A, I=I, shear=shear, outline=_circle(d))
@@ -101,7 +107,8 @@ class Section(Checked):
     @classmethod
     def tube(cls, d: float, t: float, shear: float = 0.5) -> Section:
         """A round tube of outer diameter `d` and wall `t` in m; κ = 1/2 (thin wall)."""
-        d, t = positive("d", d, "m"), positive("t", t, "m")
+        d = positive("d", d, "m")
+        t = positive("t", t, "m")
         if t >= d / 2:
             raise InputError(f"the wall t must be thinner than d/2 = {d / 2:g} m; got {t:g}.")
         inner = d - 2 * t
@@ -110,8 +117,11 @@ class Section(Checked):
 
 
 def _rectangle_torsion(width: float, height: float) -> float:
-    """Saint-Venant's series (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
-    a, b = max(width, height), min(width, height)
+    """Torsion constant of a rectangle [m⁴] by Saint-Venant's series (Timoshenko & Goodier, *Theory
+    of Elasticity*, §109).
+    """
+    a = max(width, height)
+    b = min(width, height)
     n = np.arange(1, 40, 2)
     series = np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5)
     return float(a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series))
@@ -181,7 +191,9 @@ class Layer(Checked):
         return replace(self, angle=angle)
 
     def plane_stress(self) -> Array:
-        """Q̄ (3, 3) in the laminate's axes: stresses (σ1, σ2, τ12) of strains (ε1, ε2, γ12), Pa."""
+        """Reduced stiffness Q̄ (3, 3) [Pa] in the laminate's axes: (σ1, σ2, τ12) = Q̄ (ε1, ε2,
+        γ12).
+        """
         nu21 = self.nu12 * self.E2 / self.E1
         Q = np.array([[self.E1, nu21 * self.E1, 0], [nu21 * self.E1, self.E2, 0], [0, 0, 0]])
         Q /= 1 - self.nu12 * nu21
@@ -193,9 +205,10 @@ class Layer(Checked):
         return np.asarray(T.T @ Q @ T)
 
     def contraction(self) -> Array:
-        """Strain ε3 (1, 3) across the layer of unit strains (ε1, ε2, γ12) in plane stress.
+        """Matrix (1, 3): the strain ε3 across the layer is its product with (ε1, ε2, γ12), in plane
+        stress.
 
-        Across the fibres the layer is taken as isotropic, of Poisson's ratio nu12 along them and
+        Across the fibres the layer is assumed isotropic, with Poisson's ratio nu12 along them and
         ν23 = E2/(2 G23) − 1, at most 0.5.
         """
         nu23 = min(self.E2 / (2 * self.G23) - 1, 0.5)
@@ -206,22 +219,26 @@ class Layer(Checked):
         return np.asarray((s3 @ T @ self.plane_stress())[None])
 
     def transverse_shear(self) -> Array:
-        """G (2, 2) in the laminate's axes: stresses (τ13, τ23) of strains (γ13, γ23), Pa."""
+        """Shear stiffness G (2, 2) [Pa] in the laminate's axes: (τ13, τ23) = G (γ13, γ23)."""
         c, s = _cosine_sine(self.angle)
         R = np.array([[c, s], [-s, c]])
         return np.asarray(R.T @ np.diag([self.G13, self.G23]) @ R)
 
 
 def _cosine_sine(degrees: float) -> tuple[float, float]:
-    """Cosine and sine of an angle; exact at right angles, so that a cross-ply has no coupling."""
+    """Cosine and sine of an angle in degrees, exact at multiples of 90°, so that a cross-ply has no
+    coupling.
+    """
     if degrees % 90 == 0:
-        return (1.0, 0.0) if degrees % 180 == 0 else (0.0, 1.0)
+        if degrees % 180 == 0:
+            return (1.0, 0.0)
+        return (0.0, 1.0)
     return float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))
 
 
 @dataclass(frozen=True, eq=False)
 class PlateSection:
-    """Stiffness and mass of a shell per area of its middle surface."""
+    """Stiffness and mass of a shell, per area of its reference surface."""
 
     #: m
     thickness: float
@@ -231,7 +248,7 @@ class PlateSection:
     D: Array
     #: transverse shear (2, 2) of (γ13, γ23), N/m
     S: Array
-    #: ∫ G12 dz, what holds the rotation about the normal to the sheet's own, N/m
+    #: ∫ G12 dz [N/m]: penalty that ties the rotation about the normal to the in-plane rotation
     drilling: float
     #: ∫ ρ (1, z, z²) dz: kg/m², kg/m, kg
     I0: float
@@ -247,17 +264,19 @@ class PlateSection:
 
     @property
     def t2_of_shear(self) -> float:
-        """t² of the isotropic plate with the same ratio of bending to shear stiffness, m²."""
+        """t² of the isotropic plate that has the same ratio of bending to shear stiffness, m²."""
         return 20 * _over_angles(self.bending) / float(np.trace(self.S))
 
     @property
     def t2_of_stretch(self) -> float:
-        """t² of the isotropic plate with the same ratio of bending to membrane stiffness, m²."""
+        """t² of the isotropic plate that has the same ratio of bending to membrane stiffness,
+        m².
+        """
         return 12 * _over_angles(self.bending) / _over_angles(self.A)
 
     @property
     def flipped(self) -> PlateSection:
-        """The section with its normal reversed and the same 0° direction."""
+        """The section with its normal reversed and its 0° direction kept."""
         flip = np.diag([1.0, 1.0, -1.0])
         S = self.S * np.array([[1, -1], [-1, 1]])
         return replace(
@@ -290,27 +309,31 @@ class PlateSection:
 
     @property
     def has_sides(self) -> bool:
-        """Whether top and bottom differ, so that the sign of the normal matters."""
-        over = self.flipped
+        """Whether the section changes when it is flipped, so that the sign of the normal
+        matters.
+        """
+        flipped = self.flipped
         scale = {"A": self.A, "B": self.A * self.thickness, "D": self.D, "S": self.S}
         differ = [
-            np.abs(getattr(self, name) - getattr(over, name)).max() > 1e-9 * np.abs(size).max()
+            np.abs(getattr(self, name) - getattr(flipped, name)).max() > 1e-9 * np.abs(size).max()
             for name, size in scale.items()
         ]
         return any(differ) or self.I1 != 0
 
 
 def _over_angles(stiffness: Array) -> float:
-    """Mean of entry 66 over all angles: G if Q is isotropic."""
+    """Mean over all rotations of the entry (3, 3) of a plane stiffness; G if it is isotropic."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
 
 @within_range
 def stacked(layers: Sequence[Layer]) -> PlateSection:
-    """The section of layers from the bottom to the top, the reference in the middle."""
+    """The section of layers listed from the bottom to the top; z = 0 is in the middle of the
+    stack.
+    """
     listed = isinstance(layers, Sequence) and len(layers) > 0
-    if not listed or not all(isinstance(one, Layer) for one in layers):
+    if not listed or not all(isinstance(ply, Layer) for ply in layers):
         raise InputError(
             "layers lists the Layer objects of the stack, at least one, from the bottom to the "
             f"top; got {shown(layers)}."
@@ -337,28 +360,30 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
 def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
-    """S (2, 2) by the energy of the shear stresses in equilibrium, N/m."""
-    at = _equilibrium(z, Q, A, B, D)
+    """S (2, 2) [N/m] from the energy of the shear stresses that are in equilibrium with bending."""
+    shear_at = _equilibrium(z, Q, A, B, D)
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
     points, weights = np.polynomial.legendre.leggauss(3)
     compliance = np.zeros((2, 2))
     for k, (layer, low, high) in enumerate(zip(layers, z[:-1], z[1:], strict=True)):
         for x, w in zip(points, weights, strict=True):
-            f = at(k, (low + high) / 2 + x * (high - low) / 2)
+            f = shear_at(k, (low + high) / 2 + x * (high - low) / 2)
             energy = f.T @ np.linalg.solve(layer.transverse_shear(), f)
             compliance += w * (high - low) / 2 * energy
     return np.asarray(np.linalg.inv((compliance + compliance.T) / 2))
 
 
 def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
-    """f (2, 2): stresses (τ13, τ23) at z in the layer `which` of unit forces (Q1, Q2), 1/m."""
+    """Matrix f (2, 2) [1/m] at height z in layer `which`: (τ13, τ23) = f (Q1, Q2), with Q the shear
+    forces.
+    """
     levels, powers, Q = _levels(layers)
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     return _equilibrium(levels, Q, A, B, D)(which, z)
 
 
 def _levels(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
-    """Bounds of the layers (L + 1,), ∫ (1, z, z²) dz (3, L) and Q̄ (L, 3, 3) of each."""
+    """(z of the layers' bounds (L + 1,), ∫ (1, z, z²) dz (3, L), Q̄ (L, 3, 3)) of L layers."""
     z = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     z -= z[-1] / 2
     powers = np.array([np.diff(z), np.diff(z**2) / 2, np.diff(z**3) / 3])
@@ -366,7 +391,7 @@ def _levels(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
 
 
 def _equilibrium(z: Array, Q: Array, A: Array, B: Array, D: Array) -> Callable[[int, float], Array]:
-    """f (2, 2) of a layer and a height: stresses in equilibrium with unit shear forces."""
+    """Function (layer, height) -> f (2, 2): shear stresses for unit shear forces."""
     coupling = -np.linalg.solve(A, B)
     d = np.linalg.inv(D + B @ coupling)
     b = coupling @ d

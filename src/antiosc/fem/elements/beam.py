@@ -40,32 +40,7 @@ RIGID_IN_SHEAR = 1e10
 
 @dataclass(frozen=True)
 class Beam(Isotropic):
-    """A straight-element beam on a mesh of lines, after Timoshenko or Euler and Bernoulli.
-
-    Parameters
-    ----------
-    E, nu, rho : float
-        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
-    section : Section
-        The cross-section.
-    orientation : sequence of 3 floats or function, optional
-        A vector whose component normal to the axis is the direction of the section's height (y).
-        Required in space unless both second moments are equal; in a plane frame the height lies in
-        the plane. A function of points x (3, n) returns such vectors (3, n), for instance for
-        rings.
-    offset : float
-        In space: distance in m of the centroid from the line of the mesh, along `orientation`, for
-        instance of a stiffener on the edges of a shell.
-    shear : bool
-        False: rigid in shear and without rotary inertia in bending (Euler–Bernoulli). Not for
-        stiffeners of a shell.
-    yield_strength : float, optional
-        For the margin of safety (`peak_field`), Pa.
-
-    Components in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
-    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is the
-    classical element with one-point shear, as in the article.
-    """
+    """A beam on a mesh of lines with straight elements, after Timoshenko or Euler and Bernoulli."""
 
     kind: ClassVar[Kind] = Kind("beam", outside=False, point_load=True)
     patch_radius: ClassVar[None] = None
@@ -84,14 +59,18 @@ class Beam(Isotropic):
             )
 
     def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
-        """Shear stiffness for bending with second moment `I`, N: G κ A, or a penalty."""
+        """Shear stiffness G κ A [N], or a penalty for `shear=False`; `I` is the second moment of
+        the bending.
+        """
         if self.shear:
             return self.G * self.section.A * self.section.shear
         return RIGID_IN_SHEAR * self.E * I / size**2
 
     def rotary_inertia(self, I: float) -> float:  # noqa: E741
-        """Rotary inertia per length for bending with second moment `I`, kg m."""
-        return self.rho * I if self.shear else 0.0
+        """Rotary inertia per length [kg m] for bending with second moment `I`."""
+        if self.shear:
+            return self.rho * I
+        return 0.0
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Strain and kinetic energy of the axis, in a plane or in space."""
@@ -103,10 +82,12 @@ class Beam(Isotropic):
             raise InputError(
                 "Beam elements are straight; read the mesh with order=1 and more elements."
             )
-        return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
+        if mesh.gdim == 2:
+            return _plane(mesh, parts, order)
+        return on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """The length of the box; width and thickness of rectangles with the A and I of the
+        """Length of the box; width and thickness of the rectangle that has the A and I of the
         sections.
         """
         thickness = min(
@@ -116,6 +97,7 @@ class Beam(Isotropic):
 
 
 def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
+    """√stiffness of each cell's beam, as a cell-wise constant."""
     return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
 
 
@@ -125,10 +107,12 @@ def _shear_degree(order: int) -> int:
 
 
 def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    """Weak form of beams in a plane."""
     if any(beam.offset for beam, _ in parts):
         raise InputError("offset applies to beams in space: read the mesh with gdim=3.")
     space = compat.lagrange(mesh.dolfinx, order, 3)
-    w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    w = ufl.TrialFunction(space)
+    v = ufl.TestFunction(space)
     t = tangent(mesh)
     normal = ufl.as_vector([-t[1], t[0]])
 
@@ -158,12 +142,13 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
-    """Beams in space, straight or curved; `on_sheet`: on the edges of a shell.
+    """Weak form of beams in space, straight or curved; `on_sheet`: they are stiffeners of a shell.
 
-    Order 3 is the companion of the triangular shell.
+    Order 3 goes with cubic triangles of a shell.
     """
     space = compat.lagrange(mesh.dolfinx, order, 6)
-    w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    w = ufl.TrialFunction(space)
+    v = ufl.TestFunction(space)
     t, y, z = axes_of_beams(mesh, parts)
     offset = coefficient(mesh, parts, lambda b: b.offset)
     # A stiffener follows the twist of its sheet by warping, without shear.
@@ -203,7 +188,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
         return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
 
     (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
-    centroid, centroid_v = u + offset * ufl.cross(turn, y), u_v + offset * ufl.cross(turn_v, y)
+    centroid = u + offset * ufl.cross(turn, y)
+    centroid_v = u_v + offset * ufl.cross(turn_v, y)
     motion = (
         rhoA * ufl.dot(centroid, centroid_v)
         + along(t, rhoIp, turn, turn_v)
@@ -231,7 +217,7 @@ class BeamAxes(NamedTuple):
 
 
 def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
-    """The axes of the sections of beams in space."""
+    """The axes of the sections of beams in space, as UFL expressions."""
     t = tangent(mesh)
     height = _orientations(mesh, parts)
     y = height - ufl.dot(height, t) * t
@@ -240,7 +226,7 @@ def axes_of_beams(mesh: Mesh, parts: Parts) -> BeamAxes:
 
 
 def _orientations(mesh: Mesh, parts: Parts) -> Expr:
-    """The height direction of every cell, as a cell-wise constant function."""
+    """Height direction of the section in every cell, as a cell-wise constant function."""
     nodes = compat.geometry_nodes(mesh.dolfinx)
     x = mesh.dolfinx.geometry.x
     axis = x[nodes[:, 1]] - x[nodes[:, 0]]
@@ -258,7 +244,7 @@ def _orientations(mesh: Mesh, parts: Parts) -> Expr:
 
 
 def heights(beam: Beam, axis: Array, middle: Array) -> Array:
-    """Unit height directions of elements with these axes and midpoints (n, 3)."""
+    """Unit height directions (n, 3) of elements with these axes (n, 3) and midpoints (n, 3)."""
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
@@ -267,8 +253,8 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
             )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
-    given = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
-    height = array("orientation", np.broadcast_to(given, axis.shape), (len(axis), 3))
+    directions = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
+    height = array("orientation", np.broadcast_to(directions, axis.shape), (len(axis), 3))
     length = np.linalg.norm(height, axis=1, keepdims=True)
     parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
     if parallel.any():
@@ -290,7 +276,7 @@ class Truss(Isotropic):
     E, nu, rho : float
         Young's modulus (Pa), Poisson's ratio, density (kg/m³).
     area : float
-        Of the cross-section, m².
+        Area of the cross-section, m².
     yield_strength : float, optional
         For the margin of safety (`peak_field`), Pa.
 
@@ -305,7 +291,7 @@ class Truss(Isotropic):
     area: float = field(metadata=checked_by(positive, "m²"))
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Axial strain energy of the bars, and their masses at the ends."""
+        """Axial strain energy of the bars; half of a bar's mass is at each of its ends."""
         if mesh.tdim != 1:
             raise InputError(
                 f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
@@ -313,7 +299,8 @@ class Truss(Isotropic):
         if mesh.order != 1:
             raise InputError("the bars of a Truss are straight; read the mesh with order=1.")
         space = compat.lagrange(mesh.dolfinx, 1, mesh.gdim)
-        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        w = ufl.TrialFunction(space)
+        v = ufl.TestFunction(space)
         t = tangent(mesh)
         EA = coefficient(mesh, parts, lambda truss: truss.E * truss.area)
         density = coefficient(mesh, parts, lambda truss: truss.rho * truss.area)

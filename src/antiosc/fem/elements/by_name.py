@@ -55,26 +55,37 @@ def material(
     InputError
         An unknown name, with the nearest ones; constants of wood.
     """
-    found = materials.record(name)
-    given = {
-        "E": E, "nu": nu, "rho": rho, "yield_strength": yield_strength,
-        "yield_range": yield_range, "loss": loss if loss is not False else None,
-    }  # fmt: skip
+    record = materials.record(name)
+    constants_given = {
+        "E": E,
+        "nu": nu,
+        "rho": rho,
+        "yield_strength": yield_strength,
+        "yield_range": yield_range,
+        "loss": loss if loss is not False else None,
+    }
     if loss is True:
-        given["loss"] = found.loss
-    changed = {key: value for key, value in given.items() if value is not None}
-    if found.G is not None:
+        constants_given["loss"] = record.loss
+    changed = {key: value for key, value in constants_given.items() if value is not None}
+    if record.G is not None:
         if changed or thickness is not None or section is not None:
             raise InputError(
-                f"{found.name} has directions: give its constants to AnisotropicSolid.orthotropic, "
+                f"{record.name} has directions: give its constants to "
+                "AnisotropicSolid.orthotropic, "
                 "or those of a ply to Layer."
             )
-        return AnisotropicSolid.orthotropic(found.E, found.nu, found.G, found.rho)
+        return AnisotropicSolid.orthotropic(record.E, record.nu, record.G, record.rho)
     constants: dict[str, Any] = {
-        "E": found.E, "nu": found.nu, "rho": found.rho, "yield_strength": found.yield_strength,
-        "yield_range": found.yield_range, "rate": found.rate, "brittle": found.brittle,
-        "name": found.name, "source": found.source,
-    }  # fmt: skip
+        "E": record.E,
+        "nu": record.nu,
+        "rho": record.rho,
+        "yield_strength": record.yield_strength,
+        "yield_range": record.yield_range,
+        "rate": record.rate,
+        "brittle": record.brittle,
+        "name": record.name,
+        "source": record.source,
+    }
     if "yield_strength" in changed:
         constants |= {"yield_range": None, "brittle": False}
     constants |= changed

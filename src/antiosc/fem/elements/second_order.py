@@ -1,9 +1,9 @@
 """Second-order strain η(a, b) of solids and of sheets: strains are ε(u) + η(u, u)/2.
 
-Solids have Green and Lagrange's strain, η(a, b) = (∇aᵀ∇b + ∇bᵀ∇a)/2. Of sheets it is that of the
-middle surface, by tangential derivatives of all three displacements: it holds on folded and curved
-sheets too, and of a flat one it is von Kármán's. Stretching, prestress and spin are built of it:
-with the forces N of a state, K_σ(a, b) = ∫ N : η(a, b).
+Solids have the Green–Lagrange strain, η(a, b) = (∇aᵀ∇b + ∇bᵀ∇a)/2. Sheets have that of the middle
+surface, with the tangential derivatives of all three displacements. It also holds on folded and
+curved sheets; on a flat one it is von Kármán's. Membrane stretching, prestress and spin use it:
+with the internal forces N of a state, the geometric stiffness is K_σ(a, b) = ∫ N : η(a, b).
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ if TYPE_CHECKING:
 
 
 def of_solid(a: Expr, b: Expr) -> Expr:
-    """η (gdim, gdim) of displacements a and b (UFL)."""
-    A, B = ufl.grad(a), ufl.grad(b)
+    """η (gdim, gdim) of two displacement fields a and b (UFL)."""
+    A = ufl.grad(a)
+    B = ufl.grad(b)
     return ufl.sym(ufl.dot(ufl.transpose(A), B))
 
 
 def of_sheet(frame: Frame, a: Expr, b: Expr) -> Expr:
-    """(η11, η22, 2 η12) in the frame of a sheet, of motions of its six components (UFL)."""
+    """(η11, η22, 2 η12) in the frame of a sheet, for two motions with six components (UFL)."""
     (a1, a2), (b1, b2) = (_tangential(frame, motion) for motion in (a, b))
     return ufl.as_vector([ufl.dot(a1, b1), ufl.dot(a2, b2), ufl.dot(a1, b2) + ufl.dot(a2, b1)])
 
 
 def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
-    """Derivatives (3,) of the displacement along e1 and e2."""
+    """Derivatives (3,) of the displacement along e1 and along e2."""
     u = ufl.as_vector([motion[i] for i in range(3)])
     slopes = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
     first, second = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
@@ -49,28 +50,32 @@ def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
 
 
 class Stretch(NamedTuple):
-    """Second-order strain ε(u) + η(u, u)/2 of an element family, with forces N linear in it."""
+    """Second-order strain of an element family: total strain ε(u) + η(u, u)/2, forces N linear in
+    it.
+    """
 
     strain: Callable[[Expr], Expr]
     eta: Callable[[Expr, Expr], Expr]
     forces: Callable[[Expr], Expr]
-    #: of the quadrature
+    #: degree of the quadrature
     degree: int
 
     def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
-        """Energy density of u beyond ε:C:ε/2; `initial`: a strain that is free of stress.
+        """Energy density of u minus its linear part ε:C:ε/2; `initial`: a stress-free strain.
 
-        Its second derivative at u is K_σ, and what u itself adds to the strains of v and w,
+        Its second derivative at u is K_σ plus the terms by which u changes the strains of v and w
+        to
         ε(v) + η(u, v).
         """
-        strain, eta = self.strain(u), self.eta(u, u)
+        strain = self.strain(u)
+        eta = self.eta(u, u)
         energy = ufl.inner(self.forces(strain), eta) / 2 + ufl.inner(self.forces(eta), eta) / 8
         if initial is not None:
             energy -= ufl.inner(self.forces(initial), strain + eta / 2)
         return energy
 
     def of_stress(self, u: Expr, initial: Expr | None, v: Expr, w: Expr) -> Expr:
-        """K_σ's density at u, N : η(v, w)."""
+        """Density of the geometric stiffness K_σ at u: N : η(v, w)."""
         strain = self.strain(u) + self.eta(u, u) / 2
         if initial is not None:
             strain = strain - initial
@@ -90,6 +95,7 @@ def stretch_of(mesh: Mesh, parts: Parts, order: int) -> Stretch:
 
 
 def _of_solids(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+    """Second-order strain of solids."""
     degree = 4 * (order - 1) + 2 * (mesh.order - 1)
     if mesh.cell in ("quadrilateral", "hexahedron"):
         degree = 2 * order + 1
@@ -107,14 +113,17 @@ def _of_solids(mesh: Mesh, parts: Parts, order: int) -> Stretch:
 
 
 def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
-    """That of sheets, on the neutral surface; curved quadrilaterals take 2×2 points."""
-    frame, section = frames(mesh, parts), section_fields(mesh, parts)
+    """Second-order strain of sheets, on the neutral surface; curved quadrilaterals use 2×2
+    points.
+    """
+    frame = frames(mesh, parts)
+    section = section_fields(mesh, parts)
 
     def strain(u: Expr) -> Expr:
-        own = strains_of(frame, u, section.middle)
+        strains = strains_of(frame, u, section.middle)
         if section.coupling is None:
-            return own.membrane
-        return own.membrane + section.coupling * own.bending
+            return strains.membrane
+        return strains.membrane + section.coupling * strains.bending
 
     degree = 6 + 2 * (mesh.order - 1)
     if mesh.cell == "quadrilateral":
@@ -123,11 +132,12 @@ def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
 
 
 def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
-    """That of beams: along the axis; twist adds polar radius² times twist² to η."""
+    """Second-order strain of beams along the axis; twist adds polar radius² × twist² to η."""
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
     radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
     offset = coefficient(mesh, parts, lambda b: b.offset)
-    t, count = tangent(mesh), mesh.gdim
+    t = tangent(mesh)
+    count = mesh.gdim
     z = axes_of_beams(mesh, parts).z if count == 3 else None
 
     def slopes(q: Expr) -> tuple[Expr, Expr]:
@@ -139,17 +149,22 @@ def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
     def strain(q: Expr) -> Expr:
         u, turn = slopes(q)
         axial = ufl.dot(u, t)
-        return axial if z is None else axial - offset * ufl.dot(turn, z)
+        if z is None:
+            return axial
+        return axial - offset * ufl.dot(turn, z)
 
     def eta(a: Expr, b: Expr) -> Expr:
         (u, turn), (v, turned) = slopes(a), slopes(b)
         along = ufl.dot(u, v)
-        return along if z is None else along + radius2 * ufl.dot(turn, t) * ufl.dot(turned, t)
+        if z is None:
+            return along
+        return along + radius2 * ufl.dot(turn, t) * ufl.dot(turned, t)
 
     return Stretch(strain, eta, lambda e: EA * e, 2 * order - 1)
 
 
 def _of_bars(mesh: Mesh, parts: Parts) -> Stretch:
+    """Second-order strain of truss bars."""
     EA = coefficient(mesh, parts, lambda bar: bar.E * bar.area)
     t = tangent(mesh)
 
@@ -169,17 +184,19 @@ FLAT = 1e-3
 
 
 def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> float:
-    """Relative change [1/m] of the force on a sheet for each metre of displacement.
+    """Relative change [1/m] of the static force on a sheet per metre of displacement.
 
-    About the static state under a prestress, which curves a flat sheet too. `shape` (rows of this
-    rank): displacements and rotations for 1 m of the site under its static
-    force `stiffness` [N/m]. The strain energy of the motion q shape is k q²/2 + g q³/2 + …, with
-    g = ∫ N : η, N the membrane forces of the shape: its force is k q (1 + 3 g q/(2 k)). 0 of flat
-    sheets; < 0: softer. Quartic terms, by which each sheet stiffens, are not in it.
+    The reference is the static state under a prestress, if there is one. `shape` (rows of this
+    rank): displacements and rotations for 1 m of displacement at the site, which takes the static
+    force `stiffness` [N/m]. The strain energy of the motion q × shape is k q²/2 + g q³/2 + …, with
+    g = ∫ N : η and N the membrane forces of the shape; the force is k q (1 + 3 g q/(2 k)). The
+    result is 0 for a flat sheet without prestress, and negative if the sheet softens. Quartic
+    terms, which stiffen every sheet, are not included.
     """
     if is_flat(part) and part.preload is None:
         return 0.0
-    frame, section = frames(part.mesh, part.parts), section_fields(part.mesh, part.parts)
+    frame = frames(part.mesh, part.parts)
+    section = section_fields(part.mesh, part.parts)
     motion = compat.function_of(part.form.space, shape)
     strains = strains_of(frame, motion, section.middle)
     stretch = strains.membrane
@@ -194,14 +211,14 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
 
 
 def is_flat(part: MeshedStructure) -> bool:
-    """Whether all nodes of a part of sheets lie in one plane."""
+    """Whether all nodes of a part made of sheets lie in one plane."""
     x = part.mesh.dolfinx.geometry.x
     thickness = min(material.section.thickness for material, _ in part.parts)
     return part.mesh.gdim == 2 or _out_of_plane(part.comm.allgather(x)) <= FLAT * thickness
 
 
 def _out_of_plane(points: list[Array]) -> float:
-    """Largest distance [m] of points from their plane."""
+    """Largest distance [m] of points from the plane fitted to them."""
     x = np.vstack(points)
     x = x - x.mean(axis=0)
     normal = np.linalg.svd(x, full_matrices=False)[2][2]

@@ -1,8 +1,8 @@
-"""Second-order strain η at Gauss points, as arrays: what stretching is built of.
+"""Second-order strain η at Gauss points, as arrays, for membrane stretching.
 
-At each point n stand the derivatives L (d, b) of the b components of a motion along d ways (the
-axes of a solid, the tangents of a sheet, the line of a beam). The strain is T : L, and
-η(a, b) = V : (L_a L_bᵀ) over the displacements alone; stresses are C ε.
+Each of the n points has the derivatives L (d, b) of the b components of a motion along d directions
+(the axes of a solid, the tangents of a sheet, the line of a beam). The linear strain is T : L. The
+second-order strain is η(a, b) = V : (L_a L_bᵀ), from the displacements only. Stresses are C ε.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 #: exactly, full Gauss rules elsewhere.
 DEGREES = {"triangle": 8, "tetrahedron": 4}
 OTHERS = 5  # full Gauss rules
-#: (way, way) of the components of η in a plane: 11, 22, 12 + 21.
+#: Pairs of directions of the components of η in a plane: 11, 22, 12 + 21.
 IN_PLANE = ((0, 0), (1, 1), (0, 1))
 
 
@@ -47,9 +47,9 @@ class Points:
     strain : T (n, s, d, b), or (1, s, d, b) where all points have one.
     square : V (s, d, d).
     stiffness : C (n, s, s).
-    components : b of a node, of which the first `moved` are displacements.
+    components : number b of components of a node; the first `moved` of them are displacements.
     held : dofs that are fixed.
-    base : derivatives (n, d, b) of the state that motions start from: ε is then ε + η(base, ·).
+    base : derivatives (n, d, b) of the reference state; the linear strain is ε + η(base, ·).
     """
 
     gradient: scipy.sparse.csr_matrix
@@ -67,35 +67,37 @@ class Points:
         self._turned = self.gradient.T.tocsr()
 
     def about(self, state: Array) -> Points:
-        """The points for motions about a static state (dofs,)."""
+        """The points with a static state (dofs,) as the reference state of motions."""
         return replace(self, base=self.slopes(state))
 
     def slopes(self, motion: Array) -> Array:
         """Derivatives (n, d, b) of a motion (dofs,)."""
-        found = self.gradient @ motion.reshape(-1, self.components)
-        return np.asarray(found.reshape(self.weight.size, -1, self.components))
+        derivatives = self.gradient @ motion.reshape(-1, self.components)
+        return np.asarray(derivatives.reshape(self.weight.size, -1, self.components))
 
     def stress(self, slopes: Array) -> Array:
-        """C ε (n, s) times the weights."""
+        """Weighted stresses C ε (n, s) of a motion with these derivatives (n, d, b)."""
         strain = np.einsum("nsdb,ndb->ns", self._every(), slopes, optimize=True)
         if self.base is not None:
             strain += self.second(self.base, slopes)
         return self.weighted_stress(strain)
 
     def weighted_stress(self, strain: Array) -> Array:
-        """C (n, s) times the weights, of a strain."""
+        """C times a strain (n, s), times the weights."""
         return np.einsum("nst,nt->ns", self.stiffness, strain) * self.weight[:, None]
 
     def second(self, a: Array, b: Array) -> Array:
-        """η (n, s) of two motions by their derivatives."""
-        u, v = a[:, :, : self.moved], b[:, :, : self.moved]
+        """η (n, s) of two motions with derivatives a and b (n, d, b)."""
+        u = a[:, :, : self.moved]
+        v = b[:, :, : self.moved]
         product = u @ v.transpose(0, 2, 1)
         return np.asarray(product.reshape(len(a), -1) @ self._both().T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Forces (dofs,) of Σ strained·ε(w) + pushed·∇w; stresses (n, s), (n, d, b).
+        """Forces (dofs,) whose work on a motion w is Σ strained·ε(w) + pushed·∇w.
 
-        Those on dofs that are held included.
+        `strained` (n, s) are weighted stresses, `pushed` (n, d, b). Forces on fixed dofs are
+        included.
         """
         if len(self.strain) == 1:
             on = (strained @ self.strain[0].reshape(strained.shape[1], -1)).reshape(pushed.shape)
@@ -107,18 +109,22 @@ class Points:
         return np.asarray((self._turned @ on.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:
-        """(n, d, b) with which stress·η(a, w) = result·∇w."""
-        result, ways = np.zeros_like(slopes), slopes.shape[1]
+        """Array (n, d, b) such that stress·η(a, w) = array·∇w, with `slopes` the derivatives
+        of a.
+        """
+        result = np.zeros_like(slopes)
+        ways = slopes.shape[1]
         tension = (stress @ self._both()).reshape(-1, ways, ways)
         result[:, :, : self.moved] = tension @ slopes[:, :, : self.moved]
         return result
 
     def _both(self) -> Array:
-        """V (s, d d): the second-order strain as symmetric bilinear forms of the derivatives."""
+        """V (s, d d), symmetrized: the second-order strain as bilinear forms of the derivatives."""
         both = (self.square + self.square.transpose(0, 2, 1)) / 2
         return np.asarray(both.reshape(len(both), -1))
 
     def _every(self) -> Array:
+        """T at every point (n, s, d, b)."""
         return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
 
 
@@ -129,9 +135,9 @@ def points_of(part: MeshedStructure) -> Points:
     if part.stiffeners:
         raise InputError("stretch= does not take a sheet with stiffeners on its edges.")
     material = part.parts[0][0]  # all are of one family
-    for family, found in _FAMILIES:
+    for family, points in _FAMILIES:
         if isinstance(material, family):
-            return found(part)
+            return points(part)
     raise InputError(
         f"stretch= takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
         f" {type(material).__name__}."
@@ -147,8 +153,9 @@ def _points(
     stiffness: Callable[[compat.GaussPoints], Array],
     moved: int,
 ) -> Points:
-    """The Gauss points, with `ways` the `count` derivatives of a scalar (UFL)."""
-    mesh, space = part.mesh, part.form.space
+    """The Gauss points; `ways` gives the `count` directional derivatives of a scalar (UFL)."""
+    mesh = part.mesh
+    space = part.form.space
     at = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
     return Points(
         gradient=at.derivatives(ways, count, space),
@@ -163,7 +170,9 @@ def _points(
 
 
 def _of_sheets(part: MeshedStructure) -> Points:
-    frame, section = frames(part.mesh, part.parts), section_fields(part.mesh, part.parts)
+    """Gauss points of sheets."""
+    frame = frames(part.mesh, part.parts)
+    section = section_fields(part.mesh, part.parts)
     square = np.zeros((3, 2, 2))
     for s, (d, e) in enumerate(IN_PLANE):
         square[s, d, e] = square[s, e, d] = 1.0
@@ -174,7 +183,8 @@ def _of_sheets(part: MeshedStructure) -> Points:
 
     def strain(at: compat.GaussPoints) -> Array:
         e = at.values(ufl.as_vector([x[i] for x in (frame.e1, frame.e2) for i in range(3)]), 6)
-        e1, e2 = e[:, :3], e[:, 3:]
+        e1 = e[:, :3]
+        e2 = e[:, 3:]
         stretch, bend = np.zeros((2, at.weight.size, 3, 2, 6))
         stretch[:, 0, 0, :3], stretch[:, 1, 1, :3] = e1, e2
         stretch[:, 2, 0, :3], stretch[:, 2, 1, :3] = e2, e1
@@ -192,10 +202,12 @@ def _of_sheets(part: MeshedStructure) -> Points:
 
 
 def _of_solids(part: MeshedStructure) -> Points:
+    """Gauss points of solids."""
     d = part.mesh.gdim
     pairs = VOIGT if d == 3 else IN_PLANE
     size = len(pairs)
-    square, strain = np.zeros((size, d, d)), np.zeros((1, size, d, d))
+    square = np.zeros((size, d, d))
+    strain = np.zeros((1, size, d, d))
     for s, (i, j) in enumerate(pairs):
         square[s, i, j] = square[s, j, i] = 1.0
         strain[0, s, i, j] = strain[0, s, j, i] = 1.0
@@ -213,7 +225,7 @@ def _of_solids(part: MeshedStructure) -> Points:
 
 
 def _in_plane(solid: Solid) -> Array:
-    """Forces per width (σ11, σ22, σ12) t of strains (ε11, ε22, γ12)."""
+    """Matrix C (3, 3): forces per width (σ11, σ22, σ12) t = C (ε11, ε22, γ12)."""
     nu = solid.nu
     if solid.plane == "strain":
         scale = solid.E / ((1 + nu) * (1 - 2 * nu))
@@ -224,15 +236,17 @@ def _in_plane(solid: Solid) -> Array:
 
 
 def _of_beams(part: MeshedStructure) -> Points:
+    """Gauss points of beams without offset."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch= does not take beams with an offset.")
-    t, moved = tangent(part.mesh), part.mesh.gdim
+    t = tangent(part.mesh)
+    moved = part.mesh.gdim
     components = int(part.form.space.dofmap.index_map_bs)
 
     def strain(at: compat.GaussPoints) -> Array:
-        found = np.zeros((at.weight.size, 1, 1, components))
-        found[:, 0, 0, :moved] = at.values(t, moved)
-        return found
+        axial = np.zeros((at.weight.size, 1, 1, components))
+        axial[:, 0, 0, :moved] = at.values(t, moved)
+        return axial
 
     def stiffness(at: compat.GaussPoints) -> Array:
         EA = coefficient(part.mesh, part.parts, lambda beam: beam.E * beam.section.A)

@@ -1,8 +1,8 @@
 """`Shell`, `Laminate`: Reissner–Mindlin plates and shells on triangles or quadrilaterals.
 
-At every point of the surface a frame (e1, e2, n) follows from the Jacobian, and for layers from
-their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α the
-lengths along e_α,
+At every point of the surface the frame (e1, e2, n) follows from the Jacobian; for layers it also
+follows from their axis and top. With the displacement u, the rotation vector θ of the normal and
+the arc length s_α along e_α,
 
     membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
     bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
@@ -54,16 +54,16 @@ class SectionFields(NamedTuple):
     bending: Expr
     S: Expr
     drilling: Expr
-    #: A⁻¹ B, None where no stack couples stretching with bending
+    #: A⁻¹ B; None if no stack couples stretching with bending
     coupling: Expr
     I0: Expr
-    #: None where no stack has its mass off the middle
+    #: None if every stack has its centre of mass at z = 0
     I1: Expr
     I2: Expr
     spin: Expr
-    #: z of the middle, None where it is 0 everywhere
+    #: z of the middle of the section; None if it is 0 everywhere
     middle: Expr
-    #: t², and what stands for it in a stack
+    #: t² of the equivalent isotropic plate (`PlateSection`)
     t2_of_shear: Expr
     t2_of_stretch: Expr
 
@@ -93,12 +93,14 @@ def section_fields(mesh: Mesh, parts: Parts) -> SectionFields:
 
 
 class Frame(NamedTuple):
-    """Orthonormal e1, e2 (tangents) and n with three components, and derivatives along e1, e2."""
+    """Orthonormal tangents e1, e2 and normal n with three components each, and derivatives along
+    e1, e2.
+    """
 
     e1: Expr
     e2: Expr
     n: Expr
-    #: (2, gdim): the tangents in the coordinates of the mesh
+    #: (2, gdim): e1 and e2 in the coordinates of the mesh
     along: Expr
 
 
@@ -115,7 +117,7 @@ class Strains(NamedTuple):
 
 
 def frames(mesh: Mesh, parts: Parts) -> Frame:
-    """The local axes at every point; e1 follows the axis of a laminate, where it has one."""
+    """The frame at every point; e1 follows the axis of a laminate, if it has one."""
     J = ufl.Jacobian(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)
     a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
@@ -132,13 +134,17 @@ def frames(mesh: Mesh, parts: Parts) -> Frame:
 
 
 def _halves(w: Expr) -> tuple[Expr, Expr]:
-    """Displacement and rotation components of a trial or test function."""
+    """(displacement (3,), rotation (3,)) of a trial or test function."""
     return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
 
 
 def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> Strains:
-    """Strains of a trial or test function; `middle`: z of the middle of the section."""
-    e1, e2, n = frame.e1, frame.e2, frame.n
+    """Strains of a trial or test function; `middle`: z of the middle of the section, or None
+    for 0.
+    """
+    e1 = frame.e1
+    e2 = frame.e2
+    n = frame.n
     u, turn = _halves(w)
     # columns: the derivatives along e1 and e2
     du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
@@ -163,7 +169,7 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> Strains:
 
 
 def _engineering(e: Expr) -> Expr:
-    """(e11, e22, e12 + e21)."""
+    """(e11, e22, e12 + e21) of a tensor (2, 2)."""
     return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
 
 
@@ -186,7 +192,7 @@ def energies(section: SectionFields, a: Strains, b: Strains) -> tuple[Expr, Expr
 
 
 def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
-    """Kinetic energy density of the motions u + z θ×n, and of θ·n as of rotations of the middle."""
+    """Kinetic energy density of the velocities u + z θ×n, and of the drilling rotation θ·n."""
     (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
     if section.I1 is not None:
@@ -198,18 +204,22 @@ def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
 
 
 def areas_of(mesh: Mesh) -> Expr:
-    """Area of every cell from its corners, as a function."""
+    """Area of every cell, calculated from its corners, as a cell-wise function."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    first = x[:, 1] - x[:, 0]
+    second = x[:, 2] - x[:, 0]
     if mesh.cell == "quadrilateral":  # the diagonals
-        first, second = x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
+        first = x[:, 3] - x[:, 0]
+        second = x[:, 2] - x[:, 1]
     areas = compat.cellwise(mesh.dolfinx)
     areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
     return areas
 
 
 def rise_of(mesh: Mesh) -> Expr:
-    """Distance of the middle of each quadrilateral from its corners along the normal, m."""
+    """Distance [m] along the normal of the middle of each quadrilateral from its corners'
+    middle.
+    """
     rise = compat.cellwise(mesh.dolfinx)
     if mesh.order > 1:
         x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
@@ -220,15 +230,15 @@ def rise_of(mesh: Mesh) -> Expr:
     return rise
 
 
-# -- Shear strains of triangles that do not lock: the rotations in them are interpolated (MITC).
+# -- Shear strains of triangles, with interpolated rotations (MITC), so that they do not lock.
 #
 # In a thin plate the normals follow the surface, θ×n = −∇w. With conforming cubics w this leaves
 # only smooth functions w, which are few on a general mesh: the plate locks. Therefore the shear
 # strain uses, in place of the cubic θ×n, its interpolant R in Nédélec's second edge element:
 # quadratic, with the same moments against quadratics along every edge and the same three means
 # inside. With w cubic, ∇w lies in that space, and cubic vectors with linear pressures are stable
-# for Stokes' problem: what F. Brezzi, M. Fortin & R. Stenberg (Math. Models Methods Appl. Sci. 1,
-# 1991, 125–151) ask of an element whose error does not grow as the thickness vanishes. Along edges
+# for Stokes' problem. By F. Brezzi, M. Fortin & R. Stenberg (Math. Models Methods Appl. Sci. 1,
+# 1991, 125–151), the error of such an element does not grow as the thickness vanishes. Along edges
 # R takes the values at three Gauss points.
 #
 # R reproduces quadratics. The difference of a cubic and its interpolant follows from the third
@@ -241,13 +251,14 @@ QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower d
 
 
 def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
-    """Components of (1 − R)(θ×n) along two tangents (UFL).
+    """Components along two tangents of (1 − R)(θ×n), which the shear strain omits (UFL).
 
-    `X`: the reference coordinates, `motion`: the trial or test function, its last three components
-    θ, `n`: the normal (3,), `along` (2, gdim): the tangents. On curved triangles, n and the
-    reference directions of the point hold for the whole of θ.
+    `X`: the reference coordinates; `motion`: the trial or test function, whose last three
+    components are θ; `n`: the normal (3,); `along` (2, gdim): the tangents. On curved triangles, n
+    and the reference directions at a point are used for the whole of θ.
     """
-    J, inverse = ufl.Jacobian(mesh.dolfinx), ufl.JacobianInverse(mesh.dolfinx)
+    J = ufl.Jacobian(mesh.dolfinx)
+    inverse = ufl.JacobianInverse(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)
     axes = [ufl.as_vector([*(J[i, a] for i in range(mesh.gdim)), *zeros]) for a in (0, 1)]
     third = compat.reference_derivatives(motion, 3)
@@ -271,9 +282,10 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
 
 
 def _dropped_of_cubics() -> Array:
-    """(1 − R) of the cubics ξᵖηᑫ along ξ and along η: (cubic, direction, component, factor).
+    """Factors of (1 − R) of the cubics ξᵖηᑫ along ξ and along η, indexed (cubic, direction,
+    component, factor).
 
-    The factors are those of QUADRATIC and of the cubic itself.
+    The factors multiply the monomials of QUADRATIC and the cubic itself.
     """
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
@@ -282,7 +294,8 @@ def _dropped_of_cubics() -> Array:
 
     vandermonde = np.column_stack([powers(lattice, *power) for power in QUADRATIC])
     result = np.zeros((4, 2, 2, 7))
-    points, interpolation = compat.edge_points(), compat.edge_interpolation(lattice)
+    points = compat.edge_points()
+    interpolation = compat.edge_interpolation(lattice)
     for nth, power in enumerate(CUBIC):
         for direction in (0, 1):
             values = powers(points, *power)[:, None] * np.eye(2)[direction]
@@ -296,8 +309,8 @@ def _dropped_of_cubics() -> Array:
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
 FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
-#: Radius of a site's patch over the thickness, where none is given: that at which a plate deforms
-#: as a solid does without what its patch has of a half-space (compared by benchmarks/fidelity.py).
+#: Default radius of a site's patch over the thickness: with it, a plate deforms as a solid without
+#: the half-space deformation under its patch (compared by benchmarks/fidelity.py).
 PATCH_RADIUS = 1.0
 
 
@@ -306,10 +319,10 @@ class Sheet(Checked):
 
     kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
 
-    #: directions of 0° and of the last layer; None: any, and the normal of the cells
+    #: direction of 0° (None: any), and of the last layer (None: the normal of the cells)
     axis: Direction | None = None
     top: Direction | None = None
-    #: of the middle of the section from the mesh, toward the top, m
+    #: distance of the middle of the section from the mesh, toward the top, m
     offset: float = 0.0
 
     @property
@@ -330,16 +343,17 @@ class Sheet(Checked):
         triangles = mesh.cell == "triangle"
         space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)
         section = section_fields(mesh, parts)
-        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        w = ufl.TrialFunction(space)
+        v = ufl.TestFunction(space)
         frame = frames(mesh, parts)
         X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
 
         def strains(motion: Expr) -> Strains:
-            found = strains_of(frame, motion, section.middle)
+            full = strains_of(frame, motion, section.middle)
             if X is None:
-                return found
-            lost = dropped(mesh, X, motion, frame.n, frame.along)
-            return found._replace(shear=found.shear - lost)
+                return full
+            omitted = dropped(mesh, X, motion, frame.n, frame.along)
+            return full._replace(shear=full.shear - omitted)
 
         membrane, shear, bending = energies(section, strains(w), strains(v))
         motion = inertia(section, frame, w, v)
@@ -365,11 +379,11 @@ class Sheet(Checked):
         )
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: a shell has no deformation through its thickness; the contact law describes it."""
+        """0: a shell does not deform through its thickness; the contact law does."""
         return 0.0
 
     def constants(self) -> tuple[float, float, float]:
-        """InputError: layers have directions."""
+        """Raise InputError: layers have directions."""
         raise InputError(
             f"advise needs an isotropic material; got a {type(self).__name__}: give the "
             "dimensions, and equivalent E, nu, rho of the part."
@@ -381,7 +395,7 @@ class Sheet(Checked):
         return PATCH_RADIUS * self.section.thickness
 
     def dimensions(self, box: Box, materials: Sequence[Sheet]) -> Box:
-        """Length and width of the box; the least thickness."""
+        """Length and width of the box; thickness of the thinnest sheet."""
         return box[0], box[1], min(material.section.thickness for material in materials)
 
 
@@ -399,7 +413,7 @@ class Shell(Isotropic, Sheet):
         Distance of the middle surface from the mesh toward the top, m; default 0: the mesh is the
         middle surface. Areas, and the mass with them, are those of the mesh.
     top : sequence of 3 floats or function, optional
-        As of `Laminate`; for an offset alone.
+        As for `Laminate`; only an offset needs it.
     yield_strength : float, optional
         For the margin of safety (`peak_field`), Pa.
 
@@ -475,13 +489,13 @@ class Laminate(Sheet):
         return self.section.thickness
 
     def bar_speed(self) -> float:
-        """√(E/ρ), m/s, of the mean E along the stiffer directions of the layers and mean ρ."""
+        """√(E/ρ) [m/s] from the mean E along the layers' stiffer directions and the mean ρ."""
         stiffness = sum(max(layer.E1, layer.E2) * layer.thickness for layer in self.layers)
         return sqrt(stiffness / sum(layer.rho * layer.thickness for layer in self.layers))
 
 
 def _definite(name: str, value: ArrayLike, size: int) -> Array:
-    """A stiffness as a symmetric, positive definite matrix, or InputError."""
+    """`value` as a symmetric, positive definite matrix; otherwise InputError."""
     m = array(name, value, (size, size))
     symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
     if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
@@ -493,28 +507,7 @@ def _definite(name: str, value: ArrayLike, size: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class GivenSheet(Sheet):
-    """A plate or shell with a bending stiffness that does not follow from its membrane stiffness.
-
-    Parameters
-    ----------
-    A, D : array_like (3, 3)
-        Forces of (ε1, ε2, γ12), N/m, and moments of (κ1, κ2, 2κ12), N m.
-    S : array_like (2, 2)
-        Shear forces of (γ13, γ23), N/m.
-    mass, inertia : float
-        Per area, kg/m² and kg.
-    thickness : float
-        For sites, m.
-    axis, top, offset
-        As of `Laminate`.
-    B : array_like (3, 3)
-        Forces of curvatures, and moments of strains, N.
-
-    Raises
-    ------
-    InputError
-        Stiffnesses that are not symmetric and positive definite.
-    """
+    """A plate or shell whose bending stiffness is independent of its membrane stiffness."""
 
     A: ArrayLike = field(metadata=checked_by(_definite, 3))
     D: ArrayLike = field(metadata=checked_by(_definite, 3))

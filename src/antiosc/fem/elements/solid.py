@@ -30,9 +30,12 @@ from antiosc.fem.platform import compat
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
-#: Ratio of the edges of a cell, and of the part to its shortest edge, from which K is taken by its
-#: strains; and the number of cells up to which the memory for these is small.
-THIN_CELL, THIN_PART, MOST_THIN_CELLS = 8.0, 100.0, 1000
+#: K is integrated from strains if the ratio of a cell's edges exceeds THIN_CELL and the ratio of
+#: the part's size to its shortest edge exceeds THIN_PART. Up to MOST_THIN_CELLS cells the strains
+#: take little memory.
+THIN_CELL = 8.0
+THIN_PART = 100.0
+MOST_THIN_CELLS = 1000
 #: Corners of the edges of cells, dolfinx's numbers.
 SOLID_EDGES = {
     "tetrahedron": [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)],
@@ -64,7 +67,7 @@ class Solid(Isotropic):
     """
 
     kind: ClassVar[Kind] = Kind("solid", outside=True, point_load=False)
-    #: the compliance of a point grows without limit, but no radius is the right one everywhere
+    #: the compliance under a point load is infinite, but no default radius suits every part
     patch_radius: ClassVar[None] = None
 
     plane: Literal["stress", "strain"] | None = field(
@@ -74,25 +77,29 @@ class Solid(Isotropic):
 
     @property
     def voigt(self) -> Array:
-        """Stresses (σ11, σ22, σ33, σ23, σ13, σ12) of unit strains, (6, 6), Pa."""
+        """Stiffness (6, 6) [Pa] that gives (σ11, σ22, σ33, σ23, σ13, σ12) of engineering
+        strains.
+        """
         C = np.diag([2 * self.G] * 3 + [self.G] * 3)
         C[:3, :3] += self.E * self.nu / ((1 + self.nu) * (1 - 2 * self.nu))
         return C
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Displacements of degree `order`, which must not be below the geometric order."""
+        """Weak form with displacements of degree `order`, at least the geometric order."""
         _check_cells(mesh, order)
         if len({type(material) for material, _ in parts}) > 1:  # some have directions
             return general_form(mesh, parts, order)
         for material, _ in parts:
             _check_plane(material, mesh)
         space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
-        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        u = ufl.TrialFunction(space)
+        v = ufl.TestFunction(space)
         lame = coefficient(mesh, parts, _first_lame)
         shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
         depth = depth_of(mesh, parts)
         rho = coefficient(mesh, parts, lambda s: s.rho)
-        strain, virtual = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
+        strain = ufl.sym(ufl.grad(u))
+        virtual = ufl.sym(ufl.grad(v))
         stress = lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
         for_k, for_m = _degrees(mesh, order)
         return WeakForm(
@@ -120,7 +127,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The box; of a plane part the thickness is the material's."""
+        """The sides of the box; for a plane part the thickness is that of the material."""
         if self.plane is None:
             return box
         length, width, _ = box
@@ -128,17 +135,19 @@ class Solid(Isotropic):
 
 
 def depth_of(mesh: Mesh, parts: Parts) -> Expr:
-    """Thickness [m] of plane parts, 1 of others (UFL)."""
+    """Thickness [m] of plane parts and 1 of other parts (UFL)."""
 
-    def own(solid: Family) -> float:
+    def depth(solid: Family) -> float:
         plane = getattr(solid, "plane", None)
-        return 1.0 if plane is None else cast("Solid", solid).thickness
+        if plane is None:
+            return 1.0
+        return cast("Solid", solid).thickness
 
-    return coefficient(mesh, parts, own)
+    return coefficient(mesh, parts, depth)
 
 
 def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
-    """Stress times thickness (UFL) of strains in isotropic solids."""
+    """Function of a strain: stress in isotropic solids times thickness (UFL)."""
     lame = coefficient(mesh, parts, _first_lame)
     shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
     depth = depth_of(mesh, parts)
@@ -150,6 +159,9 @@ def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
 
 
 def _check_cells(mesh: Mesh, order: int) -> None:
+    """InputError unless the cells fill the space and have at most the order of the
+    displacements.
+    """
     if mesh.tdim != mesh.gdim:
         raise InputError(
             f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
@@ -163,7 +175,7 @@ def _check_cells(mesh: Mesh, order: int) -> None:
 
 
 def general_form(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    """The weak form of solids some of which are anisotropic, by their stiffness matrices (6, 6)."""
+    """Weak form from the stiffness matrices (6, 6), for parts with anisotropic solids."""
     _check_cells(mesh, order)
     if mesh.gdim != 3:
         raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
@@ -171,7 +183,8 @@ def general_form(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         if isinstance(material, Solid):
             _check_plane(material, mesh)
     space = compat.lagrange(mesh.dolfinx, order, 3)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    u = ufl.TrialFunction(space)
+    v = ufl.TestFunction(space)
     C = coefficient(mesh, parts, lambda s: s.voigt)
     rho = coefficient(mesh, parts, lambda s: s.rho)
     for_k, for_m = _degrees(mesh, order)
@@ -185,9 +198,9 @@ def general_form(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def _is_thin(mesh: Mesh) -> bool:
-    """Whether cells are so thin that rounding of K's entries spoils the bending stiffness.
+    """Whether the cells are so thin that rounding of K's entries spoils the bending stiffness.
 
-    Half a unit in their last place changed the stiffness of a plate of 300 × 30 × 1 by 3e-6.
+    Rounding errors changed the stiffness of a plate of 300 × 30 × 1 by 3e-6.
     """
     if mesh.gdim != 3 or mesh.n_cells > MOST_THIN_CELLS:
         return False
@@ -201,22 +214,24 @@ def _is_thin(mesh: Mesh) -> bool:
 
 
 def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]:
-    """Strains times √stiffness, and the degree of K's quadrature."""
+    """Strains times √stiffness, and the quadrature degree of K."""
     root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
     return root * _voigt_strain(u), degree
 
 
 def _voigt_strain(u: Expr) -> Expr:
+    """(ε11, ε22, ε33, γ23, γ13, γ12) of a displacement."""
     return voigt_strain(ufl.sym(ufl.grad(u)))
 
 
 def voigt_strain(e: Expr) -> Expr:
-    """(ε11, ε22, ε33, γ23, γ13, γ12) of a tensor."""
+    """(ε11, ε22, ε33, γ23, γ13, γ12) of a strain tensor."""
     shear = [2 * e[1, 2], 2 * e[0, 2], 2 * e[0, 1]]
     return ufl.as_vector([e[0, 0], e[1, 1], e[2, 2], *shear])
 
 
 def _check_plane(solid: Solid, mesh: Mesh) -> None:
+    """InputError if `plane` is missing on a 2-D mesh, or given on a 3-D one."""
     if mesh.gdim == 2 and solid.plane is None:
         raise InputError("Solid on a 2-D mesh needs plane='stress' or plane='strain'.")
     if mesh.gdim == 3 and solid.plane is not None:
@@ -224,16 +239,16 @@ def _check_plane(solid: Solid, mesh: Mesh) -> None:
 
 
 def _first_lame(solid: Solid) -> float:
-    """λ; for plane stress the λ* with zero normal stress across the plane."""
+    """Lamé's λ; for plane stress the λ* that makes the normal stress across the plane zero."""
     if solid.plane == "stress":
         return solid.E * solid.nu / (1 - solid.nu**2)
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
 
 
 def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
-    """Quadrature degrees of K and M: exact on straight simplices, full Gauss rules elsewhere.
+    """Quadrature degrees of K and M: exact on straight simplices, full Gauss rules otherwise.
 
-    UFL's estimate would need thousands of points on curved cells.
+    UFL's own estimate needs thousands of points on curved cells.
     """
     if mesh.cell in ("quadrilateral", "hexahedron"):
         return 2 * order + 1, 2 * order + 1
@@ -242,9 +257,9 @@ def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
     return 2 * order, 2 * order + 1
 
 
-#: Axes of the entries of a stress or an engineering strain: 11, 22, 33, 23, 13, 12.
+#: Index pairs of a stress or an engineering strain: 11, 22, 33, 23, 13, 12.
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-#: Share of the largest entry up to which a stiffness matrix is symmetric.
+#: Largest asymmetry of a stiffness matrix, relative to its largest entry.
 SYMMETRY = 1e-9
 
 
@@ -301,10 +316,10 @@ class AnisotropicSolid(FieldsRepr):
         rho: float,
         axes: ArrayLike | None = None,
     ) -> AnisotropicSolid:
-        """Three perpendicular planes of symmetry.
+        """A solid with three perpendicular planes of symmetry.
 
-        E : (E1, E2, E3) in Pa; nu : (nu12, nu13, nu23), nu12 the contraction along 2 under stress
-        along 1; G : (G12, G13, G23) in Pa.
+        E : (E1, E2, E3) in Pa; nu : (nu12, nu13, nu23), where nu12 is the contraction along 2 under
+        stress along 1; G : (G12, G13, G23) in Pa.
         """
         moduli, ratios, shear = (
             array(name, value, (3,)) for name, value in (("E", E), ("nu", nu), ("G", G))
@@ -336,11 +351,11 @@ class AnisotropicSolid(FieldsRepr):
         return np.asarray(rotated[i[:, None], j[:, None], i[None], j[None]])
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Displacements of degree `order`, as `Solid` has them."""
+        """Weak form with displacements of degree `order`, as for `Solid`."""
         return general_form(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
-        """InputError: it depends on the directions of the surface and of the material."""
+        """Raise InputError: it depends on the directions of surface and material."""
         raise InputError(
             "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
             "compliance of its patch is not known: leave radius=None, or make the cells around the "
@@ -348,7 +363,7 @@ class AnisotropicSolid(FieldsRepr):
         )
 
     def dimensions(self, box: Box, materials: Sequence[Family]) -> Box:
-        """The box."""
+        """The sides of the box."""
         return box
 
     def bar_speed(self) -> float:
@@ -357,18 +372,18 @@ class AnisotropicSolid(FieldsRepr):
         return sqrt(float((1 / np.diag(S)[:3]).max()) / self.rho)
 
     def constants(self) -> tuple[float, float, float]:
-        """InputError: the material has directions."""
+        """Raise InputError: the material has directions."""
         raise InputError(
             "advise needs an isotropic material; got an AnisotropicSolid: give the dimensions, and "
             "equivalent E, nu, rho of the part."
         )
 
 
-def _axes(given: ArrayLike | None) -> Array:
+def _axes(axes: ArrayLike | None) -> Array:
     """The material axes as orthonormal rows."""
-    if given is None:
+    if axes is None:
         return np.eye(3)
-    rows = array("axes", given, (None, 3))
+    rows = array("axes", axes, (None, 3))
     if len(rows) not in (2, 3):
         raise InputError(f"axes must be two or three directions (rows); got {len(rows)}.")
     length = np.linalg.norm(rows, axis=1)

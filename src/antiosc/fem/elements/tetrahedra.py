@@ -1,10 +1,10 @@
-"""K and M of straight quadratic tetrahedra from their cells, without the matrices.
+"""Products with K and M of straight quadratic tetrahedra, cell by cell, without assembled matrices.
 
-A product with the assembled matrix reads its 80 entries a row from memory; one from the cells reads
-a tenth of that and computes the rest (benchmarks/products.py). The strains of a straight quadratic
-tetrahedron are linear, so that their values at its corners tell its energy (csrc/elastic.c). Two
-levels need the diagonal blocks of the nodes besides, and the matrix of the linear elements, which
-is assembled. What needs all entries, as a factor does, has them assembled (`with_entries`).
+A product with an assembled matrix reads 80 entries per row from memory; one from the cells reads a
+tenth of that and computes the rest (benchmarks/products.py). The strains of a straight quadratic
+tetrahedron are linear, so that its energy follows from the strains at its corners (csrc/elastic.c).
+The two-level solver also needs the diagonal blocks of the nodes and the assembled matrix of the
+linear elements. A factorization needs all entries and assembles them (`with_entries`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from antiosc.fem.platform import compat
 
 NO_DOFS = np.zeros(0, dtype=np.int32)
 
-#: `AOM_LANES` and `AOM_TETRA_DATA`
+#: `AOM_LANES` and `AOM_TETRA_DATA` of the C library
 LANES, DATA = 8, 12
-#: Dofs of a part from which its products are taken from the cells.
+#: Least number of dofs for products cell by cell.
 FEWEST_DOFS = 20_000
 
 
-#: Corners between which the nodes of a cell lie, in dolfinx's order.
+#: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
 ENDS = ((0,), (1,), (2,), (3,), (2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 
 
@@ -52,7 +52,10 @@ class Tetrahedra:
         parts: Parts,
         conditions: Mapping[tuple[int, ...], IntArray],
     ) -> None:
-        self._mesh, self._form, self._parts, self._conditions = mesh, form, parts, conditions
+        self._mesh = mesh
+        self._form = form
+        self._parts = parts
+        self._conditions = conditions
         self._space = form.space
         self.comm = mesh.comm
         self._exchange = compat.Exchange(form.space)
@@ -74,10 +77,11 @@ class Tetrahedra:
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self.rows = compat.local_size(form.space)
         self._held = self._fixed[self._fixed < self.rows]
-        #: what is added to K and M at points, and whether anything is
+        #: matrices added to K and M at points, and whether they have entries
         self.added, self.carries = (self._empty(), self._empty()), False
 
     def _empty(self) -> PETSc.Mat:
+        """A matrix without entries, with the rows of this part."""
         rows = (self.rows, None)
         result = PETSc.Mat().createAIJ((rows, rows), nnz=0, comm=self.comm)
         result.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
@@ -94,9 +98,12 @@ class Tetrahedra:
         result = np.empty(columns.shape, x.dtype, order="F")
         for k, column in enumerate(columns.T):
             result[:, k] = self._of_vector(column[:, None], stiffness, mass)
-        return result[:, 0] if x.ndim == 1 else result
+        if x.ndim == 1:
+            return result[:, 0]
+        return result
 
     def _of_vector(self, x: Array, stiffness: float, mass: float) -> Array:
+        """(stiffness K + mass M) x for one vector."""
         u = np.array(self._exchange.with_ghosts(x)[:, 0], dtype=x.dtype)
         u[self._fixed] = 0.0
         out = np.zeros_like(u)
@@ -112,23 +119,27 @@ class Tetrahedra:
 
     @cached_property
     def _in_double(self) -> tuple[library.Tetra, Callable[..., None]]:
+        """(cells, product function) of the C library in double precision."""
         cells = library.Tetra(len(self._nodes), *map(library.address, (self._nodes, self._data)))
         return cells, library.library.aom_tetra_product_double
 
     @cached_property
     def _in_single(self) -> tuple[library.Tetra, Callable[..., None]]:
+        """(cells, product function) of the C library in single precision."""
         self._single = self._data.astype(np.float32)
         places = library.address(self._nodes), library.address(self._single)
         cells = library.Tetra(len(self._nodes), *places)
         return cells, library.library.aom_tetra_product_float
 
     def blocks(self, k: float, m: float) -> Array:
-        """The diagonal blocks of kK + mM, (rows of this rank, 3)."""
+        """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""
         data = self._data.transpose(0, 2, 1).reshape(-1, DATA)
         nodes = self._nodes.transpose(0, 2, 1).reshape(len(data), -1)
         slopes = data[:, :9].reshape(-1, 3, 3)
         slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
-        lame, shear, density = k * data[:, 9] * 20, k * data[:, 10] * 20, m * data[:, 11]
+        lame = k * data[:, 9] * 20
+        shear = k * data[:, 10] * 20
+        density = m * data[:, 11]
         size = compat.local_size(self._space) + 3 * self._ghosts
         found = np.zeros((size // 3, 3, 3))
         for node, ends in enumerate(ENDS):
@@ -150,19 +161,19 @@ class Tetrahedra:
         return result
 
     def entries(self, k: float, m: float) -> PETSc.Mat:
-        """kK + mM, assembled."""
+        """The assembled matrix k K + m M."""
         return self._assembled(self._form, self._conditions, k, m, self.added)
 
     def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
-        """The stiffness and mass matrix of linear elements on these cells, with contributions at
-        points.
+        """k K + m M of linear elements on these cells, with the matrices added at points; P:
+        prolongation.
         """
-        added = [one.ptap(P) if self.carries else one for one in self.added]
+        added = [matrix.ptap(P) if self.carries else matrix for matrix in self.added]
         return self._assembled(self.linear, {}, k, m, added)
 
     @cached_property
     def linear(self) -> WeakForm:
-        """The form of linear elements on these cells."""
+        """The weak form of linear elements on these cells."""
         material, _ = self._parts[0]
         return material.weak_form(self._mesh, self._parts, 1)
 
@@ -174,8 +185,9 @@ class Tetrahedra:
         m: float,
         added: Sequence[PETSc.Mat],
     ) -> PETSc.Mat:
+        """k K + m M of a form, with boundary conditions and added matrices."""
         total: PETSc.Mat | None = None
-        for factor, forms, one, diagonal in zip(
+        for factor, forms, added_matrix, diagonal in zip(
             (k, m), (form.stiffness, form.mass), added, (1.0, 0.0), strict=True
         ):
             if not factor:
@@ -183,7 +195,9 @@ class Tetrahedra:
             matrix = compat.assemble(forms, form.space, conditions, diagonal)
             if self.carries:
                 # an interpolation stores zeros, by which points meet cells beside their own
-                matrix.axpy(1.0, one, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+                matrix.axpy(
+                    1.0, added_matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
+                )
             if factor != 1.0:
                 matrix.scale(factor)
             if total is None:
@@ -194,17 +208,17 @@ class Tetrahedra:
 
 
 def _squares(slopes: Array, ends: Sequence[int]) -> Array:
-    """∫ grad N ⊗ grad N / V (n, 3, 3) of a corner, or of the node between two, from grad λ."""
+    """∫ grad N ⊗ grad N / V (n, 3, 3) of one node's shape function N, from `slopes`, grad λ."""
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
     h = slopes[:, ends[1]]
     both = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
-    return np.asarray(0.8 * sum(one[:, :, None] * one[:, None] for one in (g, h, both)))
+    return np.asarray(0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, both)))
 
 
 def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
-    """Add the diagonal blocks of a matrix of few entries."""
+    """Add `factor` times the diagonal 3×3 blocks of a sparse matrix to `blocks`."""
     pointers, columns, values = matrix.getValuesCSR()
     rows = np.repeat(np.arange(len(blocks)), np.diff(pointers))
     columns = columns - matrix.getOwnershipRange()[0]
@@ -213,22 +227,28 @@ def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
 
 
 def serve(mesh: Mesh, form: WeakForm, parts: Parts) -> bool:
-    """Whether products can be taken cell by cell: many straight quadratic tetrahedra, isotropic."""
+    """Whether products are taken cell by cell: many straight quadratic tetrahedra, all
+    isotropic.
+    """
     imap = form.space.dofmap.index_map
     if imap.size_global * form.space.dofmap.index_map_bs < FEWEST_DOFS:
         return False
     straight = mesh.cell == "tetrahedron" and mesh.order == 1 and form.degree == 2
-    return straight and form.strains is None and all(isinstance(one, Solid) for one, _ in parts)
+    return (
+        straight
+        and form.strains is None
+        and all(isinstance(material, Solid) for material, _ in parts)
+    )
 
 
 def _constants(material: Solid) -> tuple[float, float, float]:
-    """Lamé's constants over 20 and the density over 420."""
+    """(λ/20, μ/20, ρ/420): Lamé's constants and the density as csrc/elastic.c takes them."""
     lame = material.E * material.nu / ((1 + material.nu) * (1 - 2 * material.nu))
     return lame / 20, material.G / 20, material.rho / 420
 
 
 def _in_lanes(values: Array) -> Array:
-    """Values of cells (n, k) as (groups, k, lanes) for SIMD, padded with zeros."""
+    """Values of cells (n, k) padded with zeros, as (groups, k, lanes) for SIMD."""
     groups = -(-len(values) // LANES)
     full = np.zeros((groups * LANES, values.shape[1]), values.dtype)
     full[: len(values)] = values

@@ -1,13 +1,13 @@
-"""What every element family is to `Structure`, functions shared by them, and axes of layers.
+"""The interface of element families to `Structure`, functions they share, and axes of layers.
 
-A material is a frozen dataclass of its constants that answers as `Family` says. Its method
+A material is a frozen dataclass of its constants that implements the protocol `Family`. Its method
 `weak_form(mesh, parts, order)` gets `parts`, a list of (material, cells), where `cells` are the
 cells of this rank that the material fills. All materials of one structure are of one `Kind`.
 
-Layers are stacked along the normals of the cells, which follow from the order of their nodes, or
-toward a given `top`; on a plane mesh, where the node order is arbitrary, toward +z. Where a stack
-differs from itself seen from the other side, cells with a common edge must have their normals on
-one side: the energy alone does not show an error in this.
+Layers are stacked toward a given `top`, or else along the normals of the cells, which follow from
+the order of their nodes; on a plane mesh, where the node order is arbitrary, toward +z. If a stack
+is not symmetric, neighbouring cells must have their normals on the same side: an error in this
+does not show in the energy.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
 
-#: A vector, or a function of points x (3, n) that gives one (3, n) in each
+#: A vector, or a function of points x (3, n) that returns a vector at each point (3, n)
 Direction = Sequence[float] | Callable[[Array], Array]
 
 #: Sine of the least angle between `axis` and the normal, and between `top` and the sheet.
 LEAST_SINE = 0.05
-#: Corners of a cell in the order around it, dolfinx's numbers.
+#: dolfinx's numbers of the corners of a cell, in order around it.
 CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
@@ -65,7 +65,8 @@ DIRECTION = checked_by(checked)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(reference vector for 0°, projected on the sheet; ±1 on the cell's normal), cell-wise.
+    """(reference vector of 0°, projected on the sheet; sign of the cell's normal toward the top),
+    cell-wise.
 
     Raises
     ------
@@ -74,10 +75,13 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
     """
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
-    axes, sides = compat.cellwise(mesh.dolfinx, 3), compat.cellwise(mesh.dolfinx)
-    axis, side = axes.x.array.reshape(-1, 3), sides.x.array
+    axes = compat.cellwise(mesh.dolfinx, 3)
+    sides = compat.cellwise(mesh.dolfinx)
+    axis = axes.x.array.reshape(-1, 3)
+    side = sides.x.array
     axis[:], side[:] = x[:, 1] - x[:, 0], 1.0
-    has_sides, stated = np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
+    has_sides = np.zeros(len(x), dtype=bool)
+    stated = np.zeros(len(x), dtype=bool)
 
     def work() -> None:
         for material, cells in parts:
@@ -132,9 +136,11 @@ def _side(direction: Direction, x: Array, normals: Array) -> Array:
 
 
 def _at(name: str, direction: Direction, x: Array) -> Array:
-    """The unit direction at the middle of every cell (cells, 3)."""
-    given = direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
-    vectors = array(f"{name}, as a function of x (3, n),", given, (3, None)).T
+    """Unit vectors (cells, 3) of the direction at the middle of every cell."""
+    directions = (
+        direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
+    )
+    vectors = array(f"{name}, as a function of x (3, n),", directions, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     _refuse(lengths[:, 0] == 0, x, f"{name} has no length", "give a direction everywhere")
@@ -142,6 +148,7 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
 
 
 def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
+    """InputError that names the number of bad cells and the place of one, if there are any."""
     if bad.any():
         at = point_text(x[np.argmax(bad)].mean(axis=0))
         raise InputError(f"{what} in {int(bad.sum())} cells, one at {at}: {remedy}.")
@@ -159,10 +166,10 @@ def _check_neighbours(
     has_sides: BoolArray,
     stated: BoolArray,
 ) -> None:
-    """InputError where the normals of two neighbouring cells point to different sides of the sheet.
+    """InputError if the normals of two neighbouring cells point to different sides of the sheet.
 
-    Only if both stacks are unsymmetric and at least one uses the normals of the mesh. Edges of
-    three or more cells are not checked.
+    This is checked if both stacks are unsymmetric and at least one uses the normals of the mesh.
+    Edges of three or more cells are not checked.
     """
     owned = compat.cell_map(mesh.dolfinx).size_local
     around = CORNERS_IN_TURN[mesh.cell]
@@ -172,14 +179,14 @@ def _check_neighbours(
     middles = (x[:owned, around] + np.roll(x[:owned, around], -1, axis=1)) / 2
     # cells that agree go along their edge in opposite directions
     way = np.where(ends[..., 0] < ends[..., 1], 1.0, -1.0) * side[:owned, None]
-    each = [np.repeat(flag[:owned, None], len(around), axis=1) for flag in (has_sides, stated)]
-    table = (np.sort(ends.reshape(-1, 2), axis=1), way, *each, middles)
-    found = mesh.comm.gather(table, root=0) or []
+    flags = [np.repeat(flag[:owned, None], len(around), axis=1) for flag in (has_sides, stated)]
+    table = (np.sort(ends.reshape(-1, 2), axis=1), way, *flags, middles)
+    tables = mesh.comm.gather(table, root=0) or []
 
     def work() -> None:
-        edges = np.vstack([part[0] for part in found])
-        way, has_sides, stated = (np.concatenate([p[k].ravel() for p in found]) for k in (1, 2, 3))
-        _compare(edges, way, has_sides, stated, np.vstack([p[4].reshape(-1, 3) for p in found]))
+        edges = np.vstack([part[0] for part in tables])
+        way, has_sides, stated = (np.concatenate([p[k].ravel() for p in tables]) for k in (1, 2, 3))
+        _compare(edges, way, has_sides, stated, np.vstack([p[4].reshape(-1, 3) for p in tables]))
 
     on_root(mesh.comm, work)
 
@@ -187,6 +194,7 @@ def _check_neighbours(
 def _compare(
     edges: IntArray, way: Array, has_sides: BoolArray, stated: BoolArray, points: Array
 ) -> None:
+    """InputError if two cells with a common edge run along it in the same direction."""
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges = edges[order]
     first = np.flatnonzero(np.append(True, np.any(np.diff(edges, axis=0), axis=1)))
@@ -221,10 +229,10 @@ class WeakForm:
     #: mass moment per unit of cell measure about the mesh (UFL vector: kg/m along the normal of a
     #: sheet, kg along the height of a beam), where the mass does not lie on it
     moment: Expr | None = None
-    #: twist shifts the centroids of beams that lie off their line
+    #: whether twist moves the centroids of beams, which lie off the line of the mesh
     twist_shifts: bool = False
-    #: strains times √stiffness of the trial function (UFL vector), and the quadrature degree with
-    #: which their squares make K; None where K's entries alone are accurate enough
+    #: strains of the trial function times √stiffness (UFL vector), and the quadrature degree with
+    #: which their squares give K; None if the entries of K alone are accurate enough
     strains: tuple[Expr, int] | None = None
 
     @property
@@ -238,7 +246,7 @@ class WeakForm:
         return self._contracted("xyz", direction)
 
     def momentum(self, direction: Sequence[float] | Expr) -> Expr:
-        """Density of momentum along `direction`, the test function being the velocity (UFL)."""
+        """Momentum density along `direction` (UFL), with the test function as the velocity."""
         linear = self.density * self.along(direction)
         if self.moment is None:
             return linear
@@ -246,6 +254,7 @@ class WeakForm:
         return linear + self._contracted(("rx", "ry", "rz"), ufl.cross(self.moment, direction))
 
     def _contracted(self, names: Sequence[str], vector: Sequence[float] | Expr) -> Expr:
+        """Σ vector[i] × the test function's component names[i] (UFL)."""
         v = ufl.TestFunction(self.space)
         flat = list(self.components)
         return sum(vector[i] * v[flat.index(n)] for i, n in enumerate(names) if n in flat)
@@ -256,17 +265,17 @@ class Kind:
     """Properties that all materials of one element family share."""
 
     name: str
-    #: whether an impactor touches the exterior facets of the mesh, or else the cells themselves
+    #: True: an impactor touches the exterior facets of the mesh; False: it touches the cells
     outside: bool
-    #: whether the compliance under a point load has a limit, so that a site takes no patch
+    #: whether the compliance under a point load is finite, so that a site needs no patch
     point_load: bool
-    #: whether beams on edges of the cells may stiffen them
+    #: whether beams along the edges of the cells may stiffen them
     sheet: bool = False
 
 
 @runtime_checkable
 class Family(Protocol):
-    """A material with the properties of its element family that a structure needs."""
+    """Protocol of a material that a structure accepts."""
 
     @property
     def kind(self) -> Kind:
@@ -275,7 +284,7 @@ class Family(Protocol):
 
     @property
     def patch_radius(self) -> float | None:
-        """Default radius (m) of a site's patch; None: a point."""
+        """Default radius [m] of a site's patch; None: the site is a point."""
         ...
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
@@ -283,17 +292,17 @@ class Family(Protocol):
         ...
 
     def half_space_compliance(self, cosine: float) -> float:
-        """Compliance times radius (m²/N) of a patch on a half-space; 0 for families without local
-        dent.
+        """Compliance times radius [m²/N] of a patch on a half-space; 0 for families without local
+        indentation.
 
-        `cosine`: of the angle between the load and the surface normal.
+        `cosine`: cosine of the angle between the load and the surface normal.
         """
         ...
 
     def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
-        """Length, width and thickness (m) of a part with this `box` along the axes around it.
+        """Length, width and thickness [m] of a part whose bounding box is `box`.
 
-        `materials`: all of the part, of this kind.
+        `materials`: all materials of the part.
         """
         ...
 

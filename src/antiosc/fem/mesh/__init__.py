@@ -52,8 +52,8 @@ class CellGeometry:
         return np.asarray(self._element.points)
 
     def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], derivatives (n, 3, tdim)) at reference coordinates X (n, tdim) in
-        cells (n,).
+        """Points (n, 3) [m] and derivatives (n, 3, tdim) of the map at X (n, tdim) in cells
+        (n,).
         """
         if not len(X):  # Basix 0.5 aborts
             return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
@@ -63,7 +63,7 @@ class CellGeometry:
         return both[:, 0], np.swapaxes(both[:, 1:], 1, 2)
 
     def slopes(self, X: Array) -> Array:
-        """Slopes (n, nodes, tdim) of the shape functions of the map at X (n, tdim)."""
+        """Derivatives (n, nodes, tdim) of the map's shape functions at X (n, tdim)."""
         tables = self._element.tabulate(1, X)[1:, :, :, 0]
         return np.asarray(np.moveaxis(tables, 0, 2))
 
@@ -72,7 +72,7 @@ class CellGeometry:
         return np.asarray(self.corners.mean(axis=0))
 
 
-#: Distance over the extent within which a facet lies on a side of the bounding box.
+#: Largest distance of a facet from a side of the bounding box on which it lies, over the extent.
 ON_SIDE = 1e-6
 
 
@@ -84,13 +84,13 @@ class Mesh(ReprMixin):
     dolfinx: dolfinx.mesh.Mesh
     #: name -> {dimension: entities of this rank, ghosts included}; every rank knows every name
     groups: Mapping[str, Mapping[int, IntArray]] = field(default_factory=dict)
-    #: where it came from, for messages
+    #: its origin, such as the file name, for messages
     name: str = "mesh"
-    #: whether the unit of its lengths was given, or is stated by its file
+    #: whether the unit of length was given by the user or by the file
     stated: bool = False
-    #: curvature of the surfaces of CAD at nodes, on all ranks
+    #: curvature of the CAD surfaces at their nodes, the same on all ranks
     cad: CadSurface | None = None
-    #: the file's numbers of its nodes, in the order in which dolfinx got them; -1: none
+    #: node numbers in the file, in the order in which dolfinx received the nodes; -1: none
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ class Mesh(ReprMixin):
 
     @property
     def gdim(self) -> int:
-        """Dimension of the space the mesh lives in: 2 or 3."""
+        """Dimension of the space of the coordinates: 2 or 3."""
         return int(self.dolfinx.geometry.dim)
 
     @property
@@ -135,7 +135,7 @@ class Mesh(ReprMixin):
 
     @cached_property
     def geometry(self) -> CellGeometry:
-        """The map of the cells of this rank, ghosts included, from reference coordinates."""
+        """The map from reference coordinates of the cells of this rank, ghosts included."""
         nodes = compat.geometry_nodes(self.dolfinx)
         return CellGeometry(self.dolfinx.geometry.x[nodes], self.cell, self.order)
 
@@ -144,7 +144,8 @@ class Mesh(ReprMixin):
         """Lowest and highest coordinates (cells, 3) of the cells that this rank owns, m."""
         nodes = compat.geometry_nodes(self.dolfinx)[: compat.cell_map(self.dolfinx).size_local]
         x = self.dolfinx.geometry.x[nodes]
-        low, high = x.min(axis=1), x.max(axis=1)
+        low = x.min(axis=1)
+        high = x.max(axis=1)
         if self.order > 1:  # a curved side may bulge out of the box of its nodes
             low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
         return low, high
@@ -171,8 +172,8 @@ class Mesh(ReprMixin):
         """
         if not len(self.labels):
             raise InputError(f"the nodes of {self.name} have no numbers: give a point or a group.")
-        own = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
-        return np.asarray(np.isin(own, np.asarray(nodes, dtype=np.int64)))
+        node_numbers = self.labels[np.asarray(self.dolfinx.geometry.input_global_indices)]
+        return np.asarray(np.isin(node_numbers, np.asarray(nodes, dtype=np.int64)))
 
     def node(self, number: int) -> Array | None:
         """Coordinates (3,) [m] of the node with a file number; None if there is none.
@@ -185,12 +186,14 @@ class Mesh(ReprMixin):
             raise InputError(
                 f"{len(x)} nodes of {self.name} have the number {number}: give the point."
             )
-        return x[0] if len(x) else None
+        if len(x):
+            return x[0]
+        return None
 
     def group(self, name: str) -> Mapping[int, IntArray]:
-        """{dimension: local entities} of the group `name`, or of the side that has it, as "-z".
+        """{dimension: local entities} of the group `name`, or of a side such as "-z".
 
-        InputError if there is none.
+        InputError if there is no such group.
         """
         if not isinstance(name, str) or name not in self.groups:
             if isinstance(name, str) and name in SIDES:
@@ -202,32 +205,37 @@ class Mesh(ReprMixin):
     def _side(self, name: str) -> Mapping[int, IntArray]:
         """The facets on the side `name` ("-x", "+z", …) of the bounding box."""
         axis, (low, high) = "xyz".index(name[1]), self.box
-        end, dim = (low if name[0] == "-" else high)[axis], self.tdim - 1
+        end = (low if name[0] == "-" else high)[axis]
+        dim = self.tdim - 1
         near = ON_SIDE * self.extent()
         nodes = compat.entity_vertices(self.dolfinx, dim)
         x = np.asarray(self.dolfinx.geometry.x)[:, axis]
-        found = np.flatnonzero((np.abs(x[nodes] - end) < near).all(axis=1)).astype(np.int32)
+        facets = np.flatnonzero((np.abs(x[nodes] - end) < near).all(axis=1)).astype(np.int32)
         flat = high[axis] - low[axis] < near
-        if flat or not self.comm.allreduce(len(found)):
+        if flat or not self.comm.allreduce(len(facets)):
             why = f"it is flat along {name[1]}" if flat else f"none lies at {name[1]} = {end:g} m"
             raise InputError(
                 f"{self.name} has neither a group {name!r} nor faces on that side: {why}; give"
                 " a group, or a function of the coordinates."
             )
-        return {dim: found}
+        return {dim: facets}
 
     def _facts(self) -> list[tuple[str, str]]:
         cells = f"{self.n_cells} of kind {self.cell}, order {self.order}"
         facts = [("cells", cells), ("name", self.name)]
-        return [*facts, ("groups", ", ".join(self.groups))] if self.groups else facts
+        if self.groups:
+            return [*facts, ("groups", ", ".join(self.groups))]
+        return facts
 
 
 def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
-    """The dolfinx mesh of arrays and groups that every rank holds."""
+    """The dolfinx mesh of arrays and groups, which every rank holds whole."""
     kind = raw.kind
-    cells, points = raw.cells, raw.points
+    cells = raw.cells
+    points = raw.points
     if comm.rank > 0:
-        cells, points = cells[:0], points[:0]
+        cells = cells[:0]
+        points = points[:0]
     cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
     groups = local_groups(mesh, raw.groups)
@@ -237,9 +245,9 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
 def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
-    """The entities of this rank in each group, given by the vertices of each (input numbers).
+    """The entities of this rank in each group, which `wanted` gives by vertices (input numbers).
 
-    One sort for all groups of a dimension: there may be thousands.
+    There may be thousands of groups: those of one dimension are sorted together.
     """
     groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
     numbers = np.asarray(mesh.geometry.input_global_indices)
@@ -249,12 +257,16 @@ def local_groups(
         mine = numbers[compat.entity_vertices(mesh, dim)]
         code = keys(mine)
         order = np.argsort(code)
-        asked = keys(np.vstack(rows))
-        position = np.minimum(np.searchsorted(code[order], asked), max(len(mine) - 1, 0))
-        here = code[order][position] == asked if len(mine) else np.zeros(len(asked), dtype=bool)
+        wanted_keys = keys(np.vstack(rows))
+        position = np.minimum(np.searchsorted(code[order], wanted_keys), max(len(mine) - 1, 0))
+        here = (
+            code[order][position] == wanted_keys
+            if len(mine)
+            else np.zeros(len(wanted_keys), dtype=bool)
+        )
         ends = np.cumsum([len(r) for r in rows])
         for name, end, part in zip(names, ends, rows, strict=True):
-            some = slice(end - len(part), end)
-            found = order[position[some][here[some]]]
-            groups[name][dim] = np.unique(found).astype(np.int32)
+            rows_of_group = slice(end - len(part), end)
+            entities = order[position[rows_of_group][here[rows_of_group]]]
+            groups[name][dim] = np.unique(entities).astype(np.int32)
     return groups

@@ -1,4 +1,4 @@
-"""Points of cells and faces that are closest to given ones."""
+"""Points of cells and faces that are closest to given points."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
-#: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them: what
-#: is left is its square.
+#: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them; the
+#: remaining error is the square of this step.
 FOOT_STEPS, FOOT_SETTLED = 12, 1e-8
-#: A foot that leaves its cell by more than this is not sought any further (reference lengths).
+#: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0
 
 
@@ -27,7 +27,8 @@ def projected(
     affine: bool,
     along: Array | None = None,
 ) -> Array:
-    """Reference coordinates (n, t) at which x(ξ) is nearest to each point, in or out of its cell.
+    """Reference coordinates (n, t) at which x(ξ) is nearest to each point, inside its cell or
+    outside.
 
     Gauss–Newton iteration; it stops for points whose projection lies far outside the cell.
 
@@ -36,7 +37,7 @@ def projected(
     at : numbers k of points, ξ (k, t) -> (x (k, 3), dx/dξ (k, 3, t))
     points : (n, 3)
     start : (n, t)
-    affine : whether one step is exact
+    affine : whether x(ξ) is affine, so that one step is exact
     along : (n, 3) unit vectors, optional; the points are projected along these directions.
     """
     xi = np.array(start)
@@ -64,7 +65,7 @@ def projected(
 
 
 def excess(xi: Array, simplex: bool) -> Array:
-    """How far reference coordinates (n, t) lie outside their cells (n,); <= 0 inside."""
+    """Distance (n,) by which reference coordinates (n, t) lie outside their cells; <= 0 inside."""
     above = xi.sum(axis=1) - 1 if simplex else xi.max(axis=1) - 1
     return np.maximum(-xi.min(axis=1), above)
 
@@ -78,16 +79,19 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """Pairs (item, point) with |centre − point| <= reach, items and points as numbers."""
+    """Pairs (item, point) of numbers with |centre of item − point| <= reach of item."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
     gap = np.maximum(0.0, np.maximum(low - centres, centres - high))
     close = np.flatnonzero(np.linalg.norm(gap, axis=1) <= reach)
-    found = cKDTree(points).query_ball_point(centres[close], reach[close])
-    count = np.array([len(f) for f in found], dtype=int)
+    points_near = cKDTree(points).query_ball_point(centres[close], reach[close])
+    count = np.array([len(f) for f in points_near], dtype=int)
     item = np.repeat(close, count)
-    point = np.concatenate([np.zeros(0, dtype=int), *[np.asarray(f, dtype=int) for f in found]])
+    point = np.concatenate(
+        [np.zeros(0, dtype=int), *[np.asarray(f, dtype=int) for f in points_near]]
+    )
     return item, point
 
 
@@ -130,37 +134,41 @@ class ClosestPoints:
 
 
 def closest(mesh: Mesh, point: Array) -> ClosestPoint:
-    """The closest point of the mesh, the same answer on every rank; `point` has shape (3,)."""
+    """The point of the mesh closest to `point` (3,), the same on every rank."""
     return closest_many(mesh, np.asarray(point)[None])[0]
 
 
 def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
-    """The closest points of the mesh to points of shape (P, 3), the same answer on every rank.
+    """The points of the mesh closest to `points` (P, 3), the same on every rank.
 
-    Points inside cells are found together; the others one by one, cell by cell.
+    Points inside cells are found together, the others one by one.
     """
     cell, X, distance = _inside(mesh, points)
-    found = np.array(mesh.comm.allgather(np.isfinite(distance)))
+    distances = np.array(mesh.comm.allgather(np.isfinite(distance)))
     x = points.copy()
-    for i in np.flatnonzero(~found.any(axis=0)):
+    for i in np.flatnonzero(~distances.any(axis=0)):
         nearest = _closest_here(mesh, points[i])
         if nearest is not None:
             cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance
     rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
     mine = rank == mesh.comm.rank
-    own = [np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)]
-    cell, X, x, distance = (mesh.comm.allreduce(a) for a in own)
+    mine_or_zero = [
+        np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)
+    ]
+    cell, X, x, distance = (mesh.comm.allreduce(a) for a in mine_or_zero)
     return ClosestPoints(rank, cell, X, x, distance)
 
 
 def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
-    """Largest distance [m] between corners of the cell of the closest point, on all ranks."""
+    """Largest distance [m] between corners of the cell that holds the closest point, on all
+    ranks.
+    """
     x = corners_at(mesh, nearest)
     return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
 
 
 def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
-    """Corners (n, 3) of the cell with the closest point, on all ranks."""
+    """Corners (n, 3) of the cell that holds the closest point, on all ranks."""
     corners = None
     if mesh.comm.rank == nearest.rank:
         corners = mesh.geometry.nodes[nearest.cell][: len(mesh.geometry.corners)]
@@ -168,11 +176,13 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell, reference coordinates, distance) of points inside cells of this rank; inf elsewhere.
+    """(cell, reference coordinates, distance) of points inside cells of this rank; distance inf for
+    others.
 
-    Of several cells that share the point the first is taken.
+    If several cells share a point, the first is taken.
     """
-    cell, distance = np.zeros(len(points), dtype=int), np.full(len(points), np.inf)
+    cell = np.zeros(len(points), dtype=int)
+    distance = np.full(len(points), np.inf)
     X = np.zeros((len(points), mesh.tdim))
     low, high = mesh.boxes
     if not len(low):
@@ -182,14 +192,18 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     geometry = mesh.geometry
     margin = OUTSIDE_CELL * reach[item, None]
     boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
-    item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
+    item = item[boxed.all(axis=1)]
+    point = point[boxed.all(axis=1)]
     start = np.tile(geometry.centre(), (len(item), 1))
     xi = projected(
         lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
     )
     off = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
     holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (off <= OUTSIDE_CELL * reach[item])
-    item, point, xi, off = item[holds], point[holds], xi[holds], off[holds]
+    item = item[holds]
+    point = point[holds]
+    xi = xi[holds]
+    off = off[holds]
     order = np.lexsort((-item, point))  # the first cell is written last
     cell[point[order]], X[point[order]] = item[order], xi[order]
     distance[point[order]] = off[order]
@@ -197,8 +211,9 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
 
 
 def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
-    """The closest point on this rank: cells by the distance of their boxes until none can be
-    closer.
+    """The closest point on this rank; None if it has no cells.
+
+    Cells are tried in the order of the distance of their bounding boxes.
     """
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
@@ -216,13 +231,13 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
 
 
 def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
-    """The closest point of one cell: the foot of the perpendicular, or a point of its boundary."""
+    """The point of one cell closest to `point`: inside it or on its boundary."""
     geometry = mesh.geometry
     scale = float(np.ptp(geometry.nodes[cell], axis=0).max())
-    one = np.array([cell])
+    cell_as_array = np.array([cell])
 
     def at(X: Array) -> tuple[Array, Array]:
-        return geometry.at(one, X.reshape(1, -1))
+        return geometry.at(cell_as_array, X.reshape(1, -1))
 
     middle = geometry.centre()
     X = projected(lambda _, X: at(X), point[None], middle[None], affine=geometry.affine)

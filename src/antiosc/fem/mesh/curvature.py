@@ -1,9 +1,9 @@
 """Curvature of the surface of a mesh at a point: from CAD, or from a fit to nodes of the surface.
 
-Nodes of a mesh lie on the surface that was meshed, its faces do not. The fit is a polynomial over
-the tangent plane through the nodes within a radius that depends on the surface and not on the
-cells: a third of the radius of curvature, and more only where that holds too few nodes. The spread
-is the difference to the fit within another radius, with the standard error of the fit.
+The nodes of a mesh lie on the surface that was meshed; its faces do not. The fit is a polynomial
+over the tangent plane. It uses the nodes within a radius that depends on the surface and not on the
+cells: a third of the radius of curvature, or more if there are too few nodes. The uncertainty is
+the difference from a fit with another radius, and the standard error of the fit.
 
 Faces are parts of one smooth surface across edges at which their normals turn by less than
 `SHARP_ANGLE`.
@@ -29,49 +29,55 @@ from antiosc.fem.mesh.closest import clamped, projected
 from antiosc.fem.mesh.surface import Faces
 from antiosc.io.neutral import CadSurface
 
-#: Angle between the normals of two faces from which their common edge is one of the part [degree].
+#: Least angle between the normals of two faces whose common edge is a sharp edge of the part
+#: [degree].
 SHARP_ANGLE = 40.0
 #: Radius of the fit over the radius of curvature.
 SHARE = 1 / 3
 #: Largest radius of a fit over the size of the part, and over the size of the faces at the point.
 WIDEST, FACES_WIDE = 0.1, 5.0
-#: Radii of two fits over one another, whose difference is the spread.
+#: Ratio of the radii of two fits, whose difference is the uncertainty.
 OTHER = 1.5
-#: Most times that the radius of a fit is chosen anew, and the change that ends this.
+#: Most iterations of the radius of a fit, and the relative change that ends them.
 CHOICES, SETTLED = 8, 0.1
 #: Degrees of the polynomials, and nodes over coefficients that each needs.
-DEGREES, NODES_EACH = (4, 3, 2), 1.5
-#: Singular values below this share of the largest one are none.
+DEGREES = (4, 3, 2)
+NODES_EACH = 1.5
+#: Singular values below this share of the largest one count as zero.
 RANK = 1e-6
-#: Normals of faces in a fit and that of the point have at least this cosine; the first fit ends
-#: where they have less than the second one.
+#: Least cosine between the normals of the faces in a fit and that of the point; and the cosine at
+#: which the first fit ends.
 TURNED, STARTS = 0.35, 0.75
 #: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
 ON_PLANE = 1e-6
 #: Distance of a middle node from the chord over the length of the side, from which it is curved.
 BENT = 1e-6
-#: Of the two curvatures the smaller one is none below these shares of the error and of the larger
-#: one, and never above the third.
+#: The smaller of the two curvatures counts as zero below these multiples of the error and of the
+#: larger one; above the third multiple of the larger one it never does.
 NONE = (3.0, 1e-3, 0.2)
-#: Curvature of CAD over the inverse size of the part below which it is none.
+#: Curvature of CAD times the size of the part below which it counts as zero.
 CAD_NONE = 1e-6
-#: A surface that turns within a smaller radius this much of what it turns within a larger one has
-#: an edge at the point.
+#: If a surface turns within a smaller radius by this share of its turn within a larger one, the
+#: point lies on an edge.
 SAME_TURN = 0.8
 #: Relative error of a curvature k by a fit of a circle within a radius r, of degrees below 4 and of
 #: degree 4: these times (k r)^2 and (k r)^4. Measured on spheres and cylinders: 0.25 and 0.07.
 CUT_OFF = 0.35, 0.15
-#: A curvature k is not known at all from a fit within a radius r with k r above this.
+#: A fit within a radius r does not resolve a curvature k if k r is above this.
 UNRESOLVED = 0.8
-#: Curvatures by CAD are taken of nodes within this many lengths of the sides of the faces at the
-#: point; those near to it count more, by exp(-NEARER r^2) with the largest distance as unit.
+#: Curvatures of CAD are interpolated from nodes within this many side lengths of the point, with
+#: the weights exp(-NEARER r^2), r being the distance over the largest distance.
 NODES_WIDE, NEARER = 2.0, 2.0
-#: Looks along a line, how often its end is looked for between two of them, and the height over its
-#: radius by which it may miss.
-LOOKS, CLOSER, MISSED = 200, 3, 0.1
-#: Steps along a line that is not straight, the height below which it has ended, and looks across
-#: it, over its radius.
-STEP, FALLEN, ACROSS = 0.25, 0.25, np.linspace(-0.3, 0.3, 5)
+#: Points tried along a line, refinements of the place of its end, and largest deviation of the
+#: surface from the line over its radius.
+LOOKS = 200
+CLOSER = 3
+MISSED = 0.1
+#: Step along a curved line, drop of height at which it ends, and points tried across it; all over
+#: its radius.
+STEP = 0.25
+FALLEN = 0.25
+ACROSS = np.linspace(-0.3, 0.3, 5)
 #: Longest such line over the size of the part.
 LONGEST = 4.0
 #: A sheet is struck on its rim if the direction has less than this cosine to the normal.
@@ -101,8 +107,8 @@ class Patch:
     gap: Array
 
     def only(self, which: BoolArray | IntArray) -> Patch:
-        """The patch restricted to some faces."""
-        return Patch(*(getattr(self, one.name)[which] for one in fields(self)))
+        """The patch with some of its faces."""
+        return Patch(*(getattr(self, member.name)[which] for member in fields(self)))
 
     @cached_property
     def sides(self) -> Array:
@@ -112,12 +118,12 @@ class Patch:
 
     @cached_property
     def touching(self) -> BoolArray:
-        """Faces (n,) on which the point lies."""
+        """Mask (n,) of the faces on which the point lies."""
         return np.asarray(self.gap <= self.gap.min() + TOUCH * self.sides.max(axis=1))
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
-        """Pairs of equal sides among all n v, as their indices."""
+        """Pairs of coincident sides, as indices into the n v sides of all faces."""
         ends = np.stack([self.numbers, np.roll(self.numbers, -1, axis=1)], axis=2)
         ends = np.sort(ends.reshape(-1, 2), axis=1)
         _, side = np.unique(ends, axis=0, return_inverse=True)
@@ -127,18 +133,19 @@ class Patch:
 
     def surfaces(self, sheet: bool) -> IntArray:
         """Number (n,) of the smooth surface to which each face belongs."""
-        one, two = self.pairs
+        first, second = self.pairs
         count, around = self.numbers.shape
         normals = self.normals.reshape(-1, 3)
-        cosine = np.einsum("nd,nd->n", normals[one], normals[two])
+        cosine = np.einsum("nd,nd->n", normals[first], normals[second])
         cosine = np.abs(cosine) if sheet else cosine
         smooth = cosine > np.cos(np.radians(SHARP_ANGLE))
-        one, two = one[smooth] // around, two[smooth] // around
-        graph = scipy.sparse.coo_matrix((np.ones(len(one)), (one, two)), (count, count))
+        first = first[smooth] // around
+        second = second[smooth] // around
+        graph = scipy.sparse.coo_matrix((np.ones(len(first)), (first, second)), (count, count))
         return np.asarray(connected_components(graph, directed=False)[1])
 
     def nodes(self) -> Array:
-        """Nodes on the surface (k, 3) [m]: vertices, and middles of sides that are curved."""
+        """Nodes on the surface (k, 3) [m]: vertices, and mid-side nodes of curved sides."""
         chord = (self.corners + np.roll(self.corners, -1, axis=1)) / 2
         bent = np.linalg.norm(self.middles - chord, axis=2) > BENT * self.sides
         points = self.corners.reshape(-1, 3)
@@ -155,9 +162,9 @@ def curvature(
 
     Parameters
     ----------
-    faces : of the mesh; those of a solid are its outer ones.
-    direction : (3,) of an impact, to which the normal of a sheet is opposite; optional.
-    lengths : whether the lengths of lines are looked for, which takes most of the time.
+    faces : faces of the mesh; for a solid the outer ones.
+    direction : (3,) of an impact, optional; the normal of a sheet is taken against it.
+    lengths : whether to find the lengths of lines, which takes most of the time.
 
     Raises
     ------
@@ -171,35 +178,37 @@ def curvature(
         )
     size = mesh.extent()
     near = _patch(faces, point)
-    at = near.only(near.touching)
-    cad = _on_cad(mesh, at)
+    touching = near.only(near.touching)
+    cad = _on_cad(mesh, touching)
     if cad is not None:
-        at = replace(at, normals=cad.along_sides())
-    normal = _normal(at, direction, faces.sheet)
-    x = np.einsum("nv,nvd->d", at.weights, at.corners) / len(at.gap)
-    surfaces = len(np.unique(at.surfaces(faces.sheet)))
+        touching = replace(touching, normals=cad.along_sides())
+    normal = _normal(touching, direction, faces.sheet)
+    x = np.einsum("nv,nvd->d", touching.weights, touching.corners) / len(touching.gap)
+    surfaces = len(np.unique(touching.surfaces(faces.sheet)))
     if surfaces > 1:
         return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
     way = normal if direction is None or not faces.sheet else direction
     if abs(float(way @ normal)) < RIM * float(np.linalg.norm(way)):
         return _sharp(EDGE, x, normal)
     if cad is not None:
-        found = _from_cad(cad, at, x, normal, size)
+        result = _from_cad(cad, touching, x, normal, size)
     else:
         patch = _patch(faces, point, WIDEST * size, FACES_WIDE)
         label = patch.surfaces(faces.sheet)
         smooth = patch.only(np.isin(label, label[patch.touching]))
-        found = _from_nodes(smooth, x, normal)
-    return _with_length(faces, found, size) if lengths and found.kind == LINE else found
+        result = _from_nodes(smooth, x, normal)
+    if lengths and result.kind == LINE:
+        return _with_length(faces, result, size)
+    return result
 
 
 def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) -> Patch:
-    """Faces within `reach` [m] of the nearest one, or within `wide` sizes of it if that is more."""
+    """Faces within `reach` [m] or `wide` face sizes of the point, whichever is more."""
     comm = faces.mesh.comm
     away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(away.min(initial=np.inf)))
-    there = np.flatnonzero(away <= min(nearest) + faces.radii)
-    largest = max(comm.allgather(float(faces.radii[there].max(initial=0.0))))
+    near_faces = np.flatnonzero(away <= min(nearest) + faces.radii)
+    largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
     chosen = np.flatnonzero(away <= min(nearest) + max(reach, wide * largest))
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     around = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
@@ -222,22 +231,26 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
     middles, normals = (np.stack(each, axis=1) for each in zip(*looks, strict=True))
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
     numbers = numbers[faces.vertices[chosen][:, around]]
-    own = numbers, faces.corners[chosen][:, around], middles, normals, weights, gap
-    every = (np.concatenate(each) for each in zip(*comm.allgather(own), strict=True))
-    found = Patch(*every)
-    once = np.unique(np.sort(found.numbers, axis=1), axis=0, return_index=True)[1]
-    return found.only(once)
+    rows_here = numbers, faces.corners[chosen][:, around], middles, normals, weights, gap
+    rows_of_all = (np.concatenate(each) for each in zip(*comm.allgather(rows_here), strict=True))
+    patch = Patch(*rows_of_all)
+    once = np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1]
+    return patch.only(once)
 
 
 def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
-    """Mean unit normal (3,) of the faces at the point: outward, or against the direction."""
+    """Mean unit normal (3,) of the faces at the point: outward, or for a sheet against the
+    direction.
+    """
     normals = at.normals.mean(axis=1)
     if sheet:
         along = normals[0] if direction is None else -direction
         normals = normals * np.where(normals @ along < 0, -1.0, 1.0)[:, None]
     mean = normals.sum(axis=0)
     size = float(np.linalg.norm(mean))
-    return np.asarray(mean / size) if size > 0 else np.asarray(normals[0])
+    if size > 0:
+        return np.asarray(mean / size)
+    return np.asarray(normals[0])
 
 
 # -- from CAD
@@ -250,8 +263,8 @@ class OnCad:
     Attributes
     ----------
     nodes : all nodes of the mesh on CAD surfaces.
-    rows : (n, v) of the vertices among these.
-    signs : (n,) of the normals of CAD towards those of the faces.
+    rows : (n, v) indices of the faces' vertices into these.
+    signs : (n,) +1 or -1, by which the normals of CAD point as those of the faces.
     """
 
     nodes: CadSurface
@@ -259,39 +272,44 @@ class OnCad:
     signs: Array
 
     def along_sides(self) -> Array:
-        """Unit normals (n, v, 3) at the middles of the sides, from those at the vertices."""
+        """Unit normals (n, v, 3) at the middles of the sides, interpolated between the vertices."""
         normals = self.signs[:, None, None] * self.nodes.normals[self.rows]
         mean = normals + np.roll(normals, -1, axis=1)
         return np.asarray(mean / np.linalg.norm(mean, axis=2, keepdims=True))
 
 
 def _on_cad(mesh: Mesh, at: Patch) -> OnCad | None:
-    """Faces on CAD surfaces; None if one of them is on none."""
+    """Faces as pieces of CAD surfaces; None if a face is not on one."""
     if mesh.cad is None:
         return None
-    cad, tree = mesh.cad, mesh.cad_tree
+    cad = mesh.cad
+    tree = mesh.cad_tree
     rows, signs = [], []
     for corners, normals, sides in zip(at.corners, at.normals, at.sides, strict=True):
-        each = tree.query_ball_point(corners, TOUCH * float(sides.min()))
-        surfaces = [set(cad.surfaces[some].tolist()) for some in each]
-        facing, found = normals.mean(axis=0), []
+        nodes_at_corners = tree.query_ball_point(corners, TOUCH * float(sides.min()))
+        surfaces = [set(cad.surfaces[candidates].tolist()) for candidates in nodes_at_corners]
+        facing = normals.mean(axis=0)
+        rows_found = []
         for surface in set.intersection(*surfaces):
-            on = [next(i for i in some if cad.surfaces[i] == surface) for some in each]
-            found.append((float(cad.normals[on].mean(axis=0) @ facing), on))
-        if not found:
+            row = [
+                next(i for i in candidates if cad.surfaces[i] == surface)
+                for candidates in nodes_at_corners
+            ]
+            rows_found.append((float(cad.normals[row].mean(axis=0) @ facing), row))
+        if not rows_found:
             return None
         # of several the surface that faces as the face does
-        cosine, on = max(found, key=lambda one: abs(one[0]))
-        rows.append(on)
+        cosine, row = max(rows_found, key=lambda one: abs(one[0]))
+        rows.append(row)
         signs.append(np.sign(cosine))
     return OnCad(cad, np.array(rows), np.array(signs))
 
 
 def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Curvature:
-    """Curvature at a point between the vertices of its faces, from the curvatures at nearby nodes.
+    """Curvature at a point, interpolated between the CAD curvatures at nearby nodes.
 
-    Tensors are turned into the tangent plane at the point. At a node that of the node counts;
-    elsewhere a quadratic function of the place, whose difference to the linear one is the error.
+    Curvature tensors are rotated into the tangent plane at the point. At a node its own value is
+    taken. Elsewhere a quadratic interpolation is; its difference from the linear one is the error.
     """
     radius = NODES_WIDE * float(at.sides.max())
     away = np.linalg.norm(cad.nodes.points - x, axis=1)
@@ -301,19 +319,22 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
         sign[cad.nodes.surfaces == cad.nodes.surfaces[rows[0]]] = np.sign(facing)
     shares = np.zeros(len(away))
     np.add.at(shares, cad.rows, at.weights / len(at.gap))
-    turned = sign * (cad.nodes.normals @ normal) > TURNED
-    used = np.flatnonzero((shares > 0) | (away < radius) & turned)
-    near, sign, shares = cad.nodes.at(used), sign[used], shares[used]
-    normals, tensors = sign[:, None] * near.normals, sign[:, None, None] * near.tensors
+    facing_alike = sign * (cad.nodes.normals @ normal) > TURNED
+    used = np.flatnonzero((shares > 0) | (away < radius) & facing_alike)
+    near = cad.nodes.at(used)
+    sign = sign[used]
+    shares = shares[used]
+    normals = sign[:, None] * near.normals
+    tensors = sign[:, None, None] * near.tensors
     mean = shares @ normals
     mean /= np.linalg.norm(mean)
     basis = np.linalg.svd(mean[None])[2][1:]
     turns = basis @ _turns(normals, mean)
     tensors = turns @ tensors @ np.swapaxes(turns, 1, 2)
-    here = np.flatnonzero(np.linalg.norm(near.points - x, axis=1) < TOUCH * radius)
-    if len(here):
-        tensor = tensors[here].mean(axis=0)
-        error = float(np.abs(tensors[here] - tensor).max())
+    node_at_point = np.flatnonzero(np.linalg.norm(near.points - x, axis=1) < TOUCH * radius)
+    if len(node_at_point):
+        tensor = tensors[node_at_point].mean(axis=0)
+        error = float(np.abs(tensors[node_at_point] - tensor).max())
     else:
         between = np.einsum("n,nij->ij", shares, tensors)
         tensor, error = _between(near.points - x, basis, tensors, between)
@@ -325,7 +346,9 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
 
 
 def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
-    """Quadratic interpolation of tensors (n, 2, 2), and its error [1/m]."""
+    """Quadratic interpolation of tensors (n, 2, 2) at distances `way` (n, 3), and its error
+    [1/m].
+    """
     u, v = basis @ way.T / np.abs(way).max()
     rows = polyvander2d(u, v, [2, 2])[:, [0, 1, 2, 3, 4, 6]]
     values = tensors.reshape(-1, 4)
@@ -334,12 +357,12 @@ def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[A
     weight = np.exp(-NEARER * (u * u + v * v))[:, None]
     c = np.linalg.lstsq(weight * rows, weight * values, rcond=RANK)[0]
     tensor = c[0].reshape(2, 2)
-    rest = np.abs(weight * (rows @ c - values)).max()
-    return tensor, max(2 * float(np.abs(tensor - linear).max()), float(rest))
+    misfit = np.abs(weight * (rows @ c - values)).max()
+    return tensor, max(2 * float(np.abs(tensor - linear).max()), float(misfit))
 
 
 def _kind(values: Array, error: float) -> tuple[Array, str]:
-    """Principal curvatures with insignificant ones set to zero, and the kind of surface."""
+    """(principal curvatures with insignificant ones set to zero, kind of surface)."""
     bend = float(np.abs(values).max())
     if bend == 0.0:
         return values, PLANE
@@ -348,7 +371,9 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 
 
 def _turns(starts: Array, end: Array) -> Array:
-    """The smallest rotations (n, 3, 3) of unit vectors onto another one that is not opposite."""
+    """The smallest rotations (n, 3, 3) that turn unit vectors `starts` onto `end`, which is
+    opposite to none.
+    """
     cross = np.cross(np.eye(3), np.cross(starts, end)[:, None])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1 + starts @ end)[:, None, None])
 
@@ -363,10 +388,10 @@ class Fit:
     Attributes
     ----------
     values, directions : (2,) principal curvatures [1/m], ascending, and (2, 3) their directions.
-    normal : (3,) of the polynomial at the point.
+    normal : (3,) normal of the polynomial surface at the point.
     deviation : standard error of the curvatures [1/m].
     flat : whether all nodes lie on a plane.
-    degree : of the polynomial.
+    degree : degree of the polynomial.
     """
 
     values: Array
@@ -378,7 +403,7 @@ class Fit:
 
 
 def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
-    """The fit to nodes of a smooth surface, by the method in the module's docstring."""
+    """Curvature from a fit to the nodes of a smooth surface (see the module's docstring)."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
     away = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
     nodes = smooth.only(cosine > TURNED).nodes() - x
@@ -411,7 +436,8 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
         basis = np.linalg.svd(normal[None])[2][1:]
         return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
     bend = float(np.abs(fit.values).max())
-    turn, before = bend * radius, float(np.abs(start[0].values).max()) * start[1]
+    turn = bend * radius
+    before = float(np.abs(start[0].values).max()) * start[1]
     if turn > max(SHARE, SAME_TURN * before) and radius < start[1] / OTHER**2:
         return _sharp(EDGE, x, normal)
     smaller, larger = (_fit(nodes, normal, radius * share) for share in (1 / OTHER, OTHER))
@@ -431,7 +457,9 @@ def _in_one_plane(nodes: Array, normal: Array) -> bool:
 
 
 def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
-    """Whether the nodes within a smaller radius are coplanar: a flat beside a rounded edge."""
+    """Whether the nodes within some smaller radius are coplanar, as on a flat beside a rounded
+    edge.
+    """
     while True:
         radius /= OTHER
         fit = _fit(nodes, normal, radius)
@@ -440,23 +468,26 @@ def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
 
 
 def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
+    """The result at an edge or a corner, without curvatures."""
     return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
 
 
 def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
     """Truncation error of the polynomial [1/m], from fits with a smaller and a larger radius."""
     shrinks = OTHER ** (4 if fit.degree == 4 else 2)
-    found = 0.0
+    error = 0.0
     if larger is not None:
-        found = float(np.abs(fit.values - larger.values).max())
+        error = float(np.abs(fit.values - larger.values).max())
     if smaller is not None:
         change = float(np.abs(fit.values - smaller.values).max())
-        found = max(found, change * shrinks / (shrinks - 1))
-    return found
+        error = max(error, change * shrinks / (shrinks - 1))
+    return error
 
 
 def _cut_off(fit: Fit, share: float) -> float:
-    """Error [1/m] of the polynomial fit of a circle of this curvature, `share` radii wide."""
+    """Truncation error [1/m] of a fit to a circle of the fit's curvature, `share` radii of
+    curvature wide.
+    """
     relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
     return relative * float(np.abs(fit.values).max())
 
@@ -492,11 +523,11 @@ def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
         if s[-1] < RANK * s[0]:
             continue
         c = V.T @ ((U.T @ (weight * w)) / s)
-        rest = weight * (w - rows @ c)
-        variance = float(rest @ rest) / max(len(near) - len(c), 1)
+        residuals = weight * (w - rows @ c)
+        variance = float(residuals @ residuals) / max(len(near) - len(c), 1)
         number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
-        second = [number[each] for each in ((2, 0), (1, 1), (0, 2))]
-        spread = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second] * [2, 1, 2]
+        second_order = [number[each] for each in ((2, 0), (1, 1), (0, 2))]
+        spread = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]
         a, b, cuu, cuv, cvv = (c[number[each]] for each in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
         first = np.array([[1 + a * a, a * b], [a * b, 1 + b * b]])
         slope = np.sqrt(1 + a * a + b * b)
@@ -514,60 +545,69 @@ def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
 # -- lines
 
 
-def _with_length(faces: Faces, found: Curvature, size: float) -> Curvature:
-    """The curvature with length and middle of its line, along which the surface is straight."""
-    along = found.directions[int(np.argmin(np.abs(found.values)))]
-    radius = 1 / float(np.abs(found.values).max())
+def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
+    """The curvature with the length and the middle of the line along which the surface is
+    straight.
+    """
+    along = curvature.directions[int(np.argmin(np.abs(curvature.values)))]
+    radius = 1 / float(np.abs(curvature.values).max())
 
     def depth(points: Array, rise: float) -> Array:
-        """Distances (n,) of the surface from points along the normal [m]; inf: none there."""
-        normals = np.tile(found.normal, (len(points), 1))
+        """Distances (n,) [m] of the surface from points along the normal; inf if it is farther than
+        `rise`.
+        """
+        normals = np.tile(curvature.normal, (len(points), 1))
         distance = faces.along(points, normals, rise)[2]
         return np.asarray(np.min(np.array(faces.mesh.comm.allgather(distance)), axis=0))
 
-    def there(t: Array) -> BoolArray:
-        return np.isfinite(depth(found.point + t[:, None] * along, MISSED * radius))
+    def there(distances: Array) -> BoolArray:
+        return np.isfinite(depth(curvature.point + distances[:, None] * along, MISSED * radius))
 
     ends = _end(there, size), -_end(lambda t: there(-t), size)
-    beyond = found.point + (1 + TOUCH) * np.array(ends)[:, None] * along
+    beyond = curvature.point + (1 + TOUCH) * np.array(ends)[:, None] * along
     if np.isfinite(depth(beyond, 2 * MISSED * radius)).any():
-        return _around(found, lambda points: depth(points, radius), along, radius, size)
-    middle = found.point + (ends[0] + ends[1]) / 2 * along
-    return replace(found, length=ends[0] - ends[1], middle=middle)
+        return _around(curvature, lambda points: depth(points, radius), along, radius, size)
+    middle = curvature.point + (ends[0] + ends[1]) / 2 * along
+    return replace(curvature, length=ends[0] - ends[1], middle=middle)
 
 
 def _end(there: Callable[[Array], BoolArray], size: float) -> float:
-    """Distance along a line [m] at which the surface ends."""
+    """Distance [m] along a line at which the surface ends, up to `size`."""
     inside, outside = 0.0, size
     for _ in range(1 + CLOSER):
         t = np.linspace(inside, outside, LOOKS)
         last = int(np.argmin(np.append(there(t[1:-1]), False)))
-        inside, outside = float(t[last]), float(t[last + 1])
+        inside = float(t[last])
+        outside = float(t[last + 1])
     return inside
 
 
 def _around(
-    found: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
+    curvature: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
 ) -> Curvature:
-    """Length and middle of a curved line, as the top of a torus: its crest, step by step."""
+    """Length and middle of a curved line, followed step by step along its crest, as the top of a
+    torus.
+    """
     length, step = 0.0, STEP * radius
     for start in (along, -along):
-        x, way = found.point, start
+        x, way = curvature.point, start
         for number in range(int(LONGEST * size / step)):
-            across: Array = np.cross(found.normal, way).astype(float)
+            across: Array = np.cross(curvature.normal, way).astype(float)
             looks = x + step * way + radius * ACROSS[:, None] * across
             low = depth(looks)
             on = np.flatnonzero(np.isfinite(low))
             if len(on) < 3 or len(ACROSS) // 2 not in on:
                 break
             bend, slope, level = np.polyfit(ACROSS[on], low[on] / radius, 2)
-            aside = np.clip(-slope / (2 * bend), ACROSS[0], ACROSS[-1]) if bend > 0 else 0.0
-            if level - bend * aside**2 > FALLEN:
+            shift = np.clip(-slope / (2 * bend), ACROSS[0], ACROSS[-1]) if bend > 0 else 0.0
+            if level - bend * shift**2 > FALLEN:
                 break
-            crest = x + step * way + radius * aside * across
-            moved = float(np.linalg.norm(crest - x))
-            length, way, x = length + moved, (crest - x) / moved, crest
-            rest = float(np.linalg.norm(x - found.point))
-            if number > 3 and rest < step:
-                return replace(found, length=length + rest, middle=found.point)
-    return replace(found, length=length, middle=found.point)
+            crest = x + step * way + radius * shift * across
+            step_length = float(np.linalg.norm(crest - x))
+            length = length + step_length
+            way = (crest - x) / step_length
+            x = crest
+            from_start = float(np.linalg.norm(x - curvature.point))
+            if number > 3 and from_start < step:
+                return replace(curvature, length=length + from_start, middle=curvature.point)
+    return replace(curvature, length=length, middle=curvature.point)

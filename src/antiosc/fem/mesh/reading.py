@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from dolfinx.mesh import MeshTags  # the oldest dolfinx has no such name
 
 
-#: What chooses one of the pieces of a mesh.
+#: Remedies of a message: arguments that choose one piece of a mesh.
 BY_PIECE = 'piece=1 is the largest; or cells="its group"'
 
 
@@ -144,9 +144,9 @@ def read_mesh(
     for name, value, of in (("size", size, "m"), ("merge", merge, "m"), ("timeout", timeout, "s")):
         if value is not None:
             positive(name, value, of)
-    for name, given, options in (("gdim", gdim, (2, 3)), ("order", order, (1, 2))):
-        if given is not None:
-            choice(name, given, options)
+    for name, argument, options in (("gdim", gdim, (2, 3)), ("order", order, (1, 2))):
+        if argument is not None:
+            choice(name, argument, options)
     for name, either in (("trust", trust), ("solid", solid), ("fragments", fragments)):
         flag(name, either)
     if piece is not None:
@@ -209,37 +209,39 @@ def read_mesh(
     return replace(distributed(raw, file.name, comm), stated=stated)
 
 
-def numbered_elements(given: object) -> dict[str, list[int]]:
+def numbered_elements(elements: object) -> dict[str, list[int]]:
     """Checked groups of element numbers; {} for None; InputError for anything else."""
-    if given is None:
+    if elements is None:
         return {}
-    instance("elements", given, Mapping, "a dict: name -> list of numbers of elements")
-    found = {}
-    for name, numbers in cast("Mapping[str, object]", given).items():
+    instance("elements", elements, Mapping, "a dict: name -> list of numbers of elements")
+    groups = {}
+    for name, numbers in cast("Mapping[str, object]", elements).items():
         what = f"elements[{text('a name in elements', name)!r}]"
         if not isinstance(numbers, list | tuple | range | np.ndarray) or len(numbers) == 0:
             raise InputError(f"{what} must be a list of numbers of elements; got {shown(numbers)}.")
-        found[name] = [whole(f"a number in {what}", number) for number in numbers]
-    return found
+        groups[name] = [whole(f"a number in {what}", number) for number in numbers]
+    return groups
 
 
 def _check_refinements(refine: Sequence[Refinement]) -> None:
+    """InputError unless `refine` is a sequence of (point, size)."""
     if not isinstance(refine, Sequence) or isinstance(refine, str):
         raise InputError(f"refine must be a list of pairs (point, size); got {shown(refine)}.")
-    for one in refine:
+    for refinement in refine:
         try:
-            point, local = one
+            point, local = refinement
             dim = len(point)
         except (TypeError, ValueError) as error:
             raise InputError(
                 "refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; "
-                f"got {shown(one)}."
+                f"got {shown(refinement)}."
             ) from error
         array("a point of refine", point, (dim,))
         positive("a size of refine", local, "m")
 
 
 def _check_selection(cells: object) -> None:
+    """InputError unless `cells` is a name, a dimension or a list of numbers 1 to 3."""
     if isinstance(cells, list | tuple):
         if not cells or not all(isinstance(c, str) and c for c in cells):
             raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
@@ -266,7 +268,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
 
 
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
-    """A user's dolfinx mesh with names for its tags."""
+    """A user's dolfinx mesh with the names of its tags as groups."""
     named: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):
@@ -288,7 +290,7 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]
     return found
 
 
-#: by the number of lengths: a name, a script of gmsh, and the sides by their groups
+#: number of lengths -> (name, gmsh script, {group: entities of the side})
 KINDS = {
     1: ("bar", "Point(1) = {{0, 0, 0}}; Point(2) = {{{0!r}, 0, 0}}; Line(1) = {{1, 2}};",
         {"-x": "1", "+x": "2"}),
@@ -333,14 +335,15 @@ def box_mesh(
     choice("gdim", gdim, (2, 3))
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     name, body, groups = KINDS[len(sides)]
-    own = body.format(*(positive("a length", float(side), "m") for side in sides))
-    last, outside = GROUPS[len(sides)], GROUPS[len(sides) - 1]
-    lines = ['SetFactory("OpenCASCADE");', own, f'Physical {last}("{name}") = {{1}};']
+    script_body = body.format(*(positive("a length", float(side), "m") for side in sides))
+    last = GROUPS[len(sides)]
+    outside = GROUPS[len(sides) - 1]
+    lines = ['SetFactory("OpenCASCADE");', script_body, f'Physical {last}("{name}") = {{1}};']
     lines += [f'Physical {outside}("{side}") = {{{them}}};' for side, them in groups.items()]
     with TemporaryDirectory() as folder:
         script = Path(folder, f"{name}.geo")
         script.write_text("\n".join(lines) + "\n", encoding="ascii")
         script = comm.bcast(script)  # every rank has a folder of its own, and all read the first
-        made = read_mesh(script, size, gdim, order=1, refine=refine, comm=comm)
+        mesh = read_mesh(script, size, gdim, order=1, refine=refine, comm=comm)
         comm.barrier()
-    return replace(made, name=name)
+    return replace(mesh, name=name)

@@ -1,7 +1,7 @@
-"""Checks of the cells of a file before they become a mesh: each by itself, and with others.
+"""Checks of the cells of a file before they become a mesh: of each cell, and of cells together.
 
-A nonconforming mesh runs and represents another part: overlapping cells double the mass, and cells
-that touch without common nodes form a crack. Of that only vertices are checked, not curved sides.
+A nonconforming mesh gives a result for another part: overlapping cells double the mass, and cells
+that touch without common nodes form a crack. These checks use vertices only, not curved sides.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from antiosc.io.reading import keys, piece_of_cells, pieces_error
 if TYPE_CHECKING:
     from antiosc.fem.mesh import Mesh
 
-#: A point this close to a face, over the size of the face, lies on it.
+#: Largest distance of a point from a face on which it lies, over the size of the face.
 ON = 1e-3
 #: Barycentric coordinates above this are inside.
 INSIDE_FACE = 1e-3
-#: Gram determinant of a simplex over that of its edges at right angles, below which it is flat.
+#: A simplex is flat if its Gram determinant over that of orthogonal edges is below this.
 FLAT = 1e-12
-#: Weights of the vertices of a cell or a face that give a point on no line of symmetry.
+#: Weights of the vertices of a cell or a face for an inner point on no line of symmetry.
 _ASKEW = {2: (0.59, 0.41), 3: (0.46, 0.31, 0.23), 4: (0.37, 0.29, 0.21, 0.13)}
 #: Simplices that make up a cell or a face.
 _SIMPLICES: dict[str, list[tuple[int, ...]]] = {
@@ -40,26 +40,26 @@ _SIMPLICES: dict[str, list[tuple[int, ...]]] = {
         *((0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)),
     ],
 }
-#: Pairs that are examined at once: the corners of as many tetrahedra take 19 MB.
+#: Pairs examined at once; the corners of so many tetrahedra take 19 MB.
 _PAIRS = 200_000
 
 
 def repeated(cells: IntArray) -> IntArray:
-    """Mask of cells (n, vertices) with the same vertices as an earlier cell."""
+    """Numbers of cells (n, vertices) with the same vertices as an earlier cell."""
     order = np.argsort(keys(cells), kind="stable")
     alike = np.sort(cells[order], axis=1)
     return np.sort(order[1:][(alike[1:] == alike[:-1]).all(axis=1)])
 
 
 def crowded(cells: IntArray, kind: CellKind) -> IntArray:
-    """Mask of space-filling cells (n, vertices) that share a facet with several other cells."""
+    """Numbers of space-filling cells (n, vertices) that share a facet with several other cells."""
     facets, owner = _facets(cells, kind)
     _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
     return np.unique(owner[count[label.reshape(-1)] > 2])
 
 
 def doublets(cells: IntArray, kind: CellKind) -> IntArray:
-    """Mask of cells (n, vertices) that share more than one facet with the same other cell."""
+    """Numbers of cells (n, vertices) that share more than one facet with the same other cell."""
     facets, owner = _facets(cells, kind)
     _, label = np.unique(keys(facets), return_inverse=True)
     shape = len(cells), int(label.max(initial=-1)) + 1
@@ -69,10 +69,10 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) -> IntArray:
-    """Mask of cells (n, nodes) whose mid-side node differs from that of other cells at the side.
+    """Numbers of cells (n, nodes) whose mid-side node is not that of other cells at the side.
 
-    It may be a corner of another cell, lie in another side too, or have a copy in its place.
-    `between`: (vertices of an edge, face or cell, node inside it).
+    The node may be a corner of another cell, lie in another side too, or have a copy in its
+    place. `between`: (vertices of an edge, face or cell, node inside it).
     """
     if not len(cells):
         return np.zeros(0, dtype=np.int64)
@@ -88,10 +88,10 @@ def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) ->
 
 
 def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Mask of overlapping cells (n, vertices), at least one of each pair.
+    """Numbers of overlapping cells (n, vertices), at least one of each pair.
 
-    In their space: facets whose two cells lie on one side of it, and outer facets inside a cell.
-    On a sheet or a line in space: cells on which another lies.
+    For cells that fill their space: facets with both cells on one side, and outer facets inside a
+    cell. For sheets or lines in space: cells that lie on another cell.
     """
     if kind.dim < points.shape[1]:
         askew = _inner_points(points, cells)
@@ -107,17 +107,18 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
         corners = points[cells[:, list(simplex)]]
         for at, cell in _near(askew, corners):
             other = owner[outer[at]] != cell
-            at, cell = at[other], cell[other]
+            at = at[other]
+            cell = cell[other]
             inside = _barycentric(corners[cell], askew[at])[0].min(axis=1) > INSIDE_FACE
             found.append(owner[outer[at[inside]]])
     return np.unique(np.concatenate(found))
 
 
 def unjoined(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Nodes that lie on a side without being its vertex: cracks and hanging nodes.
+    """Nodes that lie on a side without being its vertex, as at cracks and hanging nodes.
 
-    Of cells (n, vertices) that fill their space: outer nodes on outer facets; of sheets and lines:
-    nodes at free edges and ends on cells.
+    For cells (n, vertices) that fill their space: outer nodes on outer facets. For sheets and
+    lines: nodes at free edges and ends on cells.
     """
     facets, _ = _facets(cells, kind)
     _, _, outer = _matched(facets)
@@ -153,7 +154,7 @@ def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
-    """Sign of the side of each facet on which its cell lies."""
+    """Sign (n,) of the side of each facet on which its cell lies."""
     x = points[facets]
     if points.shape[1] == 2:
         along = x[:, 1] - x[:, 0]
@@ -164,7 +165,7 @@ def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
 
 
 def _inner_points(points: Array, rows: IntArray) -> Array:
-    """A point inside each cell or face, off all lines of symmetry."""
+    """A point inside each cell or face that is on no line of symmetry."""
     weights = np.array(_ASKEW[rows.shape[1]])
     return np.einsum("k,nki->ni", weights, points[rows])
 
@@ -183,7 +184,8 @@ def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[Int
             # of 3000 large triangles in disorder: 1.0 s in place of 5.3 s
             height = np.abs(np.einsum("ni,ni->n", x[at] - corners[side, 0], normal[side]))
             flat = height <= 2 * ON * size[side]
-            at, side = at[flat], side[flat]
+            at = at[flat]
+            side = side[flat]
             b, off = _barycentric(corners[side], x[at])
             on = (b.min(axis=1) > -ON) & (off <= ON * size[side])
             found.append(np.stack([at[on], side[on]]))
@@ -201,7 +203,7 @@ def _unit_normals(corners: Array) -> Array:
 
 
 def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
-    """Blocks of pairs (point, simplex) such that the point is in the ball around the simplex."""
+    """Blocks of pairs (point, simplex) whose point lies in the ball around the simplex."""
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1) * (1 + ON)
     if not len(x) or not len(radii):
@@ -211,50 +213,53 @@ def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
     for o in np.unique(octave):
         members = np.flatnonzero(octave == o)
         for start in range(0, len(members), _PAIRS):
-            some = members[start : start + _PAIRS]
+            simplices = members[start : start + _PAIRS]
             pairs = tree.sparse_distance_matrix(
-                cKDTree(centres[some]), float(radii[some].max()), output_type="ndarray"
+                cKDTree(centres[simplices]), float(radii[simplices].max()), output_type="ndarray"
             )
-            close = pairs["v"] <= radii[some[pairs["j"]]]
-            at, simplex = pairs["i"][close], some[pairs["j"][close]]
+            close = pairs["v"] <= radii[simplices[pairs["j"]]]
+            at = pairs["i"][close]
+            simplex = simplices[pairs["j"][close]]
             for block in range(0, len(at), _PAIRS):
                 yield at[block : block + _PAIRS], simplex[block : block + _PAIRS]
 
 
 def _barycentric(corners: Array, x: Array) -> tuple[Array, Array]:
-    """Barycentric coordinates (n, d + 1) of points projected on simplices, and distances.
+    """(barycentric coordinates (n, d + 1) of points projected on simplices, distances (n,)).
 
-    Simplices without measure, as halves of quadrilaterals with an angle of 180°, hold no point.
+    The coordinates lie outside and the distance is inf for simplices without measure, such as half
+    a quadrilateral with an angle of 180°.
     """
     edges = corners[:, 1:] - corners[:, :1]
     gram = edges @ edges.swapaxes(1, 2)
     sides = np.prod(np.einsum("ndd->nd", gram), axis=1)
     flat = np.linalg.det(gram) <= FLAT * sides
     gram[flat] = np.eye(gram.shape[1])
-    to = x - corners[:, 0]
-    rest = np.linalg.solve(gram, np.einsum("ndi,ni->nd", edges, to)[:, :, None])[:, :, 0]
-    off = np.linalg.norm(to - np.einsum("nd,ndi->ni", rest, edges), axis=1)
-    off[flat] = np.inf
-    rest[flat] = -1.0
-    return np.column_stack([1 - rest.sum(axis=1), rest]), off
+    offset = x - corners[:, 0]
+    coordinates = np.linalg.solve(gram, np.einsum("ndi,ni->nd", edges, offset)[:, :, None])[:, :, 0]
+    distance = np.linalg.norm(offset - np.einsum("nd,ndi->ni", coordinates, edges), axis=1)
+    distance[flat] = np.inf
+    coordinates[flat] = -1.0
+    return np.column_stack([1 - coordinates.sum(axis=1), coordinates]), distance
 
 
-#: Cells of which two can have two sides in common and differ; dolfinx 0.5 dies of such a pair.
+#: Shapes of which two different cells can have two sides in common; dolfinx 0.5 crashes on these.
 TWO_SIDES = ("quadrilateral", "hexahedron")
 
 
 def sound(
     raw: RawMesh, name: str, made_here: bool, pieces: bool = False, by: str = 'cells="its group"'
 ) -> RawMesh:
-    """The mesh after its checks, without folded cells if gmsh made it here; `name`: of the file.
+    """The mesh after its checks; folded cells are straightened if gmsh made it here.
 
-    `pieces`: it may fall into pieces, for constraints join them; `by`: what else chooses one.
+    `name`: name of the file; `pieces`: whether unconnected pieces are allowed, since constraints
+    join them; `by`: arguments that choose a piece, for the message.
 
     Raises
     ------
     MeshError
-        Repeated cells, two with two sides in common, cells without length, area or volume, cells
-        that cross themselves, pieces that share no node, nodes inside sides that neighbours do not
+        Repeated cells, two cells with two common sides, cells without length, area or volume,
+        cells that cross themselves, unconnected pieces, nodes inside sides that neighbours do not
         share.
 
     Warns
@@ -267,31 +272,34 @@ def sound(
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     fills = kind.dim == raw.points.shape[1]
 
-    def told(some: IntArray, what: str, remedy: str) -> str:
-        centre = raw.points[raw.cells[some[0]]].mean(axis=0)
+    def message(bad: IntArray, what: str, remedy: str) -> str:
+        centre = raw.points[raw.cells[bad[0]]].mean(axis=0)
         return (
-            f"{len(some)} of {len(cells)} cells of {name} {what}, one at {point_text(centre)}: "
+            f"{len(bad)} of {len(cells)} cells of {name} {what}, one at {point_text(centre)}: "
             f"{remedy}."
         )
 
-    def refuse(some: IntArray, what: str, remedy: str) -> None:
-        if len(some):
-            raise (UnmeshableError if made_here else MeshError)(told(some, what, remedy))
+    def refuse(bad: IntArray, what: str, remedy: str) -> None:
+        if len(bad):
+            raise (UnmeshableError if made_here else MeshError)(message(bad, what, remedy))
 
     ordered = np.sort(raw.cells, axis=1)
     refuse(
         np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1)),
-        "use a node twice", "write them as cells of fewer nodes, or mesh it anew",
-    )  # fmt: skip
+        "use a node twice",
+        "write them as cells of fewer nodes, or mesh it anew",
+    )
     refuse(
         repeated(vertices),
-        "repeat another one, node by node", "delete the copies",
-    )  # fmt: skip
+        "repeat another one, node by node",
+        "delete the copies",
+    )
     if kind.shape in TWO_SIDES:
         refuse(
             doublets(vertices, kind),
-            "share two sides with another one", "make one cell of both, or divide them",
-        )  # fmt: skip
+            "share two sides with another one",
+            "make one cell of both, or divide them",
+        )
     if fills:
         refuse(
             crowded(vertices, kind),
@@ -328,7 +336,7 @@ def sound(
                 "what is computed there is wrong; optimise the mesh (in gmsh: "
                 "Mesh.HighOrderOptimize = 2) or read it with order=1"
             )
-            warn(told(bad, "fold over themselves", remedy))
+            warn(message(bad, "fold over themselves", remedy))
     if kind.shape == "hexahedron" and kind.order == 2:
         bend = bends(raw.points, cells)
         locked = np.flatnonzero(bend > MOST_BENT)
@@ -339,7 +347,7 @@ def sound(
                 "along the curve, or model the part as a Shell"
             )
             what = f"are one layer, curved by more than {MOST_BENT} of its thickness"
-            warn(told(locked, what, remedy))
+            warn(message(locked, what, remedy))
     if not made_here:
         over = overlapping(raw.points, vertices, kind)
         if len(over):
@@ -347,13 +355,14 @@ def sound(
                 "mass and stiffness count twice there; mesh the parts as one (in gmsh: "
                 "BooleanUnion or BooleanFragments)"
             )
-            warn(told(over, "overlap others", remedy))
+            warn(message(over, "overlap others", remedy))
         if not pieces:
             _tell_cracks(raw, vertices, name)
     return raw
 
 
 def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
+    """MeshError if the mesh has pieces without a common node."""
     count = int(piece_of_cells(raw).max()) + 1
     if count > 1:
         raise pieces_error(
@@ -365,6 +374,7 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
 
 
 def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str) -> None:
+    """Warn of cracks and hanging nodes."""
     loose = unjoined(raw.points, vertices, raw.kind)
     if len(loose):
         warn(
@@ -374,20 +384,21 @@ def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str) -> None:
         )
 
 
-# -- Folded and collapsed cells: found by their Jacobian, straightened if gmsh made them.
+# -- Folded and collapsed cells have a bad Jacobian; they are straightened if gmsh made them.
 #
 # A curved cell at a tight fillet may have a negative Jacobian at a corner. Integrals over it are
 # wrong without any other symptom, and a point in it has two sets of reference coordinates.
 
 
-#: Smallest Jacobian determinant over the largest in a cell, from which on it counts as sound.
+#: Least ratio of the smallest to the largest Jacobian determinant of a sound cell.
 SOUND = 0.02
-#: Measure of a cell over its size to the power of its dimension below which it has none.
+#: A cell has collapsed if its measure over its size to the power of its dimension is below this.
 LEAST_MEASURE = 1e-7
-#: Height of the arc over the thickness of second-order hexahedra above which it is told, and the
-#: share by which its square raises their stiffness in bending: rings of one layer have 4.6 to 5.3.
+#: Arc height over thickness of second-order hexahedra above which a warning is given; the square of
+#: this ratio times LOCKING is the relative error of their bending stiffness (4.6 to 5.3 in rings of
+#: one layer).
 MOST_BENT, LOCKING = 0.15, 5.0
-#: Size of a cell over that of the mesh below which it is a point.
+#: A cell is a point if its size over that of the mesh is below this.
 POINT = 1e-12
 #: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
 MID_SIDE_EDGES = {
@@ -397,23 +408,23 @@ MID_SIDE_EDGES = {
 
 
 def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
-    """Mask of cells whose smallest Jacobian is at most `least` times the largest.
+    """Numbers of cells whose smallest Jacobian is at most `least` times the largest.
 
-    Solids, or faces in the plane or in space; their nodes are in dolfinx's order.
+    The cells are solids, or faces in a plane or in space, with nodes in dolfinx's order.
     """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
-    found = []
+    numbers = []
     for start in range(0, len(cells), 20_000):
         x = points[cells[start : start + 20_000]]
         J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
         det = np.linalg.det(J) if J.shape[2] == J.shape[3] else _along_mean_normal(J)
         det = det * np.sign(det.sum(axis=1))[:, None]
-        found.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
-    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+        numbers.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
+    return np.concatenate([np.zeros(0, dtype=np.int64), *numbers])
 
 
 def _along_mean_normal(J: Array) -> Array:
-    """Areas (cells, q) of faces in space, as seen along the mean normal of each."""
+    """Signed areas (cells, q) of faces in space, projected along the mean normal of each."""
     normals = np.cross(J[:, :, 0], J[:, :, 1])
     mean = normals.sum(axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
@@ -421,7 +432,7 @@ def _along_mean_normal(J: Array) -> Array:
 
 
 def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
-    """Cells (nodes in dolfinx's order) without length, area or volume, in any space."""
+    """Numbers of cells (nodes in dolfinx's order) without length, area or volume."""
     slopes = compat.lattice_gradients(shape, order, order)
     J = np.einsum("dqn,cni->cqdi", slopes, points[cells], optimize=True)
     measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
@@ -430,17 +441,17 @@ def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArra
     return np.flatnonzero(nothing | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
 
 
-#: Area or volume of a cell, counted negative where its sides cross, over the sum without signs,
-#: below which it crosses itself: bowties have 0 to 0.4, one corner beyond the diagonal leaves 0.6.
+#: A cell crosses itself if its signed area or volume over the unsigned one is below this: bowties
+#: have 0 to 0.4; a quadrilateral with a corner beyond its diagonal has 0.6.
 CROSSED = 0.5
 
 
 def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
-    """Cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
+    """Numbers of cells (nodes in dolfinx's order) whose sides cross, as those of a bowtie."""
     if shape == "interval":
         return np.zeros(0, dtype=np.int64)
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
-    found = []
+    numbers = []
     for start in range(0, len(cells), 20_000):
         x = points[cells[start : start + 20_000]]
         J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
@@ -448,21 +459,22 @@ def crossed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
             measure = np.linalg.det(J)[..., None]
         else:
             measure = np.cross(J[:, :, 0], J[:, :, 1])
-        whole = np.linalg.norm(measure.sum(axis=1), axis=1)
+        total = np.linalg.norm(measure.sum(axis=1), axis=1)
         parts = np.linalg.norm(measure, axis=2).sum(axis=1)
-        found.append(start + np.flatnonzero(whole <= CROSSED * parts))
-    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+        numbers.append(start + np.flatnonzero(total <= CROSSED * parts))
+    return np.concatenate([np.zeros(0, dtype=np.int64), *numbers])
 
 
 def refuse_degenerate(mesh: Mesh) -> None:
-    """MeshError for cells, on all ranks, that have no area or volume or intersect themselves."""
-    own = compat.cell_map(mesh.dolfinx).size_local
-    nodes = compat.geometry_nodes(mesh.dolfinx)[:own].astype(np.int64)
+    """MeshError on all ranks if a cell has no area or volume or intersects itself."""
+    owned_cells = compat.cell_map(mesh.dolfinx).size_local
+    nodes = compat.geometry_nodes(mesh.dolfinx)[:owned_cells].astype(np.int64)
     points = mesh.dolfinx.geometry.x[:, : mesh.gdim]
     size = ("length", "area", "volume")[mesh.tdim - 1]
     for check, what in ((collapsed, f"have no {size}"), (crossed, "cross themselves")):
-        bad = check(points, nodes, mesh.cell, mesh.order) if own else nodes[:0, 0]
-        total, error = mesh.comm.allreduce(len(bad)), None
+        bad = check(points, nodes, mesh.cell, mesh.order) if owned_cells else nodes[:0, 0]
+        total = mesh.comm.allreduce(len(bad))
+        error = None
         if len(bad):
             error = MeshError(
                 f"{total} of {mesh.n_cells} {mesh.cell} cells {what}, one at "
@@ -473,10 +485,10 @@ def refuse_degenerate(mesh: Mesh) -> None:
 
 
 def bends(points: Array, cells: IntArray) -> Array:
-    """Sagitta (n,) of second-order hexahedra over their thickness; 0 for straight ones.
+    """Arc height over thickness (n,) of second-order hexahedra; 0 for straight ones.
 
-    `cells` (n, 27): in dolfinx's order. Thickness is between two sides that no other cell has:
-    layers share the bending, and lock less.
+    `cells` (n, 27): in dolfinx's order. The thickness is between two sides that no other cell has;
+    hexahedra in several layers share the bending and lock less.
     """
     lattice = np.zeros((3, 3, 3), dtype=np.int64)
     corners = [([v], v) for v in range(8)]
@@ -486,21 +498,22 @@ def bends(points: Array, cells: IntArray) -> Array:
     grids = [np.moveaxis(cells[:, lattice], axis, 1) for axis in (1, 2, 3)]
     sides = np.stack([grid[:, end, ::2, ::2] for grid in grids for end in (0, 2)])
     _, label, count = np.unique(keys(sides.reshape(-1, 4)), return_inverse=True, return_counts=True)
-    alone = (count[label.reshape(3, 2, len(cells))] == 1).all(axis=1)
-    found = np.zeros(len(cells))
-    for grid, outside in zip(grids, alone, strict=True):
+    unshared = (count[label.reshape(3, 2, len(cells))] == 1).all(axis=1)
+    ratio = np.zeros(len(cells))
+    for grid, outside in zip(grids, unshared, strict=True):
         x = points[grid]
         across = x[:, 2, 1, 1] - x[:, 0, 1, 1]
         chords = (x[:, 1, [0, 1], [1, 0]] + x[:, 1, [2, 1], [1, 2]]) / 2
         arcs = np.abs(np.einsum("nai,ni->na", x[:, 1, 1, 1, None] - chords, across)).max(axis=1)
-        found = np.maximum(found, np.where(outside, arcs / np.sum(across**2, axis=1), 0.0))
-    return found
+        ratio = np.maximum(ratio, np.where(outside, arcs / np.sum(across**2, axis=1), 0.0))
+    return ratio
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     """`points` with the mid-side nodes of folded second-order simplices moved to the midpoints.
 
-    `cells` are in gmsh's order. Neighbours share those nodes: repeated until no cell is folded.
+    `cells` are in gmsh's order. This is repeated until no cell is folded, since neighbours share
+    the nodes.
     """
     points = points.copy()
     edges = np.array(MID_SIDE_EDGES[shape])

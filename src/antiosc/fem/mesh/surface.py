@@ -1,6 +1,6 @@
-"""Points on a mesh: of its groups with weights, and on its outer faces.
+"""Quadrature points of the groups of a mesh, and points on its outer faces.
 
-The faces at which impacts are possible are the outer facets of a solid and the cells of a sheet.
+The faces that an impactor can strike are the outer facets of a solid and the cells of a sheet.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from antiosc.fem.platform import compat
 from antiosc.io.cad import FACE
 from antiosc.io.neutral import FACETS, KINDS
 
-#: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
+#: Degree of the quadrature on groups: exact for products of two cubics on straight cells.
 DEGREE = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Quadrature:
-    """Weighted points in cells of a mesh, n of them."""
+    """n weighted points in cells of a mesh."""
 
     entity: IntArray  # (n,) number of the entity of each
     #: cell, X: (n,) cell and (n, tdim) reference coordinates in it
@@ -37,7 +37,7 @@ class Quadrature:
 
 
 def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
-    """meshio's name of the kind of cells."""
+    """meshio's name of the cell type."""
     return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
 
 
@@ -54,16 +54,20 @@ def outer_corners(cell: str, cells: IntArray) -> IntArray:
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
-    """(dimension, entities of this rank) of the largest dimension in a group, on all ranks."""
-    found = mesh.group(group)
-    dim = mesh.comm.allreduce(max((d for d in found if len(found[d])), default=-1), op=MPI.MAX)
+    """(dimension, entities of this rank) of the highest dimension in a group, the same dimension on
+    all ranks.
+    """
+    by_dimension = mesh.group(group)
+    dim = mesh.comm.allreduce(
+        max((d for d in by_dimension if len(by_dimension[d])), default=-1), op=MPI.MAX
+    )
     if dim < 0:
         raise InputError(f"the group {group!r} of {mesh.name} is empty.")
-    return dim, np.asarray(found.get(dim, np.zeros(0, dtype=np.int32)))
+    return dim, np.asarray(by_dimension.get(dim, np.zeros(0, dtype=np.int32)))
 
 
 def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArray]:
-    """(one cell at each entity, local number of the entity in it)."""
+    """(a cell at each entity, local number of the entity in that cell)."""
     topology = mesh.dolfinx.topology
     if dim == mesh.tdim:
         return np.asarray(entities), np.zeros(len(entities), dtype=int)
@@ -71,38 +75,42 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
     topology.create_connectivity(dim, mesh.tdim)
     to_cell = topology.connectivity(dim, mesh.tdim)
     cells = np.asarray(to_cell.array)[np.asarray(to_cell.offsets)[entities]]
-    own = compat.cell_entities(mesh.dolfinx, dim)[cells]
-    return cells, np.asarray((own == np.asarray(entities)[:, None]).argmax(axis=1))
+    entities_of_cells = compat.cell_entities(mesh.dolfinx, dim)[cells]
+    return cells, np.asarray((entities_of_cells == np.asarray(entities)[:, None]).argmax(axis=1))
 
 
 def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
-    """Origin (n, tdim) and axes (n, tdim, dim) in the reference cell of its entities."""
+    """Origin (n, tdim) and axes (n, tdim, dim) of entities in the reference cell, by their local
+    numbers.
+    """
     if dim == mesh.tdim:
         count = len(number)
         return np.zeros((count, dim)), np.tile(np.eye(dim), (count, 1, 1))
     kind = getattr(basix.CellType, mesh.cell)
-    corners, entities = np.asarray(basix.geometry(kind)), basix.topology(kind)[dim]
+    corners = np.asarray(basix.geometry(kind))
+    entities = basix.topology(kind)[dim]
     origin = np.array([corners[e[0]] for e in entities])
     axes = np.array([(corners[e[1 : dim + 1]] - corners[e[0]]).T for e in entities])
     return origin[number], axes.reshape(len(entities), mesh.tdim, dim)[number]
 
 
 class Entities:
-    """Entities of one dimension of a mesh, F of them.
+    """F entities of one dimension of a mesh.
 
-    A point of one has coordinates ξ in the reference entity and X = origin + axes ξ in the
+    A point of an entity has coordinates ξ in the reference entity, and X = origin + axes ξ in the
     reference cell.
 
     Attributes
     ----------
-    cells : (F,) a cell at each.
-    vertices : (F, v) numbers of the geometry nodes at their vertices.
-    corners : (F, v, 3) vertices [m].
-    middle : (F, dim) coordinates ξ of their middles.
+    cells : (F,) a cell at each entity.
+    vertices : (F, v) numbers of the geometry nodes at the vertices.
+    corners : (F, v, 3) coordinates of the vertices [m].
+    middle : (F, dim) coordinates ξ of the middles.
     """
 
     def __init__(self, mesh: Mesh, dim: int, entities: IntArray) -> None:
-        self.mesh, self.dim = mesh, dim
+        self.mesh = mesh
+        self.dim = dim
         self.cells, number = cells_at(mesh, dim, entities)
         self._origin, self._axes = frames(mesh, dim, number)
         self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[entities]
@@ -121,16 +129,18 @@ class Entities:
 
     @cached_property
     def radii(self) -> Array:
-        """Radius (F,) of a ball around the middle that holds the entity [m]."""
+        """Radius (F,) [m] of a ball around the middle that contains the entity."""
         away = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
         return np.asarray(away.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
 
     def reference(self, face: IntArray, xi: Array) -> Array:
-        """Reference coordinates (n, tdim) in the cells of points ξ (n, dim) of entities (n,)."""
+        """Reference coordinates (n, tdim) in the cells, of points ξ (n, dim) on entities `face`
+        (n,).
+        """
         return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
 
     def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], derivatives (n, 3, dim)) at ξ in entities."""
+        """(points (n, 3) [m], derivatives (n, 3, dim)) at ξ (n, dim) on entities `face` (n,)."""
         x, J = self.mesh.geometry.at(self.cells[face], self.reference(face, xi))
         return x, np.einsum("nxt,ntd->nxd", J, self._axes[face])
 
@@ -145,14 +155,18 @@ def shape(mesh: Mesh, dim: int) -> str:
 
 
 def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Quadrature:
-    """A rule on entities of a mesh: exact for polynomials of `degree` on straight simplices."""
+    """Quadrature points on entities of a mesh, exact for polynomials of `degree` on straight
+    simplices.
+    """
     cells, number = cells_at(mesh, dim, entities)
     origin, axes = frames(mesh, dim, number)
     if dim == 0:
-        xi, weights = np.zeros((1, 0)), np.ones(1)
+        xi = np.zeros((1, 0))
+        weights = np.ones(1)
     else:
         xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
-    many, count = len(entities), len(weights)
+    many = len(entities)
+    count = len(weights)
     X = origin[:, None] + np.einsum("ntd,qd->nqt", axes, np.asarray(xi).reshape(count, dim))
     cell = np.repeat(cells, count)
     X = X.reshape(many * count, -1)
@@ -180,26 +194,26 @@ def centre(mesh: Mesh, group: str) -> Array:
     return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)
 
 
-#: Faces whose normals differ by less than this cosine lie on one side of an edge.
+#: Faces whose normals have more than this cosine lie on one side of an edge.
 SAME_FACE = 0.5
-#: A site that lies this share of a face's size from it lies on its edge.
+#: A site closer to the edge of a face than this share of the face's size lies on the edge.
 AT_EDGE = 0.25
 #: Faces touch a point within this share of their size; normals that differ by less are equal.
 TOUCH, LEVEL = 1e-6, 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
 OUTSIDE_FACE = 1e-8
-#: On the plane that touches a curved face, the foot of a point of the face may lie outside by this
+#: A point of a curved face, projected on the face's tangent plane, may lie outside the face by this
 #: times the face's bend (reference lengths).
 NEARLY = 5.0
-#: A face is flat that bends by less than this share of its size.
+#: A face is flat if it bends by less than this share of its size.
 STRAIGHT = 1e-9
-#: The face whose normal points most along this is taken where faces are equal, on all ranks alike.
+#: Of equal faces, the one whose normal points most along this is taken, the same on all ranks.
 OBLIQUE = np.array([0.43, 0.59, 0.68])
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Data of the surface at P sites, the same on all ranks.
+    """Properties of the surface at P sites, the same on all ranks.
 
     Attributes
     ----------
@@ -207,7 +221,7 @@ class Contact:
     depth : (P,) distance of the sites from the surface [m]; inf beyond the radius.
     smallest, largest : (P,) sizes of the faces under the patch [m]; inf and -inf if there is none.
     label : (P,) least label of the faces at the site; 0 if there is none.
-    rise : (P,) how far the vertices of these faces lie from the tangent plane, at most [m].
+    rise : (P,) largest distance of the vertices of these faces from the tangent plane [m].
     """
 
     normals: Array
@@ -218,12 +232,12 @@ class Contact:
     label: IntArray
 
     def of(self, which: IntArray) -> Contact:
-        """The data of some sites."""
-        return Contact(*(getattr(self, one.name)[which] for one in fields(self)))
+        """The properties at some of the sites."""
+        return Contact(*(getattr(self, member.name)[which] for member in fields(self)))
 
 
 class Faces(Entities):
-    """Faces of one rank; `facets` (F,) are the numbers of the facets, of the cells on sheets."""
+    """Faces of one rank; `facets` (F,) are numbers of facets, or of cells for a sheet."""
 
     def __init__(self, mesh: Mesh, sheet: bool) -> None:
         self.sheet = sheet
@@ -236,7 +250,7 @@ class Faces(Entities):
         super().__init__(mesh, mesh.tdim if sheet else mesh.tdim - 1, self.facets)
 
     def across(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points, unit normals (n, 3)) at ξ in faces; outward for solids."""
+        """(points, unit normals (n, 3)) at ξ on faces; the normals of solids point outward."""
         x, J = self.at(face, xi)
         if J.shape[2] == 1:
             normal = np.column_stack([J[:, 1, 0], -J[:, 0, 0], np.zeros(len(J))])
@@ -263,26 +277,30 @@ class Faces(Entities):
         return np.asarray(np.linalg.norm(side, axis=2).mean(axis=1))
 
     def contact(self, points: Array, directions: Array, radii: Array, labels: IntArray) -> Contact:
-        """Data of the surface at sites (P, 3) with unit directions of impact (P, 3).
+        """Properties of the surface at sites (P, 3) with unit directions of impact (P, 3).
 
-        On an edge the face whose normal is most opposite to the direction is taken. `labels` (F,)
+        At an edge, the face whose normal is most opposite to the direction is taken. `labels` (F,)
         are numbers of the faces of this rank, `radii` (P,) the search radii.
         """
-        comm, count = self.mesh.comm, len(points)
+        comm = self.mesh.comm
+        count = len(points)
         mean = self.sizes
         face, site, normal, gap = self._feet(points, radii)
         depth = _least(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
         if self.sheet:
-            turn = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
-            normal[turn], facing[turn] = -normal[turn], -facing[turn]
+            facing_most = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
+            normal[facing_most], facing[facing_most] = -normal[facing_most], -facing[facing_most]
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
             least = _least(comm, measure[best], site[best], count)
             best = best[measure[best] <= least[site[best]] + LEVEL]
         first = _mean(comm, normal[best], site[best], count)
         same = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
-        face, site, normal, gap = face[same], site[same], normal[same], gap[same]
+        face = face[same]
+        site = site[same]
+        normal = normal[same]
+        gap = gap[same]
         here = gap <= _least(comm, gap, site, count)[site] + TOUCH * mean[face]
         normals = _mean(comm, normal[here], site[here], count)
         label = _least(comm, labels[face[here]].astype(float), site[here], count)
@@ -297,8 +315,8 @@ class Faces(Entities):
         )
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
-        """(face, point, unit normal, distance) of faces of this rank near each point: the nearest
-        places.
+        """(face, point, unit normal, distance) of the nearest place of each face of this rank near
+        each point.
         """
         face, point = near(self.centres, self.radii + radii.max(initial=0.0), points)
         xi = projected(
@@ -310,46 +328,56 @@ class Faces(Entities):
         return face[inside], point[inside], normal[inside], gap[inside]
 
     def along(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, Array, Array]:
-        """Points (n, 3) projected along unit normals (n, 3) onto the surface, at most by `rise`
-        [m].
+        """Project points (n, 3) along unit normals (n, 3) onto the surface, by at most `rise` [m].
 
-        Returns (face, ξ, distance), the distance inf where no face of this rank lies there.
+        Returns (face, ξ, distance); the distance is inf if no face of this rank lies there.
         """
-        face, distance = np.zeros(len(points), dtype=int), np.full(len(points), np.inf)
+        face = np.zeros(len(points), dtype=int)
+        distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
         item, point = near(self.centres, self.radii + rise, points)
-        found = self._on_plane(item, points[point], normals[point])
+        xi_found = self._on_plane(item, points[point], normals[point])
         bend = self.bend[item]
-        close = excess(found, self.simplex) <= OUTSIDE_FACE + NEARLY * bend
-        item, point, found = item[close], point[close], found[close]
+        close = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * bend
+        item = item[close]
+        point = point[close]
+        xi_found = xi_found[close]
         bent = np.flatnonzero(bend[close] > 0)
-        found[bent] = projected(
+        xi_found[bent] = projected(
             lambda k, xi: self.at(item[bent[k]], xi),
             points[point[bent]],
-            found[bent],
+            xi_found[bent],
             affine=False,
             along=normals[point[bent]],
         )
-        inside = excess(found, self.simplex) <= OUTSIDE_FACE
-        item, point, found = item[inside], point[inside], found[inside]
-        x, normal = self.across(item, found)
-        off = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
+        inside = excess(xi_found, self.simplex) <= OUTSIDE_FACE
+        item = item[inside]
+        point = point[inside]
+        xi_found = xi_found[inside]
+        x, normal = self.across(item, xi_found)
+        distances = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])
         cosine = np.abs(cosine) if self.sheet else cosine
-        on = (cosine > SAME_FACE) & (off <= rise)
-        item, point, found, off = item[on], point[on], found[on], off[on]
-        order = np.lexsort((-item, -off, point))  # the nearest, then the first, is written last
-        face[point[order]], xi[point[order]] = item[order], found[order]
-        distance[point[order]] = off[order]
+        on = (cosine > SAME_FACE) & (distances <= rise)
+        item = item[on]
+        point = point[on]
+        xi_found = xi_found[on]
+        distances = distances[on]
+        order = np.lexsort(
+            (-item, -distances, point)
+        )  # the nearest, then the first, is written last
+        face[point[order]], xi[point[order]] = item[order], xi_found[order]
+        distance[point[order]] = distances[order]
         return face, xi, distance
 
     def _on_plane(self, face: IntArray, points: Array, normals: Array) -> Array:
         """ξ (n, d) of points projected along normals on the tangent planes of faces.
 
-        For a straight side of a plane part the normals lie in the plane of the part.
+        For a straight side of a plane part, the normals lie in the plane of the part.
         """
         x, J = self.tangents
-        gap, first = points - x[face], J[face, :, 0]
+        gap = points - x[face]
+        first = J[face, :, 0]
         if self.dim == 1:
             side = np.column_stack([-normals[:, 1], normals[:, 0]])
             step = _dot(gap[:, :2], side) / _nonzero(_dot(first[:, :2], side))
@@ -368,76 +396,86 @@ class Faces(Entities):
 
     @cached_property
     def bend(self) -> Array:
-        """Largest distance of each face from its middle tangent plane, over its size (F,)."""
-        every = np.arange(len(self.facets))
-        bend = np.zeros(len(every))
+        """Largest distance (F,) of each face from the tangent plane at its middle, over its
+        size.
+        """
+        all_faces = np.arange(len(self.facets))
+        bend = np.zeros(len(all_faces))
         if self.affine:
             return bend
         x, J = self.tangents
         for corner in self._lattice():
-            xi = np.tile(corner, (len(every), 1))
+            xi = np.tile(corner, (len(all_faces), 1))
             straight = x + np.einsum("nxd,nd->nx", J, xi - self.middle)
-            off = np.linalg.norm(self.at(every, xi)[0] - straight, axis=1)
-            bend = np.maximum(bend, off / self.sizes)
+            distance = np.linalg.norm(self.at(all_faces, xi)[0] - straight, axis=1)
+            bend = np.maximum(bend, distance / self.sizes)
         return np.where(bend > STRAIGHT, bend, 0.0)
 
     def _lattice(self) -> Array:
-        """Corners and mid-sides (n, d) of the reference face."""
+        """ξ (n, d) of the corners and mid-sides of the reference face."""
         steps = np.array([0.0, 0.5, 1.0])
         grid = np.stack(np.meshgrid(*[steps] * self.dim), axis=-1).reshape(-1, self.dim)
         return np.asarray(grid[grid.sum(axis=1) <= 1] if self.simplex else grid)
 
 
 def face_tags(faces: Faces) -> tuple[list[str], IntArray]:
-    """(names "face 1", … of the geometry's faces, index of the name (F,) of `faces` or -1)."""
+    """(names "face 1", … of the geometry's faces, index of the name (F,) for each of `faces`, or
+    -1).
+    """
     names = [name for name in faces.mesh.groups if FACE.fullmatch(name)]
     tags = np.full(len(faces), -1, dtype=np.int64)
     for number, name in enumerate(names):
-        own = faces.mesh.groups[name].get(faces.dim, np.zeros(0, dtype=np.int32))
-        tags[np.isin(faces.facets, own)] = number
+        facets_of_face = faces.mesh.groups[name].get(faces.dim, np.zeros(0, dtype=np.int32))
+        tags[np.isin(faces.facets, facets_of_face)] = number
     return names, tags
 
 
 def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
-    """(point (3,) [m] of a group of faces nearest to its centroid, unit inward direction).
+    """(point (3,) [m] of a group of faces nearest to its centroid, unit inward direction (3,)).
 
-    On a sheet against the normal of its cells. InputError for a group without outer faces.
+    On a sheet the direction is against the normal of its cells. InputError for a group without
+    outer faces.
     """
     faces = Faces(mesh, sheet=mesh.tdim < mesh.gdim)
-    own = np.flatnonzero(np.isin(faces.facets, mesh.group(group).get(faces.dim, ())))
-    x, normals = faces.tangents[0][own], faces.normals[own]
-    area = faces.sizes[own] ** 2
+    in_group = np.flatnonzero(np.isin(faces.facets, mesh.group(group).get(faces.dim, ())))
+    x = faces.tangents[0][in_group]
+    normals = faces.normals[in_group]
+    area = faces.sizes[in_group] ** 2
     total = mesh.comm.allreduce(area.sum())
     if not total:
         raise InputError(f"the group {group!r} of {mesh.name} has no faces on the outside.")
     middle = mesh.comm.allreduce(area @ x) / total
     away = np.linalg.norm(x - middle, axis=1)
     best = int(np.argmin(away)) if len(away) else 0
-    here = (float(away[best]), x[best], -normals[best]) if len(away) else (np.inf, middle, middle)
-    every = mesh.comm.allgather(here)
+    candidate = (
+        (float(away[best]), x[best], -normals[best]) if len(away) else (np.inf, middle, middle)
+    )
+    every = mesh.comm.allgather(candidate)
     _, point, direction = min(every, key=lambda one: one[0])
     return np.asarray(point), np.asarray(direction)
 
 
 def _dot(a: Array, b: Array) -> Array:
+    """Scalar products (n,) of rows."""
     return np.asarray((a * b).sum(axis=1))
 
 
 def _nonzero(values: Array) -> Array:
-    """The divisors with 0 replaced by a tiny number: a face parallel to the normal is never met."""
+    """The divisors with 0 replaced by a tiny number, so that the quotient is very large."""
     return np.asarray(np.where(values == 0, np.finfo(float).tiny, values))
 
 
 def _least(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
-    """Smallest value of each site (count,) over all ranks; inf if there is none."""
-    least, result = np.full(count, np.inf), np.empty(count)
+    """Smallest value (count,) at each site over all ranks; inf if there is none."""
+    least = np.full(count, np.inf)
+    result = np.empty(count)
     np.minimum.at(least, site, values)
     comm.Allreduce(least, result, op=MPI.MIN)
     return result
 
 
 def _mean(comm: MPI.Comm, vectors: Array, site: IntArray, count: int) -> Array:
-    """Mean unit vector (count, 3) of each site's vectors over all ranks."""
+    """Unit vector (count, 3) of the mean of each site's vectors, over all ranks."""
     total = np.zeros((count, 3))
     np.add.at(total, site, vectors)
     total = np.asarray(comm.allreduce(total))

@@ -2,9 +2,9 @@
 
 Without mpi4py there is one process, whose communicator is `SERIAL`.
 
-A fingerprint of the arguments of a call must be equal on all ranks. Data that differ by rank
-legitimately are excluded: the rows of shapes, the parts of distributed matrices and meshes. Numbers
-count to ten digits, so that ranks on different processors agree.
+A fingerprint of the arguments of a call must be equal on all ranks. It excludes data that may
+differ by rank: the rows of shapes and the parts of distributed matrices and meshes. Numbers are
+rounded to ten digits, so that ranks on different processors agree.
 """
 
 from __future__ import annotations
@@ -36,55 +36,59 @@ from antiosc.base.process import within_memory
 
 #: Fields that hold the rows of one rank.
 LOCAL = frozenset({"phi", "residual", "shape", "shapes"})
-#: Objects inside objects are followed so deep.
+#: Greatest depth to which objects inside objects are followed.
 MOST_NESTED = 12
-#: Entries of an array that a function takes from around it: more may be a rank's own.
+#: Most entries of an array in a function's closure that the fingerprint includes: larger arrays may
+#: differ by rank.
 FEW_ENTRIES = 64
 
-#: What all ranks made together, and the number they gave it: it is the same on all of them.
+#: Objects that all ranks made together -> their number, which is the same on all ranks.
 _together: WeakKeyDictionary[object, int] = WeakKeyDictionary()
 
 
 def number(made: object, serial: int) -> None:
     """Register `made` as the `serial`-th object that all ranks made together."""
-    for k, one in enumerate(made if isinstance(made, list) else [made]):
-        if type(one).__hash__ is object.__hash__ and type(one).__module__.startswith("antiosc"):
-            _together[one] = serial + k
+    for k, item in enumerate(made if isinstance(made, list) else [made]):
+        if type(item).__hash__ is object.__hash__ and type(item).__module__.startswith("antiosc"):
+            _together[item] = serial + k
 
 
 def named(value: object) -> str | None:
-    """Name, as "Structure no. 3", of an object that all ranks made together; None for any other."""
+    """Name, such as "Structure no. 3", of an object that all ranks made together; None for any
+    other.
+    """
     if type(value).__hash__ is not object.__hash__ or value not in _together:
         return None
     return f"{type(value).__name__} no. {_together[value]}"
 
 
 def of_petsc(value: object) -> bool:
-    """Whether `value` is an object of PETSc, which need not be installed."""
+    """Whether `value` is a PETSc object; petsc4py need not be installed."""
     return any(kind.__module__ == "petsc4py.PETSc" for kind in type(value).__mro__)
 
 
 def is_void(value: object) -> bool:
     """Whether `value` is a PETSc object that is empty or destroyed.
 
-    Any question to such an object kills the process.
+    Any call of a method of such an object ends the process.
     """
     return of_petsc(value) and not value
 
 
 def fingerprint(value: object) -> bytes:
-    """16 bytes that distinguish values; never raises."""
-    found = hashlib.blake2b(digest_size=16)
+    """16 bytes that are equal for equal values; never raises."""
+    digest = hashlib.blake2b(digest_size=16)
     try:
         for part in _parts(value, ()):
-            found.update(part)
-            found.update(b"\0")
+            digest.update(part)
+            digest.update(b"\0")
     except Exception:  # a foreign object may raise what it likes
-        found.update(_kind(value))
-    return found.digest()
+        digest.update(_kind(value))
+    return digest.digest()
 
 
 def _parts(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
+    """Bytes that describe a value, for the digest; `above`: ids of the objects that contain it."""
     if id(value) in above or len(above) > MOST_NESTED:
         return
     inside = (*above, id(value))
@@ -103,7 +107,7 @@ def _parts(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
     elif isinstance(value, Mapping):
         yield from _each([*value.keys(), *value.values()], inside)
     elif isinstance(value, set | frozenset):
-        yield from sorted(fingerprint(one) for one in value)
+        yield from sorted(fingerprint(item) for item in value)
     elif isinstance(value, list | tuple | range):
         yield from _each(value, inside)
     else:
@@ -112,16 +116,19 @@ def _parts(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _each(values: Iterable[object], above: tuple[int, ...]) -> Iterator[bytes]:
-    for count, one in enumerate(values):
+    """Bytes that describe each value of a sequence."""
+    for count, item in enumerate(values):
         yield b"%d" % count
-        yield from _parts(one, above)
+        yield from _parts(item, above)
 
 
 def _kind(value: object) -> bytes:
+    """Qualified name of the class of a value."""
     return f"{type(value).__module__}.{type(value).__qualname__}".encode()
 
 
 def _of_number(value: object) -> Iterator[bytes]:
+    """Bytes that describe a number, rounded to ten digits."""
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, float):
         yield f"{plain + 0.0:.10g}".encode()
@@ -132,6 +139,7 @@ def _of_number(value: object) -> Iterator[bytes]:
 
 
 def _of_array(value: NDArray[np.generic], above: tuple[int, ...]) -> Iterator[bytes]:
+    """Bytes that describe an array."""
     yield repr(value.shape).encode()
     if value.dtype.kind in "fc":
         kind = np.complex128 if value.dtype.kind == "c" else np.float64
@@ -145,6 +153,7 @@ def _of_array(value: NDArray[np.generic], above: tuple[int, ...]) -> Iterator[by
 
 
 def _of_object(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
+    """Bytes that describe any other object by its fields."""
     module = type(value).__module__.partition(".")[0]
     by_identity = type(value).__hash__ is object.__hash__
     serial = _together.get(value) if by_identity else None
@@ -163,24 +172,26 @@ def _of_object(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
     elif module in ("dolfinx", "petsc4py", "mpi4py"):
         yield from _parts(_global_facts(value), above)
     elif dataclasses.is_dataclass(value):
-        fields = {one.name: getattr(value, one.name) for one in dataclasses.fields(value)}
+        fields = {member.name: getattr(value, member.name) for member in dataclasses.fields(value)}
         if "dolfinx" in fields and "groups" in fields:  # a Mesh: the entities are those of one rank
             fields["groups"] = sorted(fields["groups"])
         yield from _each([fields[name] for name in fields if name not in LOCAL], above)
     else:
-        own = getattr(value, "__dict__", {})
-        yield from _each([(k, own[k]) for k in sorted(own) if _counts(own[k])], above)
+        attributes = getattr(value, "__dict__", {})
+        yield from _each(
+            [(k, attributes[k]) for k in sorted(attributes) if _counts(attributes[k])], above
+        )
 
 
 def _counts(value: object) -> bool:
-    """Whether a value that a function or a foreign object holds must be the same on all ranks.
+    """Whether a value in a closure or a foreign object must be the same on all ranks.
 
-    Counters, caches, open files and a rank's own part of something need not.
+    Counters, caches, open files and the parts of a rank need not be.
     """
     if isinstance(value, np.ndarray):
         return value.size <= FEW_ENTRIES
     if isinstance(value, tuple | frozenset):
-        return all(_counts(one) for one in value)
+        return all(_counts(item) for item in value)
     plain = numbers.Number | np.generic | str | bytes | types.FunctionType | functools.partial
     return value is None or isinstance(value, plain) or dataclasses.is_dataclass(value)
 
@@ -189,12 +200,13 @@ def _of_function(function: types.FunctionType, above: tuple[int, ...]) -> Iterat
     """The code of a function and the values of its closure, but not its address."""
     yield from _of_code(function.__code__, above)
     around = inspect.getclosurevars(function)
-    found = {**around.globals, **around.nonlocals, **(function.__kwdefaults__ or {})}
-    values = [*(function.__defaults__ or ()), *(found[name] for name in sorted(found))]
+    names = {**around.globals, **around.nonlocals, **(function.__kwdefaults__ or {})}
+    values = [*(function.__defaults__ or ()), *(names[name] for name in sorted(names))]
     yield from _each([value for value in values if _counts(value)], above)
 
 
 def _of_code(code: types.CodeType, above: tuple[int, ...]) -> Iterator[bytes]:
+    """Bytes that describe the code of a function, with its nested functions."""
     yield code.co_code
     yield repr(code.co_names).encode()
     for constant in code.co_consts:
@@ -205,7 +217,9 @@ def _of_code(code: types.CodeType, above: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _global_facts(value: Any) -> tuple[object, ...]:
-    """Properties of a distributed object of PETSc, dolfinx or MPI equal on all its ranks."""
+    """Properties of a distributed object of PETSc, dolfinx or MPI that are equal on all its
+    ranks.
+    """
     if is_void(value):
         return ("empty or destroyed",)
     if hasattr(value, "topology"):
@@ -252,10 +266,10 @@ try:
 except ImportError:  # given matrices need none
     MPI = None
 
-#: All processes, and this one alone.
+#: Communicators of all processes, and of this process.
 WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
 
-#: PETSc, SLEPc and dolfinx serve one thread at a time; SciPy's matrices need no lock.
+#: Lock for PETSc, SLEPc and dolfinx, which only one thread may use; SciPy's matrices need none.
 _packages = threading.RLock()
 
 #: The number of the next object that all ranks make together.
@@ -273,12 +287,13 @@ def collective(
 
     Parameters
     ----------
-    default : the communicator where no argument has one.
-    counts : argument name -> function of its value that gives what must be the same of it.
+    default : the communicator used if no argument has one.
+    counts : argument name -> function of its value; its result must be equal on all ranks.
     """
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
-        signature, called = inspect.signature(function), within_memory(function)
+        signature = inspect.signature(function)
+        called = within_memory(function)
 
         @functools.wraps(function)
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -286,10 +301,10 @@ def collective(
             if comm.size == 1:
                 with nullcontext() if isinstance(comm, Serial) else _packages:
                     return called(*args, **kwargs)
-            given = _given(signature, args, kwargs)
-            for name in counts.keys() & given.keys():
-                given[name] = _counted(counts[name], given[name])
-            compare(comm, function.__qualname__, given)
+            arguments = _given(signature, args, kwargs)
+            for name in counts.keys() & arguments.keys():
+                arguments[name] = _counted(counts[name], arguments[name])
+            compare(comm, function.__qualname__, arguments)
             result: T | None = None
             error: Exception | None = None
             try:
@@ -306,16 +321,17 @@ def collective(
 
 def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
     """InputError on all ranks unless they call `name` with the same arguments."""
-    own = name, {key: fingerprint(value) for key, value in arguments.items()}
-    ranks = comm.allgather(own)
+    call = name, {key: fingerprint(value) for key, value in arguments.items()}
+    ranks = comm.allgather(call)
     if all(other == ranks[0] for other in ranks):
         return
     texts = comm.allgather({key: named(value) or shown(value) for key, value in arguments.items()})
     rank = next(k for k, other in enumerate(ranks) if other != ranks[0])
-    (here, first), (there, other) = ranks[0], ranks[rank]
-    if here != there:
+    (arguments_first, first), (arguments_other, other) = ranks[0], ranks[rank]
+    if arguments_first != arguments_other:
         raise InputError(
-            f"rank 0 calls {_public(here)} where rank {rank} calls {_public(there)}: all "
+            f"rank 0 calls {_public(arguments_first)} where rank {rank} calls "
+            f"{_public(arguments_other)}: all "
             "ranks must make the same calls."
         )
     key = next(k for k in [*first, *other] if first.get(k) != other.get(k))
@@ -330,18 +346,19 @@ def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
 
 
 def _public(name: str) -> str:
+    """The name of the class for `__init__` and `__new__`; otherwise the name itself."""
     return name.removesuffix(".__init__").removesuffix(".__new__")
 
 
 def _given(
     signature: inspect.Signature, args: Iterable[object], kwargs: Mapping[str, object]
 ) -> dict[str, object]:
-    """Argument name -> value; positions where the call does not fit the function."""
+    """Argument name -> value; positions as names if the call does not match the signature."""
     try:
-        given = dict(signature.bind_partial(*args, **kwargs).arguments)
+        arguments = dict(signature.bind_partial(*args, **kwargs).arguments)
     except TypeError:
-        given = {**{f"argument {k + 1}": value for k, value in enumerate(args)}, **kwargs}
-    return {name: value for name, value in given.items() if name not in ("self", "cls")}
+        arguments = {**{f"argument {k + 1}": value for k, value in enumerate(args)}, **kwargs}
+    return {name: value for name, value in arguments.items() if name not in ("self", "cls")}
 
 
 def _counted(count: Callable[..., object], value: object) -> object:
@@ -353,12 +370,12 @@ def _counted(count: Callable[..., object], value: object) -> object:
 
 
 def _flat(values: Iterable[object]) -> list[object]:
-    """Values, mappings among them flattened, those shared by most ranks first."""
-    found: list[object] = []
+    """Values, with mappings flattened; those shared by most ranks come first."""
+    flat: list[object] = []
     for value in values:
-        among = value.values() if isinstance(value, Mapping) else [value]
-        found += sorted(among, key=_ranks, reverse=True)
-    return found
+        nested = value.values() if isinstance(value, Mapping) else [value]
+        flat += sorted(nested, key=_ranks, reverse=True)
+    return flat
 
 
 def _ranks(value: object) -> int:
@@ -374,8 +391,8 @@ def _ranks(value: object) -> int:
 def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
     """The communicator of the first value that has one.
 
-    dolfinx and PETSc work on copies of the one they are given: all ranks then talk on the first,
-    those too that were given something else.
+    dolfinx and PETSc work on copies of their communicators. Ranks that got different objects still
+    use this one to compare them.
     """
     for value in values:
         if is_void(value):
@@ -399,29 +416,33 @@ def _communicator(values: Iterable[object], default: MPI.Comm) -> MPI.Comm:
         except Exception:
             continue
         if isinstance(comm, MPI.Comm) and comm != MPI.COMM_NULL:
-            return WORLD if alike(comm, WORLD) else comm
+            if alike(comm, WORLD):
+                return WORLD
+            return comm
     return default
 
 
-def alike(one: MPI.Comm, other: MPI.Comm) -> bool:
+def alike(first: MPI.Comm, second: MPI.Comm) -> bool:
     """Whether two communicators have the same ranks in the same order."""
-    if isinstance(one, Serial) or isinstance(other, Serial):
-        return one is other
-    return MPI.Comm.Compare(one, other) in (MPI.IDENT, MPI.CONGRUENT)
+    if isinstance(first, Serial) or isinstance(second, Serial):
+        return first is second
+    return MPI.Comm.Compare(first, second) in (MPI.IDENT, MPI.CONGRUENT)
 
 
 def _conclude(comm: MPI.Comm, error: Exception | None, made: object) -> None:
-    """Raise the error of any rank on all; otherwise number the objects that all ranks made."""
+    """Raise the error of any rank on all ranks; otherwise number the objects that they made
+    together.
+    """
     global _serial
-    found = comm.allgather((_portable(error), _serial))
-    _raise_first([one for one, _ in found], error)
-    serial = max(count for _, count in found)
+    reports = comm.allgather((_portable(error), _serial))
+    _raise_first([problem for problem, _ in reports], error)
+    serial = max(count for _, count in reports)
     number(made, serial)
     _serial = serial + (len(made) if isinstance(made, list) else 1)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """The result of `work()` done on rank 0 alone; its error, if any, is raised on all ranks."""
+    """The result of `work()` done on rank 0, on all ranks; its error is raised on all of them."""
     if comm.size == 1:
         return work()
     result: T | None = None
@@ -431,18 +452,18 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
             result = work()
         except Exception as caught:
             error = caught
-    result, told = comm.bcast((result, _portable(error)), root=0)
-    _raise_first([told], error)
+    result, problem = comm.bcast((result, _portable(error)), root=0)
+    _raise_first([problem], error)
     return result  # type: ignore[return-value]
 
 
 def agree(comm: MPI.Comm, error: Exception | None) -> None:
-    """Raise the first error that any rank has, on every rank; return if none has one."""
+    """Raise the first error of any rank on every rank; return if there is none."""
     _raise_first(comm.allgather(_portable(error)), error)
 
 
 def agreed(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """The result of `work()` of each rank; the first error of any rank is raised on all."""
+    """The result of `work()` on each rank; the first error of any rank is raised on all of them."""
     result: T | None = None
     error: Exception | None = None
     try:
@@ -454,13 +475,15 @@ def agreed(comm: MPI.Comm, work: Callable[[], T]) -> T:
 
 
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
-    """Warn once, on rank 0; if the caller's filters turn the warning into an error, all ranks raise
-    it."""
+    """Warn once, on rank 0.
+
+    If the caller's filters turn the warning into an error, all ranks raise it.
+    """
     on_root(comm, lambda: errors.warn(message, category))
 
 
 def _portable(error: Exception | None) -> Exception | None:
-    """The error in a form that can be pickled; otherwise other ranks would wait forever."""
+    """The error in a form that can be pickled; otherwise the other ranks would wait forever."""
     if error is None:
         return None
     try:
@@ -471,7 +494,8 @@ def _portable(error: Exception | None) -> Exception | None:
 
 
 def _raise_first(found: list[Exception | None], own: Exception | None) -> None:
-    first = next((one for one in found if one is not None), None)
+    """Raise the first error in `found`, if any, with this rank's own traceback if it has one."""
+    first = next((error for error in found if error is not None), None)
     if first is None:
         return
     if own is not None and str(_portable(own)) == str(first):
@@ -480,7 +504,7 @@ def _raise_first(found: list[Exception | None], own: Exception | None) -> None:
 
 
 def bounds(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
-    """(lowest, highest) coordinates over all ranks of points x (n, dim)."""
+    """(lowest, highest) coordinates (dim,) of points x (n, dim) over all ranks."""
     dim = x.shape[1]
     low = x.min(axis=0) if len(x) else np.full(dim, np.inf)
     high = x.max(axis=0) if len(x) else np.full(dim, -np.inf)

@@ -1,7 +1,7 @@
-"""The only file that knows dolfinx versions (0.5 of Debian 12, 0.9 of Debian 13, 0.11 of sid).
+"""Everything that depends on the version of dolfinx (0.5 of Debian 12, 0.9 of 13, 0.11 of sid).
 
-Every function here is thin and has one meaning on every version; there is no mechanics here. The
-file is long because it alone may know versions: a new one is met by reading this file.
+Every function here is thin and returns the same on every version; there is no mechanics here. All
+of it is in one file, so that a new version needs changes here only.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 def create_mesh(
     comm: MPI.Comm, cells: IntArray, x: Array, cell: str, degree: int
 ) -> dolfinx.mesh.Mesh:
-    """A mesh from arrays that rank 0 holds (the other ranks give empty ones).
+    """A mesh from arrays that rank 0 holds; the other ranks pass empty ones.
 
     `cells` (n, nodes) in dolfinx's node order, `x` (n, gdim). If more than two lines or facets may
-    meet, 0.9 would silently separate them when it partitions the mesh; there such a mesh stays
-    whole on rank 0. MeshError for a node that is a corner and lies inside a side, at which dolfinx
-    would end the process.
+    meet, dolfinx 0.9 would silently separate them when it partitions the mesh; such a mesh stays
+    whole on rank 0. MeshError if a corner of a cell is the mid-side node of another, at which
+    dolfinx would end the process.
     """
     gdim = x.shape[1]
     _refuse_double_nodes(comm, cells, cell)
@@ -71,16 +71,19 @@ def create_mesh(
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
 
 
-#: Corners of the cells.
+#: Number of corners of the cells.
 CORNERS = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "hexahedron": 8}
 
 
 def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
-    corners, inside = cells[:, : CORNERS[cell]], cells[:, CORNERS[cell] :]
-    both = comm.allreduce(int(np.isin(inside, corners).sum()) if inside.size else 0)
-    if both:
+    """MeshError if a corner of a cell is an inner node of another cell."""
+    corners = cells[:, : CORNERS[cell]]
+    inside = cells[:, CORNERS[cell] :]
+    double_nodes = comm.allreduce(int(np.isin(inside, corners).sum()) if inside.size else 0)
+    if double_nodes:
         raise MeshError(
-            f"{both} nodes inside sides of cells are corners of cells too: merge nodes within a"
+            f"{double_nodes} nodes inside sides of cells are corners of cells too: merge nodes "
+            "within a"
             " smaller distance, or mesh the part anew."
         )
 
@@ -92,6 +95,7 @@ _CellsOfRank: TypeAlias = "list[IntArray] | dolfinx.graph.AdjacencyList"
 def _all_on_root(
     comm: MPI.Comm, n_parts: int, kinds: Sequence[dolfinx.mesh.CellType], cells: _CellsOfRank
 ) -> dolfinx.graph.AdjacencyList:
+    """Partition that leaves all cells on rank 0."""
     if isinstance(cells, list):  # of vertices, one flat array a kind of cell
         n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
     else:
@@ -101,7 +105,7 @@ def _all_on_root(
 
 
 def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
-    """Permutation p with dolfinx_nodes = nodes[p], for `convention` "gmsh" or "vtk"."""
+    """Permutation p such that dolfinx_nodes = nodes[p], for `convention` "gmsh" or "vtk"."""
     kind = getattr(dolfinx.mesh.CellType, cell)
     if convention == "gmsh":
         return np.asarray(dolfinx.cpp.io.perm_gmsh(kind, n_nodes))
@@ -109,7 +113,9 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
 
 
 def lattice_gradients(cell: str, degree: int, n: int) -> Array:
-    """Derivatives (dim, points, nodes) of a cell's Lagrange functions on its lattice of n steps."""
+    """Derivatives (dim, points, nodes) of a cell's Lagrange functions at the points of a lattice of
+    n steps.
+    """
     import basix
 
     kind = getattr(basix.CellType, cell)
@@ -120,7 +126,9 @@ def lattice_gradients(cell: str, degree: int, n: int) -> Array:
 
 
 def nodes_between(cell: str) -> list[tuple[list[int], int]]:
-    """(vertices of an edge, face or cell; the second-order node inside it), in dolfinx's order."""
+    """Pairs (vertices of an edge, face or cell; the second-order node inside it), in dolfinx's
+    order.
+    """
     import basix
 
     kind = getattr(basix.CellType, cell)
@@ -136,15 +144,17 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
 def name_coordinates(mesh: dolfinx.mesh.Mesh) -> None:
     """Name the coordinate element of a mesh as FFCx 0.5 names it at its first form.
 
-    The name is part of the signature of a form. Named that late, the second form of a mesh would
-    have one signature in the process that compiles the first, and another one in the next process,
+    The name is part of the signature of a form. Without this, the second form of a mesh would have
+    one signature in the process that compiles the first form and another in the next process,
     which would compile it again.
     """
     if DOLFINX < (0, 8):
         domain = mesh.ufl_domain()
         element = domain.ufl_coordinate_element()
         if element.sub_elements()[0].variant() is None:
-            family, cell, degree = element.family(), element.cell(), element.degree()
+            family = element.family()
+            cell = element.cell()
+            degree = element.degree()
             points = ufl.FiniteElement(family, cell, degree, variant="equispaced")
             domain._ufl_coordinate_element = ufl.VectorElement(points)
 
@@ -186,9 +196,9 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
 def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
     """The communicator for Python objects of a mesh.
 
-    A mesh frees its copy of a communicator when it goes, and with it what mpi4py attached for
-    Python objects. While an exception is raised, that callback waits for ever (0.9): where a mesh
-    is on all ranks or on one, their own communicators serve, which last.
+    A mesh frees its copy of a communicator when it is deleted, together with the data that mpi4py
+    attached to it. In dolfinx 0.9 that callback hangs while an exception is raised. Therefore the
+    permanent communicators of all ranks or of one are used if they have the mesh's ranks.
     """
     for permanent in (MPI.COMM_WORLD, MPI.COMM_SELF):
         if MPI.Comm.Compare(mesh.comm, permanent) in (MPI.IDENT, MPI.CONGRUENT):
@@ -202,17 +212,21 @@ def cell_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.common.IndexMap:
 
 
 def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
-    """ "interval", "triangle", "quadrilateral", "tetrahedron", "hexahedron", …"""
+    """The shape of the cells: "interval", "triangle", "quadrilateral", "tetrahedron" or
+    "hexahedron".
+    """
     return str(mesh.ufl_cell().cellname() if DOLFINX < (0, 10) else mesh.basix_cell().name)
 
 
 def coordinate_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.fem.CoordinateElement:
     """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
-    return mesh.geometry.cmap if DOLFINX < (0, 11) else mesh.geometry.cmaps[0]
+    if DOLFINX < (0, 11):
+        return mesh.geometry.cmap
+    return mesh.geometry.cmaps[0]
 
 
 def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
-    """Facets with one cell, owned by this rank."""
+    """Facets that have one cell and are owned by this rank."""
     dim = mesh.topology.dim
     mesh.topology.create_entities(dim - 1)
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -220,52 +234,60 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 
 def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
-    """A mesh of straight simplices with these edges halved, and others as conformity requires."""
-    found = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
-    return found[0] if isinstance(found, tuple) else found
+    """A mesh of straight simplices with these edges halved, and others as needed for conformity."""
+    refinement = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
+    if isinstance(refinement, tuple):
+        return refinement[0]
+    return refinement
 
 
 def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
-    """Entities of dimension `dim` of every cell of this rank: (cells, entities of one)."""
+    """Entities of dimension `dim` of every cell of this rank: (cells, entities per cell)."""
     topology = mesh.topology
     topology.create_entities(dim)
     topology.create_connectivity(topology.dim, dim)
     cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
     entities = np.asarray(topology.connectivity(topology.dim, dim).array)
-    return entities.reshape(cells, -1) if cells else np.zeros((0, 1), dtype=np.int32)
+    if cells:
+        return entities.reshape(cells, -1)
+    return np.zeros((0, 1), dtype=np.int32)
 
 
 # --- Function spaces and forms ----------------------------------------------------------------
 
 
 def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
-    """A continuous Lagrange space of `size` components (blocked)."""
+    """A blocked continuous Lagrange space with `size` components."""
     return _space(mesh, "Lagrange", degree, size)
 
 
 def from_linear(space: fem.FunctionSpace, linear: fem.FunctionSpace | None = None) -> PETSc.Mat:
-    """The interpolation of a blocked Lagrange space from the linear one of its mesh.
+    """Interpolation matrix from the linear to this blocked Lagrange space on the same mesh.
 
-    dolfinx's own takes four times as long and far more memory while it is made.
+    dolfinx's own function takes four times as long and much more memory.
     """
     size = space.dofmap.index_map_bs
     linear = linear or lagrange(space.mesh, 1, size)
     cells = np.arange(cell_map(space.mesh).size_local + cell_map(space.mesh).num_ghosts)
-    fine, coarse = (cell_dofs(one, (0,), cells) // size for one in (space, linear))
+    fine, coarse = (cell_dofs(space_here, (0,), cells) // size for space_here in (space, linear))
     points = space.element.interpolation_points
     weights = tabulate(linear, (0,), np.asarray(points() if callable(points) else points))
-    # each node as a place in one of its cells
+    # one cell of each node, and its place in this cell
     nodes, places = np.unique(fine, return_index=True)
-    own = space.dofmap.index_map.size_local
-    cell, place = np.divmod(places[nodes < own], fine.shape[1])
+    owned_nodes = space.dofmap.index_map.size_local
+    cell, place = np.divmod(places[nodes < owned_nodes], fine.shape[1])
     from_nodes = np.abs(weights) > ROUNDING
     ends = np.insert(np.cumsum(np.repeat(from_nodes.sum(axis=1)[place], size)), 0, 0)
     values = np.repeat(weights[place], size, axis=0)
-    near = np.repeat(from_nodes[place], size, axis=0)
-    component = np.tile(np.arange(size), own)[:, None]
+    coarse_columns = np.repeat(from_nodes[place], size, axis=0)
+    component = np.tile(np.arange(size), owned_nodes)[:, None]
     columns = size * np.repeat(coarse[cell], size, axis=0) + component
-    rows = ends.astype(PETSc.IntType), global_dofs(linear, columns[near]), values[near]
-    sizes = [(local_size(one), None) for one in (space, linear)]
+    rows = (
+        ends.astype(PETSc.IntType),
+        global_dofs(linear, columns[coarse_columns]),
+        values[coarse_columns],
+    )
+    sizes = [(local_size(space_here), None) for space_here in (space, linear)]
     matrix = PETSc.Mat().createAIJ(sizes, bsize=size, csr=rows, comm=communicator(space.mesh))
     matrix.assemble()
     matrix.setAttr("keep", (linear, space))
@@ -278,7 +300,7 @@ def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> fem.Function:
 
 
 def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> fem.Function:
-    """ξ and η in triangles, as a function."""
+    """The reference coordinates (ξ, η) in triangles, as a function."""
     function = fem.Function(_space(mesh, "DG", 1, 2))
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     function.x.array.reshape(-1, 3, 2)[:] = corners
@@ -286,7 +308,7 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> fem.Function:
 
 
 def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.FunctionSpace:
-    """A space of `size` components, scalar where that is 0."""
+    """A space with `size` components; scalar if `size` is 0."""
     if DOLFINX < (0, 8):
         cell = mesh.ufl_cell()
         if size:
@@ -299,20 +321,21 @@ def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.
 
 
 def _space_of(mesh: dolfinx.mesh.Mesh, element: object) -> fem.FunctionSpace:
-    """Function space of a UFL element; dolfinx before 0.8 compiles it."""
+    """Function space of a UFL element; dolfinx before 0.8 compiles it here."""
     with compiler():
         return (fem.FunctionSpace if DOLFINX < (0, 8) else fem.functionspace)(mesh, element)
 
 
-#: Flags with which kernels of few numbers a cell take half the time: sums may change their order.
+#: Compiler flags that halve the time of kernels with few numbers per cell; sums may be reordered.
 SUMS = (
     "-O3", "-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math", "-fno-math-errno",
 )  # fmt: skip
-#: Vector instructions, for processors that have them.
+#: Vector instructions used if the processor has them.
 VECTOR = "avx2", "fma"
 
 
 def _compiled(form: ufl.Form, flags: Sequence[str] = ()) -> fem.Form:
+    """The compiled form."""
     name = "jit_params" if DOLFINX < (0, 6) else "jit_options"
     options = {name: {"cffi_extra_compile_args": list(flags)}} if flags else {}
     with compiler():
@@ -320,7 +343,7 @@ def _compiled(form: ufl.Form, flags: Sequence[str] = ()) -> fem.Form:
 
 
 class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
-    """A function on the reference cell, to which UFL does not apply the pull-back."""
+    """A function on the reference cell, to which UFL applies no pull-back."""
 
     __slots__ = ()
 
@@ -333,7 +356,7 @@ class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
 def reference_derivatives(argument: Expr, n: int) -> Expr:
     """n-th derivatives of a Lagrange test or trial function along the reference directions.
 
-    UFL differentiates in space only; the transformation to the cell is expensive to compile.
+    UFL differentiates in physical space only; its transformation to the cell is slow to compile.
     """
     result = _PulledBack(argument)
     for _ in range(n):
@@ -342,6 +365,7 @@ def reference_derivatives(argument: Expr, n: int) -> Expr:
 
 
 def _edge_element() -> basix.finite_element.FiniteElement:
+    """Nédélec's second edge element of degree 2 on the triangle."""
     import basix
 
     legendre = basix.LagrangeVariant.legendre, basix.DPCVariant.legendre
@@ -349,14 +373,15 @@ def _edge_element() -> basix.finite_element.FiniteElement:
 
 
 def edge_points() -> Array:
-    """Points (n, 2) of the reference triangle at which `edge_interpolation` wants values."""
+    """Points (n, 2) of the reference triangle at which `edge_interpolation` needs values."""
     return np.asarray(_edge_element().points)
 
 
 def edge_interpolation(X: Array) -> Array:
-    """(points, 2, 2, n): the field at X of Nédélec's second triangle of degree 2.
+    """Array (points, 2, 2, n): field at X of Nédélec's second triangle of degree 2, for unit values
+    at n points.
 
-    Its moments are those of a field with values (2, n) at `edge_points`.
+    The field has the same moments as a field with values (2, n) at `edge_points`.
     """
     element = _edge_element()
     to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
@@ -365,17 +390,17 @@ def edge_interpolation(X: Array) -> Array:
 
 
 def subspace(space: fem.FunctionSpace, path: Sequence[int]) -> fem.FunctionSpace:
-    """`space` itself or the component that `path` names."""
+    """`space` itself, or its component with this path."""
     for index in path:
         space = space.sub(index)
     return space
 
 
 def dof_coordinates(space: fem.FunctionSpace, path: Sequence[int]) -> tuple[IntArray, Array]:
-    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one scalar component.
+    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one component of a blocked
+    space.
 
-    Of a blocked space, whose components share their nodes. (dolfinx's own `collapse` fails on
-    ranks without cells.)
+    dolfinx's own `collapse` fails on ranks without cells.
     """
     (component,) = path
     x = space.tabulate_dof_coordinates()
@@ -390,7 +415,9 @@ def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
 
 
 def tabulate_slopes(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
-    """Derivatives of basis functions along the reference axes: (points, functions, directions)."""
+    """Derivatives of the basis functions along the reference axes: (points, functions,
+    directions).
+    """
     element = subspace(space, path).element.basix_element
     tables = np.asarray(element.tabulate(1, X))[1:]
     return np.moveaxis(tables.reshape(len(tables), len(X), -1), 0, 2)
@@ -405,15 +432,15 @@ def quadrature(cell: str, degree: int) -> tuple[Array, Array]:
 
 
 def local_size(space: fem.FunctionSpace) -> int:
-    """Dofs owned by this rank."""
+    """Number of dofs owned by this rank."""
     return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)
 
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Context in which PETSc's out-of-memory error becomes a MemoryError.
+    """Context that turns PETSc's out-of-memory error into a MemoryError.
 
-    dolfinx makes a text of PETSc's error, which has none where memory is short.
+    dolfinx formats the text of PETSc's error, which is missing when memory is short.
     """
     try:
         yield
@@ -429,7 +456,7 @@ def assemble(
     fixed: Mapping[tuple[int, ...], IntArray],
     diagonal: float,
 ) -> PETSc.Mat:
-    """Sum of the bilinear `forms`, with empty rows and columns of fixed dofs and `diagonal` there.
+    """Sum of the bilinear `forms`; rows and columns of fixed dofs are empty but for `diagonal`.
 
     `fixed`: path of a scalar component -> its dofs on this rank, ghosts included.
     """
@@ -453,7 +480,7 @@ def assemble(
 
 
 def _gauss_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
-    """A space of vectors at the points of a quadrature."""
+    """A space of vectors at quadrature points."""
     if DOLFINX < (0, 8):
         element = ufl.VectorElement(
             "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
@@ -468,16 +495,17 @@ def _gauss_space(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.Functio
 
 
 class GaussPoints:
-    """The points of a quadrature on a mesh of one process, with weights (n,)."""
+    """Quadrature points on a mesh of one process; `weight` (n,) are their weights."""
 
     def __init__(self, mesh: dolfinx.mesh.Mesh, degree: int) -> None:
-        self._mesh, self._degree = mesh, degree
+        self._mesh = mesh
+        self._degree = degree
         self._dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
         space = _gauss_space(mesh, degree, 1)
         self.weight = assemble_functional(ufl.TestFunction(space)[0] * self._dx, space)
 
     def values(self, expression: Expr, size: int) -> Array:
-        """A UFL vector of `size` at the points (n, size)."""
+        """Values (n, size) of a UFL vector at the points."""
         space = _gauss_space(self._mesh, self._degree, size)
         form = ufl.dot(expression, ufl.TestFunction(space)) * self._dx
         return assemble_functional(form, space).reshape(-1, size) / self.weight[:, None]
@@ -485,7 +513,9 @@ class GaussPoints:
     def derivatives(
         self, ways: Callable[[Expr], Expr], count: int, space: fem.FunctionSpace
     ) -> scipy.sparse.csr_matrix:
-        """(n count, nodes): `count` derivatives (UFL) of a scalar on the nodes of `space`."""
+        """Matrix (n count, nodes): `count` derivatives (UFL) of a scalar given at the nodes of
+        `space`.
+        """
         element = space.ufl_element()
         degree = element.degree() if DOLFINX < (0, 8) else element.degree
         scalars = lagrange(self._mesh, degree, 0)
@@ -493,22 +523,25 @@ class GaussPoints:
         form = ufl.dot(ways(ufl.TrialFunction(scalars)), test) * self._dx
         matrix = assemble([form], scalars, {}, 0.0)
         pointers, columns, values = matrix.getValuesCSR()
-        found = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
+        weighted = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
         same = np.asarray(scalars.dofmap.list) if DOLFINX >= (0, 6) else scalars.dofmap.list.array
-        own = np.asarray(getattr(space.dofmap.list, "array", space.dofmap.list))
-        if not np.array_equal(np.ravel(same), np.ravel(own)):
+        dofs_of_cells = np.asarray(getattr(space.dofmap.list, "array", space.dofmap.list))
+        if not np.array_equal(np.ravel(same), np.ravel(dofs_of_cells)):
             raise ValueError("the nodes of a scalar and of a vector differ")
-        return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ found
+        return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ weighted
 
 
 def strain_matrix(
     strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
-    """S with SᵀS the integral of |strains|² by quadrature of `degree`; columns of `fixed` emptied.
+    """Matrix S: SᵀS is the integral of |strains|² by quadrature of `degree`; columns of `fixed` are
+    empty.
 
-    `strains`: a UFL vector, linear in the trial function; one row for each at each Gauss point.
+    `strains`: a UFL vector, linear in the trial function. S has a row for each component at each
+    Gauss point.
     """
-    mesh, size = space.mesh, len(strains)
+    mesh = space.mesh
+    size = len(strains)
     points = _gauss_space(mesh, degree, size)
     v = ufl.TestFunction(points)
     dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
@@ -521,7 +554,9 @@ def strain_matrix(
 
 
 def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
-    """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
+    """A linear form as an array over this rank's dofs; ghost contributions are added at their
+    owners.
+    """
     with _refusals():
         vector = fem.petsc.assemble_vector(_compiled(form))
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
@@ -537,30 +572,38 @@ def quadratic(
     weights: Array,
     degree: int,
 ) -> Array:
-    """Sum over the columns x of `vectors` of weight x'A_c x in each cell c of this rank.
+    """Σ over the columns x of `vectors` of weight × xᵀ A_c x, for each cell c of this rank.
 
-    A: the sum of the bilinear forms, of functions on `space`, by quadrature of at most `degree`;
-    `vectors` (dofs of this rank, k).
+    A: the sum of the bilinear forms on `space`, by quadrature of at most `degree`; `vectors`
+    (dofs of this rank, k).
     """
-    x, cell = fem.Function(space), cellwise(space.mesh)
+    x = fem.Function(space)
+    cell = cellwise(space.mesh)
     q = ufl.TestFunction(cell.function_space)
 
-    def of_cells(one: Integral) -> Integral:
-        least = min(degree, one.metadata().get("quadrature_degree", degree))
-        metadata = {**one.metadata(), "quadrature_degree": least}
-        return one.reconstruct(integrand=q * one.integrand(), metadata=metadata)
+    def of_cells(integral: Integral) -> Integral:
+        lower_degree = min(degree, integral.metadata().get("quadrature_degree", degree))
+        metadata = {**integral.metadata(), "quadrature_degree": lower_degree}
+        return integral.reconstruct(integrand=q * integral.integrand(), metadata=metadata)
 
     def equal(a: fem.Function, b: fem.Function) -> bool:
         same = a.ufl_element() == b.ufl_element() and np.array_equal(a.x.array, b.x.array)
         return bool(communicator(space.mesh).allreduce(int(not same)) == 0)
 
-    # what equal coefficients are multiplied by is computed once
-    own: dict[fem.Function, fem.Function] = {}
-    for each in dict.fromkeys(each for form in forms for each in form.coefficients()):
-        own[each] = next((c for c in own if equal(c, each)), each)
-    integrals = [one for form in forms for one in form.integrals()]
-    given = {each: x for form in forms for each in form.arguments()}
-    form = ufl.replace(ufl.Form([of_cells(one) for one in integrals]), own | given)
+    # equal coefficients become one, so that their factors are computed once
+    equal_coefficient: dict[fem.Function, fem.Function] = {}
+    for coefficient in dict.fromkeys(
+        coefficient for form in forms for coefficient in form.coefficients()
+    ):
+        equal_coefficient[coefficient] = next(
+            (c for c in equal_coefficient if equal(c, coefficient)), coefficient
+        )
+    integrals = [form_integral for form in forms for form_integral in form.integrals()]
+    replacements = {coefficient: x for form in forms for coefficient in form.arguments()}
+    form = ufl.replace(
+        ufl.Form([of_cells(form_integral) for form_integral in integrals]),
+        equal_coefficient | replacements,
+    )
     total = np.zeros(cell_map(space.mesh).size_local)
     # the flags are in the name of what is compiled: another machine on this folder compiles its own
     vector = [f"-m{name}" for name in VECTOR] if {*VECTOR} <= processor_features() else []
@@ -568,11 +611,12 @@ def quadratic(
     vectors = np.ascontiguousarray(with_ghosts(space, vectors))
     if not total.size:  # only now: all ranks compile and exchange together
         return total
-    ufcx, in_cpp = compiled.ufcx_form, getattr(compiled, "_cpp_object", compiled)
+    ufcx = compiled.ufcx_form
+    in_cpp = getattr(compiled, "_cpp_object", compiled)
 
     def packed(first: int) -> Array:
-        """Coefficients (cells, n) that hold the numbers of the dofs from `first` on, as values of
-        x.
+        """Coefficients (cells, n) with the numbers of the dofs, counted from `first`, as the values
+        of x.
         """
         x.x.array[:] = np.arange(first, first + x.x.array.size)
         (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
@@ -581,13 +625,17 @@ def quadratic(
     of_form = ufcx.integrals(0) if DOLFINX < (0, 7) else ufcx.form_integrals
     kernel = int(FFI().cast("uintptr_t", of_form[0].tabulate_tensor_float64))
     nodes = np.ascontiguousarray(geometry_nodes(space.mesh), dtype=np.int32)
-    coefficients, count = packed(0), weights.size
+    coefficients = packed(0)
+    count = weights.size
     entries = np.flatnonzero(coefficients[0] != packed(1)[0])
     arrays = (
-        nodes, np.ascontiguousarray(space.mesh.geometry.x), coefficients,
+        nodes,
+        np.ascontiguousarray(space.mesh.geometry.x),
+        coefficients,
         np.asarray(dolfinx.cpp.fem.pack_constants(in_cpp)),
-        vectors, np.ascontiguousarray(weights),
-    )  # fmt: skip
+        vectors,
+        np.ascontiguousarray(weights),
+    )
     sizes = nodes.shape[1], coefficients.shape[1], int(entries[0]), entries.size, count
     cells = library.Cells(kernel, *sizes, *map(library.address, arrays))
     room = coefficients.shape[1] + 3 * nodes.shape[1] + count * entries.size
@@ -604,17 +652,19 @@ def quadratic(
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
-    """The value of a UFL form of rank 0, summed over all ranks."""
+    """The value of a UFL form without arguments, summed over all ranks."""
     return float(communicator(mesh).allreduce(fem.assemble_scalar(_compiled(form))))
 
 
 def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:
-    """A UFL constant, scalar, vector or matrix: forms that differ in it alone are compiled once."""
+    """A UFL constant, scalar, vector or matrix; forms that differ in its value only are compiled
+    once.
+    """
     return fem.Constant(mesh, np.array(value, dtype=PETSc.ScalarType, order="C"))
 
 
 def global_dofs(space: fem.FunctionSpace, local: IntArray) -> IntArray:
-    """Global numbers of dofs of this rank (unrolled)."""
+    """Global numbers of unrolled dofs of this rank."""
     bs = space.dofmap.index_map_bs
     local = np.asarray(local, dtype=np.int32)
     blocks = space.dofmap.index_map.local_to_global(local // bs)
@@ -622,7 +672,7 @@ def global_dofs(space: fem.FunctionSpace, local: IntArray) -> IntArray:
 
 
 def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) -> IntArray:
-    """Dofs of this rank (unrolled) of one scalar component in cells: (cells, functions)."""
+    """Unrolled dofs of this rank of one scalar component in cells: (cells, functions)."""
     (component,) = path  # of a blocked space, whose components share their nodes
     dofmap = space.dofmap
     nodes = np.asarray(getattr(dofmap.list, "array", dofmap.list))  # in 0.5 a list of lists
@@ -631,7 +681,9 @@ def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) ->
 
 
 class Exchange:
-    """Values of a space between the rank that owns a dof and the others where it is a ghost."""
+    """Exchange of values of a space between the owner of a dof and the ranks where it is a
+    ghost.
+    """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
         self._rows = local_size(space)
@@ -640,7 +692,7 @@ class Exchange:
         self._add = (dolfinx.la.InsertMode if DOLFINX >= (0, 7) else dolfinx.la.ScatterMode).add
 
     def with_ghosts(self, block: Array) -> Array:
-        """Columns given on the dofs that this rank owns, continued to its ghosts."""
+        """Columns on the dofs that this rank owns, extended to its ghosts."""
         if self._vector is None:
             return block
         values = self._vector.array
@@ -652,7 +704,7 @@ class Exchange:
         return result
 
     def ghosts_added(self, block: Array) -> Array:
-        """Columns of contributions (dofs of this rank, ghosts included), summed at their owners."""
+        """Columns on all dofs of this rank, ghosts included, summed up at their owners."""
         if self._vector is None:
             return block
         values = self._vector.array
@@ -665,7 +717,7 @@ class Exchange:
 
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
-    """Columns given on the dofs that this rank owns, continued to its ghosts."""
+    """Columns on the dofs that this rank owns, extended to its ghosts."""
     return Exchange(space).with_ghosts(block)
 
 
@@ -678,7 +730,7 @@ def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
 
 
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
-    """Columns of contributions (dofs of this rank, ghosts included), summed up at their owners."""
+    """Columns on all dofs of this rank, ghosts included, summed up at their owners."""
     return Exchange(space).ghosts_added(block)
 
 
@@ -693,7 +745,9 @@ def writes_vtx() -> bool:
 def write_vtx(
     mesh: dolfinx.mesh.Mesh, path: Path, name: str, times: Array, fields: Iterable[Array]
 ) -> None:
-    """A series of vectors at the geometry nodes of this rank (nodes, 3) for each time, s."""
+    """Write a series of vectors at the geometry nodes of this rank (nodes, 3), one for each time
+    [s].
+    """
     space = lagrange(mesh, coordinate_map(mesh).degree, 3)
     function = fem.Function(space)
     function.name = name

@@ -1,12 +1,12 @@
 """The user's folder of compiled forms, without which every run would call the C compiler.
 
-FFCx loads the library of a form from its folder whatever it is: one that was cut off by a full disk
-ends the process, one that somebody else has put there runs in it. antiosc therefore has a folder of
-its own. It is the user's, and nobody else may write there. A library is loaded if it is the one
-that was compiled (its checksum is in a file beside it); otherwise it is made again. dolfinx and
-FFCx read no configuration files meanwhile: these name compilers, libraries, folders. Those of the
-working folder, which may come from elsewhere, they do not read at all in a process with antiosc,
-whoever compiles.
+FFCx loads the library of a form from its folder without any check. A library truncated by a full
+disk ends the process; one written by somebody else runs in the process. antiosc therefore has its
+own folder, which only the user may write. A library is loaded if its checksum is the one stored
+beside it when it was compiled; otherwise it is compiled again. While antiosc compiles, dolfinx and
+FFCx read no configuration files, since these name compilers, libraries and folders. Configuration
+files in the working folder, which may come from a stranger, are never read in a process with
+antiosc.
 """
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ import ffcx.codegeneration.jit as ffcx_jit
 from antiosc.base.errors import InputError, warn
 from antiosc.base.process import own_folder, quiet, restored
 
-#: Time for which a process waits for another one that compiles the same form, s. A lock ends with
-#: its process, and a form takes a minute of processor time at most; a busy machine gives it little.
+#: Time that a process waits for another one to compile the same form, s. A lock ends with its
+#: process, and a form takes at most a minute of processor time, which may be long on a busy
+#: machine.
 PATIENCE = 3600.0
-#: Modules of dolfinx and FFCx that read configuration files, and names of the functions that do.
+#: Names of the functions of dolfinx and FFCx that read configuration files.
 READERS = {"_load_options", "_load_parameters"}
 #: FFCx's own options
 SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
@@ -54,26 +55,27 @@ for _module in (dolfinx.jit, SETTINGS):
 
 @contextmanager
 def checked_folder() -> Iterator[None]:
-    """Context in which dolfinx compiles into, and loads from, the user's folder alone.
+    """Context in which dolfinx compiles into, and loads from, the user's folder only.
 
     OSError if the folder cannot be written.
     """
-    load, cached = ffcx_jit._load_objects, ffcx_jit.get_cached_module
+    load = ffcx_jit._load_objects
+    cached = ffcx_jit.get_cached_module
     if isinstance(cached, partial):  # within such a context
         yield
         return
     folder = place()
-    held: dict[str, _Entry] = {}
+    entries: dict[str, _Entry] = {}
     try:
         with (
             _replaced(dolfinx.jit, READERS, lambda: ({"cache_dir": folder}, {})),
             _replaced(SETTINGS, READERS, lambda: ({}, {})),
-            _replaced(ffcx_jit, {"get_cached_module"}, partial(_cached, folder, held, cached)),
-            _replaced(ffcx_jit, {"_load_objects"}, partial(_compiled, held, load)),
+            _replaced(ffcx_jit, {"get_cached_module"}, partial(_cached, folder, entries, cached)),
+            _replaced(ffcx_jit, {"_load_objects"}, partial(_compiled, entries, load)),
         ):
             yield
     finally:
-        for entry in held.values():  # of which the compiler has failed
+        for entry in entries.values():  # of which the compiler has failed
             entry.release()
 
 
@@ -81,7 +83,7 @@ def checked_folder() -> Iterator[None]:
 def _replaced(
     module: ModuleType, names: set[str], function: Callable[..., object]
 ) -> Iterator[None]:
-    """Replace these functions of a module."""
+    """Context in which `function` replaces the functions `names` of a module."""
     usual = {name: value for name, value in vars(module).items() if name in names}
     vars(module).update(dict.fromkeys(usual, function))
     try:
@@ -99,20 +101,22 @@ def _cached(
     cache_dir: Path,
     timeout: int,
 ) -> tuple[object, object]:
-    """Replacement of FFCx's `get_cached_module`: (None, None), with the entry locked: compile."""
+    """Replacement of FFCx's `get_cached_module`: (None, None) means compile, with the entry
+    locked.
+    """
     if Path(cache_dir) != folder:  # another thread of the program compiles for itself
         return usual(name, objects, cache_dir, timeout)
     entry = entries[name] = _Entry(folder, name)
     if not entry.whole():
         entry.clear()
     try:
-        found = usual(name, objects, cache_dir, timeout)
+        loaded = usual(name, objects, cache_dir, timeout)
     except ImportError:  # made for another system
         entry.clear()
-        found = usual(name, objects, cache_dir, timeout)
-    if found[0] is not None:
+        loaded = usual(name, objects, cache_dir, timeout)
+    if loaded[0] is not None:
         entries.pop(name).release()
-    return found
+    return loaded
 
 
 def _compiled(
@@ -122,17 +126,17 @@ def _compiled(
     name: str,
     objects: list[str],
 ) -> tuple[object, object]:
-    """Replacement of FFCx's `_load_objects`, for a form just compiled."""
-    found = usual(cache_dir, name, objects)
+    """Replacement of FFCx's `_load_objects` for a form just compiled."""
+    loaded = usual(cache_dir, name, objects)
     if name in entries:
         entry = entries.pop(name)
         entry.seal()
         entry.release()
-    return found
+    return loaded
 
 
 class _Entry:
-    """The files of one compiled form; one process at a time may read or change them."""
+    """The files of one compiled form, which one process at a time may read or change."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self.library = folder / f"{name}{EXTENSION_SUFFIXES[0]}"
@@ -146,7 +150,7 @@ class _Entry:
             raise
 
     def whole(self) -> bool:
-        """Whether the library is complete: its checksum is that of its compilation."""
+        """Whether the library is complete: its checksum is the stored one."""
         self.file.seek(0)
         with suppress(OSError, ValueError):
             return self.ready.is_file() and self.file.read() == self._checksum()
@@ -169,6 +173,7 @@ class _Entry:
         self.file.close()
 
     def _checksum(self) -> str:
+        """SHA-256 of the library."""
         return hashlib.sha256(self.library.read_bytes()).hexdigest()
 
 
@@ -196,8 +201,8 @@ def _lock(file: IO[str]) -> None:
 
 def place() -> Path:
     """The cache folder, created if missing; a private one of this process if unsafe."""
-    given = os.environ.get("XDG_CACHE_HOME", "")
-    users = Path(given) if os.path.isabs(given) else Path.home() / ".cache"
+    cache_home = os.environ.get("XDG_CACHE_HOME", "")
+    users = Path(cache_home) if os.path.isabs(cache_home) else Path.home() / ".cache"
     build = EXTENSION_SUFFIXES[0].split(".")[1]
     folder = users / "antiosc" / f"ffcx-{ffcx.__version__}-{build}"
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -213,6 +218,7 @@ def place() -> Path:
 
 @cache
 def _instead_of(folder: Path) -> Path:
+    """A private folder of this process instead of an unsafe one, with a warning."""
     warn(
         f"{folder} is a link or belongs to another user: what was compiled there is not run, and "
         "this run compiles its finite elements anew; set XDG_CACHE_HOME to a folder of your own."
@@ -232,7 +238,8 @@ _compiling = threading.RLock()
 
 @contextmanager
 def compiler() -> Iterator[None]:
-    """Context in which forms are compiled: without log output, and correctly on shells in space.
+    """Context in which forms are compiled: without log output, and with the faults of FFCx 0.5
+    mended.
 
     InputError if the system refuses to write the compiled files.
     """
@@ -249,11 +256,11 @@ def compiler() -> Iterator[None]:
 
 @contextmanager
 def _mended() -> Iterator[None]:
-    """FFCx 0.5 without two of its faults.
+    """Context without two faults of FFCx 0.5.
 
-    It numbers derivatives by x, y, z, where Basix takes the directions of the cell: on a shell in
-    space those of second and higher order differ. And it never closes the empty C file by which it
-    claims a compilation, so that Python warns of it.
+    FFCx 0.5 numbers derivatives by x, y, z, while Basix numbers them by the directions of the cell:
+    on a shell in space, derivatives of second and higher order differ. It also never closes the
+    empty C file by which it claims a compilation, so that Python warns of it.
     """
     if FFCX >= (0, 6):
         yield
@@ -277,7 +284,8 @@ def _mended() -> Iterator[None]:
             file.close()
         return file
 
-    tables.get_ffcx_table_values, jit.open = in_the_cell, claimed
+    tables.get_ffcx_table_values = in_the_cell
+    jit.open = claimed
     try:
         yield
     finally:

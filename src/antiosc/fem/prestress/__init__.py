@@ -1,4 +1,4 @@
-"""`Prestress`, `Spin`: what a part carries before it is struck."""
+"""`Prestress`, `Spin`: the loads that a part carries before an impact."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ T = TypeVar("T")
 
 def _vector(name: str, value: object, unit: str) -> tuple[float, ...]:
     """Three numbers; two, for plane parts, get a third of 0."""
-    given = coordinates(name, value, unit)
-    return (*given, 0.0)[:3]
+    components = coordinates(name, value, unit)
+    return (*components, 0.0)[:3]
 
 
 def _axis(name: str, value: object) -> tuple[float, ...]:
+    """A non-zero vector of three numbers."""
     axis = _vector(name, value, "")
     if not any(axis):
         raise InputError(f"{name} must not be the zero vector.")
@@ -30,19 +31,22 @@ def _axis(name: str, value: object) -> tuple[float, ...]:
 
 
 def _by_names(name: str, value: object, unit: str) -> dict[str, float]:
-    return {key: number(f"the {name} on {key!r}", one, unit) for key, one in _named(name, value)}
+    """Checked numbers by name."""
+    return {key: number(f"the {name} on {key!r}", item, unit) for key, item in _named(name, value)}
 
 
 def _vectors(name: str, value: object) -> dict[str, tuple[float, ...]]:
-    return {key: _vector(f"the {name} on {key!r}", one, "N") for key, one in _named(name, value)}
+    """Checked force vectors by name."""
+    return {key: _vector(f"the {name} on {key!r}", item, "N") for key, item in _named(name, value)}
 
 
 def named_from(start: str, values: Mapping[str, T]) -> dict[str, T]:
-    """Entries whose names begin with `start`, by the remainder of their names."""
-    return {key[len(start) :]: one for key, one in values.items() if key.startswith(start)}
+    """Entries whose names begin with `start`, under the remainder of their names."""
+    return {key[len(start) :]: item for key, item in values.items() if key.startswith(start)}
 
 
 def _named(name: str, value: object) -> list[tuple[str, object]]:
+    """Items of a mapping with text keys; otherwise InputError."""
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise InputError(f"{name} must be a dict {{name of a group: value}}; got {shown(value)}.")
     return list(value.items())
@@ -55,7 +59,7 @@ class Spin(Checked):
     Parameters
     ----------
     axis : sequence of 3 floats
-        Its direction.
+        Direction of the axis.
     omega : float
         Angular velocity, rad/s.
     about : sequence of 2 or 3 floats
@@ -75,30 +79,30 @@ class Spin(Checked):
 
 @dataclass(frozen=True)
 class Prestress(Checked):
-    """Loads that a supported part carries before it is struck, and while it is.
+    """Loads that a supported part carries before and during an impact.
 
     Parameters
     ----------
     spin : Spin, optional
-        The part and its supports turn about an axis. Coriolis forces are left out.
+        Rotation of the part and its supports about an axis. Coriolis forces are neglected.
     gravity : sequence of 3 floats
         Acceleration, m/s².
     pressure : dict
-        Group -> Pa: of faces of a solid (edges of a plane one), against them; of cells of a sheet,
-        along their normal, towards the top. It turns with the surface.
+        Group -> Pa. On faces of a solid (edges of a plane one) it acts inward; on cells of a sheet,
+        along their normal toward the top. It follows the rotation of the surface.
     tension : dict
-        Name -> N: of a `Bolt` of an assembly, of a group of cells of beams or bars, or of a
-        stiffener: the force in it after all of them are tightened, before other loads. < 0: thrust.
+        Name -> N, for a `Bolt` of an assembly, a group of cells of beams or bars, or a stiffener:
+        the force in it after all are tightened, before other loads. Negative: compression.
     force : dict
-        Group -> (x, y, z) N: the resultant, spread evenly; its direction is fixed.
+        Group -> (x, y, z) N: the resultant of an even distribution; its direction is fixed.
 
     In an assembly groups are named "part:group".
 
     Raises
     ------
     InputError
-        Values that are no numbers; with the structure: unknown groups, a part that is not held,
-        loads at which it buckles.
+        Values that are no numbers; with the structure: unknown groups, a part that can move as a
+        rigid body, loads at which it buckles.
     """
 
     spin: Spin | None = field(
@@ -117,13 +121,14 @@ class Prestress(Checked):
 def of_part(loads: Prestress, name: str, R: Array, about: Array) -> Prestress:
     """Loads on the part `name` of an assembly, in the part's axes, without tensions.
 
-    R (3, 3) turns the part in the assembly; `about` (3,) of the spin in the part.
+    R (3, 3) rotates the part into the assembly; `about` (3,) is the point of the spin axis in the
+    part's axes.
     """
     spin = loads.spin
     if spin is not None:
         spin = Spin(tuple(R.T @ spin.axis), spin.omega, tuple(about))
     start = f"{name}:"
-    forces = {key: tuple(R.T @ one) for key, one in named_from(start, loads.force).items()}
+    forces = {key: tuple(R.T @ vector) for key, vector in named_from(start, loads.force).items()}
     pressure = named_from(start, loads.pressure)
     return Prestress(spin, tuple(R.T @ loads.gravity), pressure, {}, forces)
 
@@ -136,22 +141,22 @@ class Preload:
     q: Array  # (rows of this rank,) displacements and rotations
     #: load factor to buckling
     reserve: float
-    #: name of a tension -> strain free of stress
+    #: name of a tension -> stress-free strain
     initial: Mapping[str, float]
-    #: forces (rows of u, k) that it adds to K u, on dofs of supports too, of motions (rows of u, k)
+    #: function of motions (rows of u, k): forces that the loads add to K u, also on supported dofs
     added: Callable[[Array], Array]
 
     @property
     def words(self) -> str:
-        """The prestress in words, for descriptions of the structure and its models."""
-        said = "prestress"
+        """The prestress as text, for descriptions of the structure and its models."""
+        text = "prestress"
         if self.loads.spin is not None:
-            said += f" with a spin of {self.loads.spin.omega:g} rad/s, without Coriolis forces"
-        return f"{said}, {self.reserve_text}"
+            text += f" with a spin of {self.loads.spin.omega:g} rad/s, without Coriolis forces"
+        return f"{text}, {self.reserve_text}"
 
     @property
     def reserve_text(self) -> str:
-        """The load factor to buckling in words."""
+        """The load factor to buckling as text."""
         if isinf(self.reserve):
             return "no buckling below 100 times the loads"
         return f"buckling at {self.reserve:.4g} times the loads"

@@ -42,7 +42,9 @@ def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Meas
 def pressure_energy(
     mesh: Mesh, parts: Parts, u: Expr, where: tuple[str, int, IntArray]
 ) -> ufl.Form:
-    """Second-order work of a unit pressure; `where`: a group, its dimension, its entities."""
+    """Work of a unit pressure to second order in u; `where`: a group, its dimension, its
+    entities.
+    """
     group, dim, entities = where
     sheet = parts[0][0].kind.sheet
     if dim != (mesh.tdim if sheet else mesh.tdim - 1) or mesh.tdim == 1:
@@ -52,7 +54,8 @@ def pressure_energy(
         )
     factor, dx = measure_on(mesh, dim, entities)
     if not sheet:
-        n, slope = ufl.FacetNormal(mesh.dolfinx), ufl.grad(u)
+        n = ufl.FacetNormal(mesh.dolfinx)
+        slope = ufl.grad(u)
         turned = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
         against = -depth_of(mesh, parts) * factor
         return against * (ufl.dot(u, n) + ufl.dot(u, turned) / 2) * dx
@@ -71,11 +74,12 @@ def pressure_energy(
 
 
 def _in_space(components: list[Expr]) -> Expr:
+    """The components as a vector (3,), with zeros where they are missing."""
     return ufl.as_vector([*components, *[0] * (3 - len(components))])
 
 
 def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
-    """Σ ρ a·a/2 (a = Ω P (x + u)) of all mass of the cells, rotations to second order."""
+    """Σ ρ a·a/2 over all mass of the cells, a = Ω P (x + u), to second order in the rotations."""
     S = ufl.as_matrix(spin.stiffness.tolist())
     about = np.array(spin.about)
     x = ufl.SpatialCoordinate(mesh.dolfinx)
@@ -91,10 +95,13 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
 
 
 def _fibres(mesh: Mesh, parts: Parts) -> list[tuple[Expr, Expr, Expr]]:
-    """(direction, ∫ρ z, ∫ρ z²) across sections and thicknesses of elements with rotations."""
+    """Triples (direction, ∫ρ z, ∫ρ z²) across the sections or the thickness of elements with
+    rotations.
+    """
     material = parts[0][0]
     if material.kind.sheet:
-        section, n = section_fields(mesh, parts), frames(mesh, parts).n
+        section = section_fields(mesh, parts)
+        n = frames(mesh, parts).n
         return [(n, 0.0 if section.I1 is None else section.I1, section.I2)]
     if not isinstance(material, Beam) or mesh.gdim == 2:
         return []

@@ -1,9 +1,8 @@
-"""Static equilibrium of a loaded structure, by Newton's method, and its reserve to buckling.
+"""Static equilibrium of a loaded structure by Newton's method, and its load factor to buckling.
 
-The linear systems of Newton's steps are solved by conjugate gradients with the factor of K, the
-matrix without load, for preconditioner: no step needs a factor of its own. The energy along a step
-is a quartic of its length, whose slope four residuals give exactly: a step goes to its first
-minimum.
+Each Newton step is solved by conjugate gradients, preconditioned with the factor of K, the matrix
+without load, so that no step needs a factorization. The energy along a step is a quartic polynomial
+of the step length; four residuals give its slope exactly. A step ends at the first minimum.
 """
 
 from __future__ import annotations
@@ -29,25 +28,28 @@ from antiosc.fem.linalg.algebra import (
 )
 from antiosc.fem.linalg.solver import Solver
 
-#: Energy of a Newton step over that of the state at which it is the last one.
+#: The iteration has converged if the energy of a Newton step over that of the state is below this.
 CONVERGED = 1e-14
-#: Most steps; those of a plate under pressure that deflects by ten thicknesses are 9.
+#: Most steps; a plate whose deflection under pressure is ten thicknesses needs 9.
 MOST_STEPS = 40
-#: Error of a step in energy, relative, at which conjugate gradients end, and their most steps
-#: before the tangent is factored.
+#: Relative error in energy at which conjugate gradients end, and their most iterations, after which
+#: the tangent is factored.
 STEP_ERROR, MOST_CG_STEPS = 1e-12, 60
-#: Share of the slope of the energy at the start of a step up to which its end is good enough.
+#: A step length is accepted if the slope of the energy there, over that at the start, is below
+#: this.
 FLAT_END = 0.1
 #: Longest step, over that of Newton.
 LONGEST = 4.0
 #: Vectors of SLEPc's basis.
 BASIS = 24
-#: Largest load factor that is told: beyond it buckling is far away.
+#: Largest load factor that is reported; larger ones are infinite.
 FAR = 100.0
-#: Residual of a buckling mode in the energy norm over 1/λ, asked of SLEPc and allowed: an exact 1/λ
-#: lies within it. Rounding of the solves grows with 1/λ too (1e-5 of it at 1/λ = 96, beams). Most
-#: restarts: modes that matter stand apart from the many near 0.
-ASKED, RESIDUAL, RESTARTS = 1e-7, 1e-3, 12
+#: Residual of a buckling mode in the energy norm over 1/λ: tolerance of SLEPc, and largest accepted
+#: value; an exact 1/λ lies within the residual. Rounding errors of the solves grow with 1/λ (1e-5
+#: of it at 1/λ = 96, beams). Most restarts: relevant modes are well separated from the many near 0.
+ASKED = 1e-7
+RESIDUAL = 1e-3
+RESTARTS = 12
 
 
 class Loaded(Protocol):
@@ -68,11 +70,11 @@ class Loaded(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A state under load.
+    """A static state under load.
 
-    q : (rows of this rank,) displacements. K : the tangent stiffness there, solver : of it.
-    reserve : load factor at which the tangent becomes singular, where stresses and loads grow in
-        proportion, in the shape that the part has under load; inf above `FAR`.
+    q : (rows of this rank,) displacements. K : the tangent stiffness there, solver : its solver.
+    reserve : load factor at which the tangent becomes singular, if stresses and loads grow in
+        proportion, in the deformed shape; inf above `FAR`.
     """
 
     q: Array
@@ -99,6 +101,7 @@ def found(of: Loaded, choice: SolverChoice) -> Equilibrium:
 
 
 def _beyond(reserve: float) -> str:
+    """Message that the loads exceed the buckling load."""
     return (
         f"the part buckles under its prestress: at {reserve:.3g} times these loads (a spin at "
         f"{math.sqrt(reserve):.3g} times its speed) its tangent stiffness is singular; lower them, "
@@ -110,16 +113,16 @@ def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
     """Newton's iteration: (q, d²Π/dq² at q)."""
     comm = of.solver.comm
     q = np.zeros(len(of.dead))
-    rest = of.dead - of.forces(q)
-    if not float(dot(comm, rest, rest)):
+    residual = of.dead - of.forces(q)
+    if not float(dot(comm, residual, residual)):
         return q, of.stiffness(q)
     for _ in range(MOST_STEPS):
         added = of.stiffness(q)
-        step = _newton_step(of, added, rest)
+        step = _newton_step(of, added, residual)
         energy = float(dot(comm, step, multiply(of.K, step)))
         if energy <= CONVERGED * float(dot(comm, q, multiply(of.K, q))):
             return q + step, added
-        length, rest = _line_search(of, q, step, rest)
+        length, residual = _line_search(of, q, step, residual)
         q = q + length * step
     raise InputError(
         f"no equilibrium under the prestress within {MOST_STEPS} steps: the part snaps through, or "
@@ -127,10 +130,10 @@ def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
     )
 
 
-def _newton_step(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
-    """A descent direction: Newton's step where the tangent is positive definite.
+def _newton_step(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
+    """Newton's step if the tangent is positive definite, otherwise a descent direction.
 
-    Where it is not, conjugate gradients end at the direction that shows it.
+    Conjugate gradients stop at a direction of negative curvature.
     """
     comm = of.solver.comm
 
@@ -140,50 +143,58 @@ def _newton_step(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
     def inner(x: Array, y: Array) -> Array:
         return np.asarray(comm.allreduce(np.einsum("ij,ij->j", x, y)))
 
-    steps = conjugate_gradients(rest[:, None], product, of.solver.solve_block, inner, MOST_CG_STEPS)
-    best, gained, first = np.zeros((len(rest), 1)), 0.0, 0.0
+    steps = conjugate_gradients(
+        residual[:, None], product, of.solver.solve_block, inner, MOST_CG_STEPS
+    )
+    best = np.zeros((len(residual), 1))
+    gained = 0.0
+    first = 0.0
     for X, left, energy in steps:
         if energy[0] < gained:  # negative curvature
             break
-        best, gained = X.copy(), float(energy[0])
+        best = X.copy()
+        gained = float(energy[0])
         first = first or float(left[0])
         if float(left[0]) <= STEP_ERROR * first:
             return best[:, 0]
     else:
-        return _by_factor(of, added, rest)
-    return best[:, 0] if best.any() else of.solver.solve(rest)
+        return _by_factor(of, added, residual)
+    if best.any():
+        return best[:, 0]
+    return of.solver.solve(residual)
 
 
-def _by_factor(of: Loaded, added: PETSc.Mat, rest: Array) -> Array:
-    """Newton's step by a factor of the tangent, for loads that stiffen the structure many times
-    over.
+def _by_factor(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
+    """Newton's step by a factorization of the tangent, for loads that stiffen the structure
+    greatly.
     """
     A = sum_of(of.K, 1.0, added)
     free_when_dropped(A)
     try:
-        return solver_for(A, "auto", lambda: np.zeros((len(rest), 0))).solve(rest)
+        return solver_for(A, "auto", lambda: np.zeros((len(residual), 0))).solve(residual)
     except NotConvergedError:
-        return of.solver.solve(rest)
+        return of.solver.solve(residual)
 
 
-def _line_search(of: Loaded, q: Array, step: Array, rest: Array) -> tuple[float, Array]:
+def _line_search(of: Loaded, q: Array, step: Array, start_residual: Array) -> tuple[float, Array]:
     """(step length of least energy, residual there)."""
     comm = of.solver.comm
 
     def residual(length: float) -> Array:
-        there = q + length * step
-        return of.dead - multiply(of.K, there) - of.forces(there)
+        state = q + length * step
+        return of.dead - multiply(of.K, state) - of.forces(state)
 
     def slope(left: Array) -> float:
         return -float(dot(comm, step, left))
 
-    whole = residual(1.0)
-    start, end = slope(rest), slope(whole)
+    full_step = residual(1.0)
+    start = slope(start_residual)
+    end = slope(full_step)
     if abs(end) <= FLAT_END * abs(start):
-        return 1.0, whole
-    at = np.array([0.0, 1 / 3, 2 / 3, 1.0])
-    slopes = [start, *(slope(residual(t)) for t in at[1:3]), end]
-    roots = np.roots(np.polyfit(at, slopes, 3))
+        return 1.0, full_step
+    lengths = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+    slopes = [start, *(slope(residual(t)) for t in lengths[1:3]), end]
+    roots = np.roots(np.polyfit(lengths, slopes, 3))
     real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
     ahead = real[real > 0]
     length = float(min(ahead.min(initial=LONGEST), LONGEST))
@@ -191,9 +202,9 @@ def _line_search(of: Loaded, q: Array, step: Array, rest: Array) -> tuple[float,
 
 
 def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
-    """The smallest λ > 0 with K + λ geometric singular; inf above `FAR`.
+    """The smallest λ > 0 for which K + λ geometric is singular; inf above `FAR`.
 
-    −geometric x = (1/λ) K x by SLEPc, and the residual of what it finds is measured.
+    SLEPc solves −geometric x = (1/λ) K x; the residual of its result is checked.
     """
     if not geometric.norm():
         return math.inf
@@ -213,7 +224,8 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.PYTHON)
     pc.setPythonContext(_Inverse(solver))
-    largest, error = [math.inf], [math.inf]
+    largest = [math.inf]
+    error = [math.inf]
 
     def watch(
         _: object, its: int, converged: int, values: list[complex], errors: list[float]
@@ -250,14 +262,15 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
 
 
 def _check(K: PETSc.Mat, solver: Solver, forces: Array, value: float, shape: Array) -> None:
-    """AccuracyError if a buckling mode has a large residual over 1/λ, measured with K⁻¹.
+    """AccuracyError if the residual of a buckling mode over 1/λ, measured with K⁻¹, is large.
 
-    forces: those of the loads on the shape. With Kx = f/θ, an eigenvalue lies within the residual's
-    norm ‖K⁻¹f - θx‖ in energy of θ (Weinstein).
+    `forces`: those of the loads on the mode shape, `value` θ = 1/λ. With K x = f/θ, an eigenvalue
+    lies within ‖K⁻¹ f − θ x‖ (energy norm) of θ (Weinstein).
     """
-    comm, elastic = solver.comm, multiply(K, shape)
-    rest = forces - value * elastic
-    left = float(dot(comm, rest, solver.solve(rest)))
+    comm = solver.comm
+    elastic = multiply(K, shape)
+    residual = forces - value * elastic
+    left = float(dot(comm, residual, solver.solve(residual)))
     size = value**2 * float(dot(comm, shape, elastic))
     if not left <= RESIDUAL**2 * size:
         raise AccuracyError(

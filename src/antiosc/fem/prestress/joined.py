@@ -1,4 +1,4 @@
-"""An assembly with its prestress: its parts and its bolts under load, u = T q."""
+"""An assembly with its prestress: energy of its parts and bolts under load, with u = T q."""
 
 from __future__ import annotations
 
@@ -34,20 +34,23 @@ from antiosc.fem.prestress.loaded_part import (
 from antiosc.fem.prestress.state import checked, tightened, weight
 from antiosc.fem.structure.meshed import Member
 
-#: Largest N L²/EI of a bolt: with clamped ends its cubic is 3 % too stiff at 10, 4 % at 12.
+#: Largest N L²/EI of a bolt; its cubic deflection between clamped ends is 3 % too stiff at 10, 4 %
+#: at 12.
 SLENDER = 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedBolt:
-    """Energy EA L (s η/2 + η²/8 − e (s + η/2)) of a bolt: s = a·g/L, η = gᵀBg/L, g = G u."""
+    """Energy EA L (s η/2 + η²/8 − e (s + η/2)) of a bolt, with s = a·g/L, η = gᵀBg/L and g =
+    G u.
+    """
 
     G: Sparse  # (12, n)
     a: Array  # (12,)
     B: Array  # (12, 12)
     length: float  # m
     EA: float  # N
-    initial: float  # e, the strain free of stress
+    initial: float  # e, the stress-free strain
 
     @classmethod
     def of(cls, joint: Bolt, layout: Layout, label: str, initial: float) -> LoadedBolt:
@@ -66,27 +69,27 @@ class LoadedBolt:
         g = self.G @ u
         turned = self.B @ g
         eta = float(g @ turned) / self.length
-        own = (eta / 2 - self.initial) * self.a + self._strain(g) * turned
-        return np.asarray(self.G.T @ (self.EA * own))
+        bolt_forces = (eta / 2 - self.initial) * self.a + self._strain(g) * turned
+        return np.asarray(self.G.T @ (self.EA * bolt_forces))
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> Sparse:
         """Second derivative (n, n) of the energy; `geometric`: only the part due to the bolt's
         force.
         """
         g = self.G @ u
-        own = self._strain(g) * self.B
+        bolt_stiffness = self._strain(g) * self.B
         if not geometric:
             turned = self.B @ g
-            across = np.outer(self.a, turned)
-            own += (across + across.T + np.outer(turned, turned)) / self.length
-        return (self.G.T @ scipy.sparse.csr_matrix(self.EA * own) @ self.G).tocsr()
+            coupling = np.outer(self.a, turned)
+            bolt_stiffness += (coupling + coupling.T + np.outer(turned, turned)) / self.length
+        return (self.G.T @ scipy.sparse.csr_matrix(self.EA * bolt_stiffness) @ self.G).tocsr()
 
 
 def with_prestress(
-    base: AssembledMatrices, given: object, joints: Sequence[Joint]
+    base: AssembledMatrices, prestress: object, joints: Sequence[Joint]
 ) -> AssembledMatrices:
     """The matrices `base` under loads; InputError for loads that do not fit, or beyond buckling."""
-    loads = checked(base, given)
+    loads = checked(base, prestress)
     layout = base.layout
     for name in layout.condensed:
         raise InputError(f"a prestress of an assembly needs meshes; {name!r} is a superelement.")
@@ -98,16 +101,17 @@ def with_prestress(
         solver, _ = base.factored()
         tendons = {name: _tendon(base, bolts, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
-        of = _LoadedAssembly(base, loads, initial, bolts, solver)
-        state = found(of, base.solver)
-    added = partial(of.added, base.expanded(state.q))
+        assembly = _LoadedAssembly(base, loads, initial, bolts, solver)
+        state = found(assembly, base.solver)
+    added = partial(assembly.added, base.expanded(state.q))
     preload = Preload(loads, state.q, state.reserve, initial, added)
     return replace(base, K=state.K, preload=preload, solver_of_K=state.solver)
 
 
 def _check_names(layout: Layout, loads: Prestress, bolts: Mapping[str, Bolt]) -> None:
-    for kind, own in (("pressure", loads.pressure), ("force", loads.force)):
-        for name in own:
+    """InputError for loads on unknown groups, and for bolts that are too slender."""
+    for kind, loads_by_group in (("pressure", loads.pressure), ("force", loads.force)):
+        for name in loads_by_group:
             if kind == "force" and name in layout.points:
                 continue
             if name.partition(":")[0] not in layout.members or ":" not in name:
@@ -124,6 +128,7 @@ def _check_names(layout: Layout, loads: Prestress, bolts: Mapping[str, Bolt]) ->
 
 
 def _check_slender(layout: Layout, name: str, bolt: Bolt, tension: float) -> None:
+    """InputError for a bolt whose N L²/EI exceeds `SLENDER`."""
     section = bolt.beam.section
     bending = bolt.beam.E * min(section.I, section.side)
     ratio = abs(tension) * bolt._reach(layout) ** 2 / bending
@@ -135,7 +140,7 @@ def _check_slender(layout: Layout, name: str, bolt: Bolt, tension: float) -> Non
 
 
 def _tendon(base: AssembledMatrices, bolts: Mapping[str, Bolt], name: str) -> Tendon:
-    """The tightened bolt, or group of a part, as forces on the dofs q of this rank."""
+    """The tightened bolt, or group of a part: its forces on the dofs q of this rank."""
 
     def work() -> tuple[Array, float, float]:
         if name in bolts:
@@ -144,15 +149,15 @@ def _tendon(base: AssembledMatrices, bolts: Mapping[str, Bolt], name: str) -> Te
             return base.joined(load), bolt.length, bolt.EA
         part, _, group = name.partition(":")
         member = base.layout.members[part]
-        own = tendon(member.part, group)
-        return base.joined(own.load, member.rows), own.length, own.stiffness
+        part_tendon = tendon(member.part, group)
+        return base.joined(part_tendon.load, member.rows), part_tendon.length, part_tendon.stiffness
 
     load, length, stiffness = on_root(base.comm, work)
     return Tendon(base.own(load), length, stiffness)
 
 
 class _LoadedAssembly(Loaded):
-    """Forces and tangent stiffness of an assembly under loads; rank 0 has its parts."""
+    """Forces and tangent stiffness of an assembly under loads; rank 0 holds its parts."""
 
     def __init__(
         self,
@@ -163,7 +168,8 @@ class _LoadedAssembly(Loaded):
         solver: Solver,
     ) -> None:
         self.K, self.solver, self._base = base.K, solver, base
-        self._loads, self._initial = loads, initial
+        self._loads = loads
+        self._initial = initial
         self._parts: list[tuple[Member, LoadedPart]] = []
         self._bolts: list[LoadedBolt] = []
         self._spun = Sparse((0, 0))
@@ -173,9 +179,9 @@ class _LoadedAssembly(Loaded):
         def work() -> Array:
             dead = np.zeros(layout.count)
             for member in layout.members.values():
-                own, strains = of_member(loads, initial, member)
-                self._parts.append((member, LoadedPart(member.part, own, strains)))
-                dead[member.rows] = dead_forces(member.part, own)
+                part_loads, strains = of_member(loads, initial, member)
+                self._parts.append((member, LoadedPart(member.part, part_loads, strains)))
+                dead[member.rows] = dead_forces(member.part, part_loads)
             for name, point in loads.force.items():
                 if name in layout.points:
                     dead[layout.of_point(name)[:3]] += point
@@ -201,51 +207,51 @@ class _LoadedAssembly(Loaded):
         u = base.expanded(q)
 
         def work() -> Array:
-            found = -self._start
+            forces = -self._start
             if self._spun.nnz:
-                found = found - self._spun @ u
+                forces = forces - self._spun @ u
             for member, part in self._parts:
-                found[member.rows] += part.forces(u[member.rows])
+                forces[member.rows] += part.forces(u[member.rows])
             for bolt in self._bolts:
-                found += bolt.forces(u)
-            return base.joined(found)
+                forces += bolt.forces(u)
+            return base.joined(forces)
 
         return base.own(on_root(base.comm, work))
 
     def stiffness(self, q: Array, *, geometric: bool = False) -> PETSc.Mat:
         base = self._base
-        u, kept = base.expanded(q), list[PETSc.Mat]()
+        u = base.expanded(q)
+        on_root_only = list[PETSc.Mat]()
 
         def work() -> None:
             total = Sparse((base.layout.count, base.layout.count))
             for member, part in self._parts:
                 T = base.T[member.rows]
                 total += T.T @ csr(part.stiffness(u[member.rows], geometric=geometric)) @ T
-            rest = [bolt.stiffness(u, geometric=geometric) for bolt in self._bolts]
-            rest += [-self._spun] if self._spun.nnz else []
-            total += sum(base.T.T @ one @ base.T for one in rest)
+            other_terms = [bolt.stiffness(u, geometric=geometric) for bolt in self._bolts]
+            other_terms += [-self._spun] if self._spun.nnz else []
+            total += sum(base.T.T @ matrix @ base.T for matrix in other_terms)
             total = ((total + total.T) / 2).tocsr()
             total.sort_indices()
-            kept.append(from_csr("K", total))
+            on_root_only.append(from_csr("K", total))
 
         on_root(base.comm, work)
-        return base.local.matrix(kept[0] if kept else None, block_of(base.layout))
+        return base.local.matrix(on_root_only[0] if on_root_only else None, block_of(base.layout))
 
     def added(self, u: Array, motions: Array) -> Array:
-        """Forces (n, k) added by the loads at displacements u (n,), per motions (n, k), on one
-        rank.
+        """Forces (n, k) that the loads add at displacements u (n,) for motions (n, k), on one rank.
 
         The parts are without their supports.
         """
-        found = -self._spun @ motions if self._spun.nnz else np.zeros(motions.shape)
+        forces = -self._spun @ motions if self._spun.nnz else np.zeros(motions.shape)
         for member, _ in self._parts:
-            own = of_member(self._loads, self._initial, member)
-            free = LoadedPart(member.part.unsupported(), *own)
+            part_loads = of_member(self._loads, self._initial, member)
+            free = LoadedPart(member.part.unsupported(), *part_loads)
             tangent = free.stiffness(u[member.rows])
-            found[member.rows] += multiply(tangent, motions[member.rows])
+            forces[member.rows] += multiply(tangent, motions[member.rows])
         for bolt in self._bolts:
-            found += bolt.stiffness(u) @ motions
-        return found
+            forces += bolt.stiffness(u) @ motions
+        return forces
 
 
 def of_member(
@@ -253,6 +259,6 @@ def of_member(
 ) -> tuple[Prestress, dict[str, float]]:
     """(loads, initial strains by group) of a part, in its axes."""
     about = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
-    there = member.at.own(about[None])[0]
-    own = of_part(loads, member.name, member.at.rotation, there)
-    return own, named_from(f"{member.name}:", initial)
+    point = member.at.own(about[None])[0]
+    part_loads = of_part(loads, member.name, member.at.rotation, point)
+    return part_loads, named_from(f"{member.name}:", initial)

@@ -1,13 +1,14 @@
-"""The energy of one meshed part under load beyond uᵀKu/2: its forces, and what they add to K.
+"""The energy Π that loads add to uᵀKu/2 of one meshed part, its forces and its stiffness.
 
 With the pressure p on surfaces with normals n and the spin Ω about an axis,
 
     Π(u) = Π₂(u) − p ∫ (u·n + u·δn(u)/2) − Ω²/2 ∫ ρ |P (x + u)|²,
 
-Π₂ the energy of the second-order strains (`antiosc.fem.elements.second_order`), P the projection
-across the axis, δn dA = ((div_s u) n − (∇_s u)ᵀ n) dA. In the sections of beams and the thickness
-of sheets u has the rotations to second order, u + θ×r + θ×(θ×r)/2. The second derivative of the
-pressure's term is symmetric: exact where the surface is closed or its rim held.
+where Π₂ is the energy of the second-order strains (`antiosc.fem.elements.second_order`), P the
+projection normal to the axis, and δn dA = ((div_s u) n − (∇_s u)ᵀ n) dA. In the sections of beams
+and through the thickness of sheets, the displacement includes the rotations to second order,
+u + θ×r + θ×(θ×r)/2. The stiffness of the pressure is symmetric, which is exact if the surface is
+closed or its rim is fixed.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Tendon:
-    """An element group that is tightened: beams or bars, a stiffener, a bolt.
+    """A tightened group of elements: beams or bars, a stiffener, a bolt.
 
-    load : (rows of this rank,) forces EA of the unit strain free of stress, with the sign of a
-        pull on both ends. length [m]; stiffness: mean EA [N].
+    load : (rows of this rank,) forces due to a unit stress-free strain, with the sign of a pull on
+        both ends. length [m]; stiffness: mean EA [N].
     """
 
     load: Array
@@ -60,15 +61,16 @@ class LoadedPart:
     Parameters
     ----------
     part : MeshedStructure without prestress.
-    loads : in the axes of the part; its gravity and tensions are not looked at.
-    initial : group or name of a stiffener -> strain that is free of stress, of beams and bars.
+    loads : in the axes of the part; gravity and tensions are ignored.
+    initial : group or name of a stiffener -> stress-free strain of its beams or bars.
     """
 
     def __init__(
         self, part: MeshedStructure, loads: Prestress, initial: Mapping[str, float]
     ) -> None:
         self.part = part
-        form, mesh = part.form, part.mesh
+        form = part.form
+        mesh = part.mesh
         self._u = compat.function_of(form.space, np.zeros(part.K.getLocalSize()[0]))
         lines = part.stiffeners
         self._lines = {
@@ -82,7 +84,8 @@ class LoadedPart:
         self.initial = initial_strain(part, own)
         stretch = stretch_of(mesh, part.parts, form.degree)
         free = self.initial if own else None
-        v, w = ufl.TestFunction(form.space), ufl.TrialFunction(form.space)
+        v = ufl.TestFunction(form.space)
+        w = ufl.TrialFunction(form.space)
         dx = measure(mesh, stretch.degree)
         second = stretch.energy(self._u, free) * dx
         of_loads = []
@@ -106,38 +109,40 @@ class LoadedPart:
     def forces(self, u: Array) -> Array:
         """dΠ/du (rows of this rank,) at u; 0 on fixed dofs."""
         self._move(u)
-        found = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
+        total = compat.assemble_functional(self._forces, self.part.form.space)[: len(u)]
         if self._masses is not None:
-            found -= self._masses.forces(u)
-        for name, line in self._lines.items():
+            total -= self._masses.forces(u)
+        for name, preloaded in self._lines.items():
             shared = self.part.stiffeners[name].shared
-            found += _transposed(shared, line.forces(self.part.stiffeners[name].rows_of(u)))
-        return freed(self.part, found)
+            total += _transposed(shared, preloaded.forces(self.part.stiffeners[name].rows_of(u)))
+        return freed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
         """d²Π/du² at u, with empty rows of fixed dofs.
 
-        `geometric`: K_σ and the terms of the loads alone, which grow as the loads do.
+        `geometric`: only K_σ and the terms of the loads, which are proportional to the loads.
         """
         self._move(u)
         part = self.part
         form = self._geometric if geometric else self._tangent
-        found = compat.assemble([form], part.form.space, part.conditions, 0.0)
+        matrix = compat.assemble([form], part.form.space, part.conditions, 0.0)
         add = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
         if self._masses is not None:
-            found.axpy(-1.0, self._masses.stiffness, structure=add)
-        for name, line in self._lines.items():
+            matrix.axpy(-1.0, self._masses.stiffness, structure=add)
+        for name, preloaded in self._lines.items():
             lines = part.stiffeners[name]
-            own = line.stiffness(lines.rows_of(u), geometric=geometric)
-            found.axpy(1.0, own.ptap(lines.shared), structure=add)
-        return found
+            of_stiffener = preloaded.stiffness(lines.rows_of(u), geometric=geometric)
+            matrix.axpy(1.0, of_stiffener.ptap(lines.shared), structure=add)
+        return matrix
 
     def _move(self, u: Array) -> None:
+        """Set the displacements at which forms are evaluated."""
         self._u.x.array[: len(u)] = u
         self._u.x.scatter_forward()
 
 
 def _among(initial: Mapping[str, float], names: list[str]) -> dict[str, float]:
+    """The initial strains of the stiffeners `names`."""
     return {name: e for name, e in initial.items() if name in names}
 
 
@@ -148,7 +153,9 @@ def freed(part: MeshedStructure, forces: Array) -> Array:
 
 
 def _transposed(matrix: PETSc.Mat, forces: Array) -> Array:
-    source, target = matrix.createVecLeft(), matrix.createVecRight()
+    """matrixᵀ forces."""
+    source = matrix.createVecLeft()
+    target = matrix.createVecRight()
     source.setArray(forces)
     matrix.multTranspose(source, target)
     return np.array(target.array_r)
@@ -156,10 +163,10 @@ def _transposed(matrix: PETSc.Mat, forces: Array) -> Array:
 
 def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
     """Initial strain of each cell as a cell-wise constant function."""
-    found = compat.cellwise(part.mesh.dolfinx)
+    strain_of_cells = compat.cellwise(part.mesh.dolfinx)
     for group, strain in initial.items():
         if group == part.edges:
-            found.x.array[:] += strain
+            strain_of_cells.x.array[:] += strain
             continue
         dim, cells = largest(part.mesh, group)
         if dim != part.mesh.tdim or not isinstance(part.parts[0][0], Beam | Truss):
@@ -167,17 +174,17 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
                 f"tension is that of beams and bars; {group!r} is no group of their cells, no "
                 "stiffener and no Bolt: use force={…} on both ends of what pulls."
             )
-        found.x.array[cells] += strain
-    return found
+        strain_of_cells.x.array[cells] += strain
+    return strain_of_cells
 
 
 def tendon(part: MeshedStructure, name: str) -> Tendon:
     """The beams or bars of the group `name`, or the stiffener."""
     if name in part.stiffeners:
         lines = part.stiffeners[name]
-        own = tendon(alone(lines, name), name)
-        load = freed(part, _transposed(lines.shared, own.load))
-        return Tendon(load, own.length, own.stiffness)
+        of_stiffener = tendon(alone(lines, name), name)
+        load = freed(part, _transposed(lines.shared, of_stiffener.load))
+        return Tendon(load, of_stiffener.length, of_stiffener.stiffness)
     marked = initial_strain(part, {name: 1.0})
     stretch = stretch_of(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)
@@ -193,48 +200,49 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
     """Constant forces on groups (rows of this rank,)."""
     rows = part.K.getLocalSize()[0]
-    found = np.zeros(rows)
+    forces = np.zeros(rows)
     v = ufl.TestFunction(part.form.space)
-    for group, given in loads.force.items():
+    for group, resultant in loads.force.items():
         dim, entities = largest(part.mesh, group)
-        force = np.array(given)
+        force = np.array(resultant)
         if np.abs(force[part.mesh.gdim :]).max(initial=0.0):
             raise InputError(f"the force on {group!r} points out of the plane of the part.")
         if not force.any():
             continue
         if dim in (part.mesh.tdim, part.mesh.tdim - 1) and dim:
             work = spread(part.mesh, v, force, (group, dim, entities))
-            found += compat.assemble_functional(work, part.form.space)[:rows]
+            forces += compat.assemble_functional(work, part.form.space)[:rows]
         elif dim == 0:
-            found += _at_points(part, group, force)
+            forces += _at_points(part, group, force)
         else:
             raise InputError(
                 f"a force acts on points, faces or cells; group {group!r} holds edges."
             )
-    return freed(part, found)
+    return freed(part, forces)
 
 
 def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
+    """Forces of a resultant spread evenly over the points of a group."""
     rows = part.K.getLocalSize()[0]
-    found = np.zeros(rows)
+    forces = np.zeros(rows)
     for axis in range(part.mesh.gdim):
         path = part.form.components["xyz"[axis]]
         dofs = dofs_of_entities(part.mesh, part.form, {0: part.mesh.group(group)[0]}, path)
-        own = dofs[dofs < rows]
-        found[own] = force[axis] / part.comm.allreduce(len(own))
-    return found
+        owned_dofs = dofs[dofs < rows]
+        forces[owned_dofs] = force[axis] / part.comm.allreduce(len(owned_dofs))
+    return forces
 
 
 class _SpinningMasses:
-    """Spin loads of point masses and stiffeners: the masses of M outside the cells of the part.
+    """Spin loads of point masses and stiffeners, which are in M but not in the cells of the part.
 
-    forces and stiffness are those of Σ m a·a/2, a = Ω P (x + u).
+    Forces and stiffness follow from Σ m a·a/2, with a = Ω P (x + u).
     """
 
     def __init__(self, part: MeshedStructure, spin: Spin) -> None:
         self._M = with_entries(part.M).copy()
-        own = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
-        self._M.axpy(-1.0, own, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        of_cells = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
+        self._M.axpy(-1.0, of_cells, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         start, across = accelerations(part.places, spin)
         self._start = multiply(self._M, start)
         turned = self._M.matMult(_spread_out(across, self._M))
@@ -249,7 +257,7 @@ class _SpinningMasses:
 
 
 def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.csr_matrix]:
-    """(Ω² P (x − about) at the dofs (n,), matrix (n, n) of u ↦ Ω² P u)."""
+    """(Ω² P (x − about) at the dofs (n,), matrix (n, n) of the map u ↦ Ω² P u)."""
     axes = np.where((places.kind == MOVE)[:, None], places.axes, 0.0)
     start = np.einsum("ni,ij,nj->n", axes, spin.stiffness, places.points - np.array(spin.about))
     rows = np.repeat(np.arange(len(axes)), 3)
@@ -263,11 +271,11 @@ def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.cs
     return start, across
 
 
-def _spread_out(own: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
-    """A distributed matrix whose entries couple only rows of the same rank."""
+def _spread_out(local: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
+    """A matrix of this rank's rows as a distributed one that couples only rows of the same rank."""
     first, _ = like.getOwnershipRange()
     integer = PETSc.IntType
-    arrays = own.indptr.astype(integer), (own.indices + first).astype(integer), own.data
+    arrays = local.indptr.astype(integer), (local.indices + first).astype(integer), local.data
     result = PETSc.Mat().createAIJ(like.getSizes(), csr=arrays, comm=like.getComm())
     result.assemble()
     return result

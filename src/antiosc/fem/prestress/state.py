@@ -1,4 +1,4 @@
-"""The structure of a mesh with its prestress: K with what the loads add to it."""
+"""A meshed structure with its prestress: K plus the stiffness that the loads add."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.support import Support
 
-#: Share of EA that the rest of the part must hold against a tension.
+#: Least stiffness of the rest of the part against a tension, as a share of EA.
 YIELDS = 1e-6
 
 
-def with_prestress(base: MeshedStructure, given: object) -> MeshedStructure:
+def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     """The matrices `base` under loads; InputError for loads that do not fit, or beyond buckling."""
-    loads = checked(base, given)
+    loads = checked(base, prestress)
     with doing("static step of the prestress", base.comm.rank):
         solver, _ = base.factored()
         tendons = {name: tendon(base, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
-        of = _LoadedMesh(base, loads, initial, solver)
-        state = found(of, base.solver)
+        part = _LoadedMesh(base, loads, initial, solver)
+        state = found(part, base.solver)
 
     def added(motions: Array) -> Array:
         free = LoadedPart(base.unsupported(), loads, initial)
@@ -45,8 +45,9 @@ def with_prestress(base: MeshedStructure, given: object) -> MeshedStructure:
     def again(copy: Mesh, supports: Sequence[Support] = base.supports) -> MeshedStructure:
         return with_prestress(base.again(copy, supports), loads)
 
-    K, made = state.K, state.solver
-    return replace(base, K=K, again=again, preload=preload, unloaded=base, solver_of_K=made)
+    K = state.K
+    solver_of_K = state.solver
+    return replace(base, K=K, again=again, preload=preload, unloaded=base, solver_of_K=solver_of_K)
 
 
 def checked(base: StructureMatrices, given: object) -> Prestress:
@@ -75,9 +76,11 @@ class _LoadedMesh(Loaded):
         self.dead = freed(base, dead_forces(base, loads) + weight(base, loads))
 
     def forces(self, q: Array) -> Array:
+        """dΠ/dq of the part."""
         return self._part.forces(q)
 
     def stiffness(self, q: Array, *, geometric: bool = False) -> PETSc.Mat:
+        """d²Π/dq² of the part."""
         return self._part.stiffness(q, geometric=geometric)
 
 
@@ -87,23 +90,23 @@ def weight(base: StructureMatrices, loads: Prestress) -> Array:
     size = float(np.linalg.norm(g))
     if not size:
         return np.zeros(len(base.rigid_modes))
-    found = base.uniform_inertia(g / size)
-    assert found is not None  # of a mesh
-    return size * found
+    inertia = base.uniform_inertia(g / size)
+    assert inertia is not None  # of a mesh
+    return size * inertia
 
 
 def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -> dict[str, float]:
     """Initial strains that produce the required tensions, all at once."""
     if not tendons:
         return {}
-    own = list(tendons.values())
-    pulls = np.column_stack([one.load for one in own])
-    lengths = np.array([one.length for one in own])
-    held = np.diag([one.stiffness for one in own])
-    moved = solver.solve_block(pulls)
-    forces = np.asarray(dot(solver.comm, pulls, moved)) / lengths[:, None] - held
-    for name, one, force in zip(tendons, own, forces.diagonal(), strict=True):
-        if -force <= YIELDS * one.stiffness:
+    tendons_listed = list(tendons.values())
+    pulls = np.column_stack([group.load for group in tendons_listed])
+    lengths = np.array([group.length for group in tendons_listed])
+    stiffnesses = np.diag([group.stiffness for group in tendons_listed])
+    displacements = solver.solve_block(pulls)
+    forces = np.asarray(dot(solver.comm, pulls, displacements)) / lengths[:, None] - stiffnesses
+    for name, group, force in zip(tendons, tendons_listed, forces.diagonal(), strict=True):
+        if -force <= YIELDS * group.stiffness:
             raise InputError(
                 f"{name!r} cannot be tightened: nothing holds its ends against the tension."
             )
