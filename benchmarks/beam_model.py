@@ -25,7 +25,7 @@ from fidelity import power
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.strikes.advice import advise
 
 #: Of all bars, m; radius of the solid's patch over the smaller side.

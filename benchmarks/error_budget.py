@@ -32,7 +32,7 @@ from random_parts import Case, drawn, geometry
 import antiosc as ao
 from antiosc import plotting
 from antiosc.impact.error_budget import amplitudes
-from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.reduce.error import bisection
 from antiosc.reduce.error.model_errors import estimator
 from antiosc.reduce.error.remeshing import source_of

@@ -27,7 +27,7 @@ import scipy.linalg
 import antiosc as ao
 from antiosc.base._types import Array
 from antiosc.impact.error_budget import pulse_time
-from antiosc.impact.histories.parts import QUANTITIES
+from antiosc.impact.histories.bars import QUANTITIES
 from antiosc.models.body import Body, ModalModel
 from antiosc.models.closed_form import StruckBeam, UniformBeam
 

@@ -33,7 +33,7 @@ from antiosc.impact.error_budget import (
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.impact.histories.parts import FLOOR, QUANTITIES, differences
+from antiosc.impact.histories.bars import FLOOR, QUANTITIES, differences
 from antiosc.reduce.error.bisection import refined
 
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}

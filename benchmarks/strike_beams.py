@@ -19,7 +19,7 @@ import numpy as np
 import options
 
 import antiosc as ao
-from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.models.closed_form import StruckBeam, UniformBeam
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

@@ -29,7 +29,7 @@ from strike_scenes import SCENES, Scene
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc.impact.histories.parts import differences
+from antiosc.impact.histories.bars import differences
 from antiosc.plot.charts import few_log_ticks
 from antiosc.reduce.error.remeshing import source_of
 

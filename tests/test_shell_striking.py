@@ -11,7 +11,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.platform import compat
-from antiosc.impact.histories.parts import QUANTITIES
+from antiosc.impact.histories.bars import QUANTITIES
 from antiosc.reduce.error.bisection import refined
 from sheets import NU, RHO, SIMPLE, E, edges, flipped, plate, rectangle, sheet, stack
 

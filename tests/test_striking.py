@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.impact.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.models.closed_form import StruckBeam, UniformBeam
 from antiosc.strikes import strike as striking
 from antiosc.strikes.strike import LEAST_SHARE, Answer, compared

@@ -98,14 +98,14 @@ from antiosc.impact.error_budget import (
 from antiosc.impact.histories import (
     error_scope as error_scope,
 )
-from antiosc.impact.histories.energy import (
-    energy_gain as energy_gain,
-    impulses as impulses,
-)
-from antiosc.impact.histories.parts import (
+from antiosc.impact.histories.bars import (
     CAUSES as CAUSES,
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
+)
+from antiosc.impact.histories.energy import (
+    energy_gain as energy_gain,
+    impulses as impulses,
 )
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,

@@ -1,13 +1,17 @@
 # Names of this module, for type checkers and for the module itself.
 
+from antiosc.fem.assembly.bolts import (
+    Bolt as Bolt,
+)
+from antiosc.fem.assembly.followers import (
+    Mean as Mean,
+    Rigid as Rigid,
+)
 from antiosc.fem.assembly.pins import (
     Ball as Ball,
-    Bolt as Bolt,
     Bushing as Bushing,
     Equation as Equation,
     Hinge as Hinge,
-    Mean as Mean,
-    Rigid as Rigid,
     Slider as Slider,
     Weld as Weld,
 )

@@ -18,7 +18,7 @@ from antiosc.impact.error_budget import (
     SHELL,
     amplitudes,
 )
-from antiosc.impact.histories.parts import CAUSES, FLOOR, QUANTITIES, differences
+from antiosc.impact.histories.bars import CAUSES, FLOOR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)

@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.base.errors import InputError
+from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
-from antiosc.impact.histories.parts import CAUSES
 from antiosc.impact.stretching import NEGLIGIBLE, with_rows
 from antiosc.models.stretch import Stretch
 from antiosc_app import live

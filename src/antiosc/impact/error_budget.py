@@ -40,8 +40,8 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.impact.histories import History, parts
-from antiosc.impact.histories.parts import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.impact.histories import History, bars
+from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.stretching import DECIDING, NEGLIGIBLE, differences
 from antiosc.impact.truncation import WARN_SHARE, truncation_error, truncation_share
@@ -77,7 +77,7 @@ class RepeatedImpact:
 
     def change(self, body: LinearBody) -> Shares:
         """Relative changes of peak force, impulse and contact time on another body."""
-        return parts.differences(self.raw, self.simulate_on(body))
+        return bars.differences(self.raw, self.simulate_on(body))
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
@@ -87,11 +87,11 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """
     facts = impact.model.info.model
     if isinstance(facts, str):
-        return parts.NO_ERROR, [facts]
+        return bars.NO_ERROR, [facts]
     if facts is None:
-        return parts.NO_ERROR, []
+        return bars.NO_ERROR, []
     softer, stiffer = map(impact.change, _softer_and_stiffer(impact.model, facts))
-    return parts.with_floor(
+    return bars.with_floor(
         {name: SAFETY_BEAM * max(softer[name], stiffer[name]) for name in softer}
     ), []
 
@@ -128,7 +128,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
     """Relative errors of the three quantities due to measured noise and the limited band."""
     facts = impact.model.info.measured
     if facts is None:
-        return parts.NO_ERROR, parts.NO_ERROR
+        return bars.NO_ERROR, bars.NO_ERROR
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
     off = [
         impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
@@ -142,7 +142,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
         }
         for part in (drawn, others)
     )
-    return parts.with_floor(noise), parts.with_floor(band)
+    return bars.with_floor(noise), bars.with_floor(band)
 
 
 def low_band_message(hit: History) -> str:
@@ -213,8 +213,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     if model.strain_error is None and model.info.measured is None and not stretches:
         raise InputError(NO_ESTIMATE)
     if not hit.contacts:
-        bars = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
-        return ErrorBudget(bars, 0.0, ("The bodies did not touch: nothing has a bar.",))
+        by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
+        return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     if stretches:
         model = replace(model, stretch=None)
@@ -233,7 +233,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         "geometry": geometry, "noise": noise, "band": band, "model": family,
         "stretch": _stretch(hit, given, rerun, tol),
     }  # fmt: skip
-    bars = {
+    by_quantity = {
         name: ErrorBar(
             getattr(hit, name),
             **{cause: own[name] for cause, own in shares.items()},
@@ -247,7 +247,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         left_out = f"{left_out} {NOT_ESTIMATED}".lstrip()
     band_notes = filter(None, [low_band_message(raw), linear])
     notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
-    return ErrorBudget(bars, share, notes, safety, left_out, unknown)
+    return ErrorBudget(by_quantity, share, notes, safety, left_out, unknown)
 
 
 #: Factor of safety of what two more modes change, and its least: the tensors themselves are within
@@ -266,7 +266,7 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     The change of a peak force may vanish by chance: the deflection's counts too.
     """
     if model.stretch is None:
-        return parts.NO_ERROR
+        return bars.NO_ERROR
     taken = hit.assembly.stretched.get("structure")
     if taken is None:
         return dict.fromkeys(QUANTITIES, NEGLIGIBLE)
@@ -277,7 +277,7 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         more = min(taken.size + 2, model.stretch.size)
         known = differences(hit, rerun(with_count(model, more), tol))
     worst = max(known[name] for name in DECIDING)
-    least = max(parts.FLOOR * worst, STRETCH_LEAST)
+    least = max(bars.FLOOR * worst, STRETCH_LEAST)
     return {name: STRETCH_SAFETY * max(known[name], least) for name in QUANTITIES}
 
 
@@ -293,15 +293,15 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
     """
     model, raw = impact.model, impact.raw
     if model.strain_error is None:
-        return parts.NO_ERROR, parts.NO_ERROR, 0.0, SAFETY, []
+        return bars.NO_ERROR, bars.NO_ERROR, 0.0, SAFETY, []
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
-    changes = parts.differences(raw, softer)
+    changes = bars.differences(raw, softer)
     if model.strain_misfit is not None:
         without = impact.change(replace(model, strain_misfit=None).corrected())
         changes = {name: max(one, changes[name]) for name, one in without.items()}
-    mesh = parts.with_floor({name: safety * one for name, one in changes.items()})
+    mesh = bars.with_floor({name: safety * one for name, one in changes.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(one, share) for name, one in mesh.items()}
 
@@ -381,7 +381,7 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
     """Errors due to the time steps: the estimate of the run, or that of a finer run if larger."""
     known = max(_time_errors(hit), default=0.0)
     own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    changed = parts.NO_ERROR if finer is None else parts.differences(hit, finer)
+    changed = bars.NO_ERROR if finer is None else bars.differences(hit, finer)
     return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
 
 
@@ -394,16 +394,16 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     model = impact.model
     other = model.info.patch
     if model.radius is None:
-        return parts.NO_ERROR, []
+        return bars.NO_ERROR, []
     if other is None or "compliance" not in other:
-        return parts.NO_ERROR, [NO_PATCH]
+        return bars.NO_ERROR, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
     changed = impact.change(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(changed.values()):  # the law does not contain the half-space
-        return parts.NO_ERROR, [NO_PATCH]
+        return bars.NO_ERROR, [NO_PATCH]
     return changed, []
 
 
@@ -416,7 +416,7 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
     model = impact.model
     facts = model.info.geometry
     if facts is None:
-        return parts.NO_ERROR, []
+        return bars.NO_ERROR, []
     own = np.diag(weights)
     energy = own @ np.append(model.k0, model.k)
     layers = own @ np.asarray(facts["stiffness"])[: len(own)]
@@ -434,4 +434,4 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
         participation=None if p is None else p * heavier,
     )
     changed = impact.change(curved)
-    return parts.with_floor({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]
+    return bars.with_floor({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

@@ -22,7 +22,7 @@ from antiosc.engine.contact.peak_error import (
 )
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.impact.histories import History
-from antiosc.impact.histories.parts import NO_ERROR, differences, with_floor
+from antiosc.impact.histories.bars import NO_ERROR, differences, with_floor
 from antiosc.models.auto_contact import choice_of
 from antiosc.models.body import Body
 

@@ -35,9 +35,9 @@ from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
 from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.error_budget import error_budget, warn_low_band
 from antiosc.impact.histories import History, SceneHistory, told
+from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
-from antiosc.impact.histories.parts import ErrorBudget
 from antiosc.impact.histories.run_end import CheckResult, RunEnd, check_result, open_contacts
 from antiosc.impact.reference import (
     MAX_CONTACTS,

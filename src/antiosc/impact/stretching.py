@@ -17,7 +17,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
-from antiosc.impact.histories import History, parts, told
+from antiosc.impact.histories import History, bars, told
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
 from antiosc.models.stretch import MOST, Stretch, stretch_of
 
@@ -148,9 +148,9 @@ def largest(changes: list[dict[str, float]]) -> dict[str, float]:
 
 def differences(one: History, other: History) -> dict[str, float]:
     """Relative changes of the three quantities between two runs, for the largest contact."""
-    found = dict.fromkeys(parts.QUANTITIES, 0.0)
+    found = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(one.contact_histories, other.contact_histories, strict=True):
-        changes = parts.differences(a, b) if b.contacts else found
+        changes = bars.differences(a, b) if b.contacts else found
         found = {name: max(found[name], changes[name]) for name in found}
     moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (one, other)]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]

@@ -40,7 +40,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.assembly import Assembly, stiffness_at
 from antiosc.impact.histories import History
-from antiosc.impact.histories.parts import differences, with_floor
+from antiosc.impact.histories.bars import differences, with_floor
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 

@@ -38,7 +38,7 @@ from antiosc.fem.structure.support import Support
 from antiosc.impact.bodies import RigidMass, Sphere
 from antiosc.impact.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.impact.histories import History, with_model
-from antiosc.impact.histories.parts import ErrorBudget, differences, with_floor
+from antiosc.impact.histories.bars import ErrorBudget, differences, with_floor
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators

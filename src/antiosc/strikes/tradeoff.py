@@ -25,7 +25,7 @@ from antiosc.fem.platform import collective, compat
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.histories import History
-from antiosc.impact.histories.parts import differences
+from antiosc.impact.histories.bars import differences
 from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion

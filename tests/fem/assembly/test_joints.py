@@ -12,7 +12,7 @@ import scipy.optimize
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.pins import element
+from antiosc.fem.assembly.bolts import element
 from antiosc.models.closed_form.plates import SupportedPlate
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE

@@ -9,7 +9,7 @@ import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact import error_budget
-from antiosc.impact.histories.parts import QUANTITIES
+from antiosc.impact.histories.bars import QUANTITIES
 from antiosc.reduce.error.beam import excess, halved, interpolation, with_node
 from parts import frame, line, named
 

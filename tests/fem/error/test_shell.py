@@ -17,7 +17,7 @@ from antiosc.impact.error_budget import (
     SAFETY_COARSE,
     SHELL,
 )
-from antiosc.impact.histories.parts import QUANTITIES, differences
+from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.reduce.error.shell import (
     SheetRecovery,
     ShellErrors,

@@ -15,9 +15,9 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.progress import doing
 from antiosc.fem.assembly.assembled import AssembledMatrices, block_of
+from antiosc.fem.assembly.bolts import Bolt, lengthening
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.assembly.pins import Bolt, lengthening
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr, from_csr
 from antiosc.fem.linalg.solver import Solver

@@ -17,9 +17,10 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import STOPPED, engineering, percent, point_text
 from antiosc.impact.assembly import given_parts
 from antiosc.impact.histories import verdict
+from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
 from antiosc.impact.histories.motion import RunHistory
-from antiosc.impact.histories.parts import ContactHistory, ErrorBudget
+from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.tables import Results
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import plot_history

@@ -1,0 +1,184 @@
+"""Bolts: straight beams between two ends, with their matrices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from antiosc.base._types import Array
+from antiosc.base.checks import checked_by, instance
+from antiosc.base.errors import InputError
+from antiosc.fem.assembly.joint import (
+    NAME,
+    Between,
+    Stiffness,
+    end_text,
+    motion,
+    warn_of_gap,
+)
+from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.elements.beam import Beam, heights
+
+#: Points of the rule for the mass matrix: products of two cubics.
+GAUSS_POINTS = 5
+
+
+@dataclass(frozen=True)
+class Bolt(Between):
+    """A straight beam between two ends; a group as an end moves by its mean motion.
+
+    The element has the exact static stiffness of a Timoshenko beam, and its consistent mass.
+
+    Parameters
+    ----------
+    a, b : ends
+        As for `Weld`; the beam goes from the centroid of one to that of the other.
+    beam : Beam
+        Material and section.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    beam: Beam = field(metadata=checked_by(instance, Beam, "a Beam"))
+    name: str | None = field(default=None, metadata=NAME)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.beam.offset:
+            raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
+
+    def _reach(self, layout: Layout) -> float:
+        """Distance between its ends, m."""
+        a, b = (motion(layout, end).point for end in (self.a, self.b))
+        return float(np.linalg.norm(b - a))
+
+    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+        """Stiffness and mass of the beam."""
+        ends = [motion(layout, end) for end in (self.a, self.b)]
+        warn_of_gap(layout, label, list(zip((self.a, self.b), ends, strict=True)))
+        line = ends[1].point - ends[0].point
+        length = float(np.linalg.norm(line))
+        if length <= 1e-9 * layout.size:
+            raise InputError(
+                f"{label} has no length: {end_text(self.a)} and {end_text(self.b)} have the same "
+                "centre; use a Weld."
+            )
+        for end, one in zip((self.a, self.b), ends, strict=True):
+            if not one.turns(layout.rotations):
+                raise InputError(
+                    f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
+                    'one: give a group of faces, or a radius, ("part", point, radius).'
+                )
+        axis = line / length
+        middle = (ends[0].point + ends[1].point) / 2
+        height = np.array([-axis[1], axis[0], 0.0])  # in the plane of plane parts
+        if not layout.plane:
+            height = heights(self.beam, axis[None], middle[None])[0]
+        y = height - (height @ axis) * axis
+        y /= np.linalg.norm(y)
+        R = np.vstack([axis, y, np.cross(axis, y)])
+        k, m = element(self.beam, length)
+        turn = scipy.sparse.block_diag([R] * 4, format="csr")
+        G = (turn @ scipy.sparse.vstack([one.six for one in ends])).tocsr()
+        mass = self.beam.rho * self.beam.section.A * length
+        return [Stiffness(G, k, m, mass)]
+
+
+def element(beam: Beam, length: float) -> tuple[Array, Array]:
+    """Stiffness and mass (12, 12) of a beam along x, its height along y.
+
+    Dofs: x, y, z, rx, ry, rz of the first end, then of the second.
+    """
+    section, E, rho = beam.section, beam.E, beam.rho
+    k, m = np.zeros((12, 12)), np.zeros((12, 12))
+    bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
+    polar = section.I + section.side
+    for first, stiffness, inertia in (
+        (0, E * section.A, rho * section.A),
+        (3, beam.G * section.torsion, rho * polar),
+    ):
+        pair = np.ix_((first, first + 6), (first, first + 6))
+        k[pair] += stiffness / length * bar
+        m[pair] += inertia * length * line
+    # rotation about z bends along y; about y it bends along z with the opposite sign
+    for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
+        signs = np.array([1.0, sign, 1.0, sign])
+        own_k, own_m = _bending(beam, I, length)
+        k[np.ix_(dofs, dofs)] += own_k * np.outer(signs, signs)
+        m[np.ix_(dofs, dofs)] += own_m * np.outer(signs, signs)
+    return k, m
+
+
+def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
+    """(a (12,), B (12, 12)): a beam with the dofs g of `element` elongates by a·g + gᵀBg/2.
+
+    B has the slopes of its deflections, and the twist by which fibres off the axis lengthen.
+    """
+    a, B = np.zeros(12), np.zeros((12, 12))
+    a[[0, 6]] = -1.0, 1.0
+    bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    section = beam.section
+    radius2 = (section.I + section.side) / section.A
+    B[np.ix_((3, 9), (3, 9))] = radius2 / length * bar
+    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    s, w = (x + 1) / 2, w / 2 * length
+    for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
+        signs = np.array([1.0, sign, 1.0, sign])
+        slopes = _slopes(_shear_share(beam, I, length), length, s)
+        own = np.einsum("iq,jq,q->ij", slopes, slopes, w)
+        B[np.ix_(dofs, dofs)] += own * np.outer(signs, signs)
+    return a, B
+
+
+def _shear_share(beam: Beam, I: float, L: float) -> float:  # noqa: E741
+    """φ = 12 EI/(GκA L²); 0 for a beam that is rigid in shear."""
+    if not beam.shear:
+        return 0.0
+    return 12 * beam.E * I / (beam.G * beam.section.A * beam.section.shear * L**2)
+
+
+def _slopes(phi: float, L: float, s: Array) -> Array:
+    """Slopes (4, points) of the deflection at s in [0, 1], for each unit dof of bending."""
+    return np.stack([
+        (-6 * s + 6 * s**2 - phi) / L,
+        1 - 4 * s + 3 * s**2 + phi / 2 * (1 - 2 * s),
+        (6 * s - 6 * s**2 + phi) / L,
+        -2 * s + 3 * s**2 - phi / 2 * (1 - 2 * s),
+    ]) / (1 + phi)  # fmt: skip
+
+
+def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E741
+    """Bending stiffness (4, 4) of a Timoshenko beam for the deflection and slope of both ends.
+
+    Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapters 5 and 11.
+    """
+    EI = beam.E * I
+    phi = _shear_share(beam, I, L)
+    k = EI / ((1 + phi) * L**3) * np.array([
+        [12, 6 * L, -12, 6 * L],
+        [6 * L, (4 + phi) * L**2, -6 * L, (2 - phi) * L**2],
+        [-12, -6 * L, 12, -6 * L],
+        [6 * L, (2 - phi) * L**2, -6 * L, (4 + phi) * L**2],
+    ])  # fmt: skip
+    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    s, w = (x + 1) / 2, w / 2 * L
+    one = 1 / (1 + phi)
+    v = one * np.stack([
+        1 - 3 * s**2 + 2 * s**3 + phi * (1 - s),
+        L * (s - 2 * s**2 + s**3 + phi / 2 * (s - s**2)),
+        3 * s**2 - 2 * s**3 + phi * s,
+        L * (-(s**2) + s**3 - phi / 2 * (s - s**2)),
+    ])  # fmt: skip
+    turn = one * np.stack([
+        6 / L * (-s + s**2),
+        1 - 4 * s + 3 * s**2 + phi * (1 - s),
+        6 / L * (s - s**2),
+        -2 * s + 3 * s**2 + phi * s,
+    ])  # fmt: skip
+    rho_A, rho_I = beam.rho * beam.section.A, beam.rotary_inertia(I)
+    m = rho_A * np.einsum("iq,jq,q->ij", v, v, w) + rho_I * np.einsum("iq,jq,q->ij", turn, turn, w)
+    return k, m

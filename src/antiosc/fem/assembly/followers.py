@@ -1,0 +1,166 @@
+"""Points and groups that follow one another: rigid groups, and points at the mean of a group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
+from antiosc.fem.assembly.joint import (
+    COLLINEAR,
+    END,
+    NAME,
+    End,
+    HeldDofs,
+    Joint,
+    Motion,
+    Rows,
+    end_text,
+    following,
+    group_end,
+    mean,
+    motion,
+)
+from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.structure.meshed import Member
+from antiosc.io.dof_map import DISPLACEMENTS, ROTATIONS
+
+
+@dataclass(frozen=True)
+class Rigid(Joint):
+    """All nodes of a group follow the motion of a point as a rigid body (RBE2).
+
+    Parameters
+    ----------
+    group : str
+        "part:group".
+    point : end, optional
+        The point that is followed: the name of a reference point, ("part", (x, y, z)) of a beam
+        or shell, or a group of one point. None: the group is rigid and follows nothing else.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    group: str = field(metadata=END)
+    point: End | None = field(default=None, metadata=END)
+    name: str | None = field(default=None, metadata=NAME)
+
+    def prepare(self, layout: Layout, label: str) -> None:
+        """Add a reference point to the layout if the group follows no point of the user."""
+        if self.point is None:
+            member, group = group_end(layout, "group", self.group)
+            nodes = member.nodes_of(group)
+            if len(nodes) < 2:
+                raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
+            layout.points[label] = member.nodes[nodes].mean(axis=0)
+
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+        """Every dof of the group equals the rigid motion of the point."""
+        member, group = group_end(layout, "group", self.group)
+        nodes = member.nodes_of(group)
+        if self.point is None:
+            leader = motion(layout, label)
+            rows = _as_rigid_body(layout, member, nodes, leader, label)
+            return [rows, *_undetermined(member, nodes, leader)]
+        leader = motion(layout, self.point)
+        columns = np.unique(leader.six.indices)
+        block = (columns - member.first) // member.block
+        inside = (columns >= member.rows.start) & (columns < member.rows.stop)
+        nodes = nodes[~np.isin(nodes, block[inside])]  # the point itself may be in the group
+        if not leader.turns(layout.rotations):
+            raise InputError(
+                f"{label}: the point {end_text(self.point)} does not rotate, so that nothing can "
+                "follow its rotation: take a reference point (points={...}), or a point of a beam "
+                "or a shell."
+            )
+        if not len(nodes):
+            raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
+        return [_as_rigid_body(layout, member, nodes, leader, label)]
+
+
+@dataclass(frozen=True)
+class Mean(Joint):
+    """A point follows the mean motion of a group (RBE3), and its loads spread over the group.
+
+    The group is not stiffened. Faces, edges and cells count with their areas and lengths, points
+    equally.
+
+    Parameters
+    ----------
+    group : str
+        "part:group".
+    point : end
+        What follows: the name of a reference point, ("part", (x, y, z)), or a group of one point,
+        for instance the end of a beam.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    group: str = field(metadata=END)
+    point: End = field(metadata=END)
+    name: str | None = field(default=None, metadata=NAME)
+
+    def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
+        """Displacement and rotation of the point equal the mean ones of the group."""
+        member, group = group_end(layout, "group", self.group)
+        nodes = member.nodes_of(group)
+        follower = motion(layout, self.point)
+        if len(nodes) == 1:
+            raise InputError(
+                f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
+            )
+        leader = mean(layout, member, member.points_of(group))
+        if set(leader.displacements.indices) & set(follower.displacements.indices):
+            raise InputError(
+                f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
+                "whose mean it should follow; take a group without it."
+            )
+        led = leader.at(follower.point)
+        both = leader.space[3:, 3:] @ follower.space[3:, 3:]
+        directions = scipy.linalg.block_diag(np.eye(3), _rows_of(both))
+        rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - led.six)).tocsr()
+        rows.eliminate_zeros()
+        return [Rows(rows, _single(follower, rows.shape[0]), label)]
+
+
+def _as_rigid_body(
+    layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str
+) -> Rows:
+    """The constraints by which nodes of a part follow the rigid motion of a point."""
+    rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
+    led = leader.displacements_at(member.nodes[nodes])
+    return following(layout, member, nodes, [(DISPLACEMENTS, led), (ROTATIONS, rotations)], label)
+
+
+def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
+    """Rotations of a point that move no follower, and are therefore fixed."""
+    if member.has_rotations:
+        return []
+    arm = member.nodes[nodes] - leader.point
+    J = np.einsum("pi,pi->", arm, arm) * np.eye(3) - arm.T @ arm
+    values, axes = np.linalg.eigh(J)
+    idle = axes[:, values <= COLLINEAR * values[-1]].T
+    return [Rows.free((scipy.sparse.csr_matrix(idle) @ leader.rotations).tocsr(), "")]
+
+
+def _rows_of(projection: Array) -> Array:
+    """Orthonormal rows (k, 3) that span the image of a projection."""
+    present = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
+    if len(present) == round(float(np.trace(projection))):
+        return np.eye(3)[present]
+    values, vectors = np.linalg.eigh(projection)
+    return np.asarray(vectors[:, values > 0.5].T)
+
+
+def _single(follower: Motion, count: int) -> IntArray:
+    """The single follower dof for which each row is solved; -1 if there are several."""
+    pivots = np.full(count, -1)
+    alone = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
+    pivots[alone] = follower.displacements.indices[follower.displacements.indptr[alone]]
+    if count == 6 and (np.diff(follower.rotations.indptr) == 1).all():
+        pivots[3:] = follower.rotations.indices
+    return pivots

@@ -1,0 +1,182 @@
+"""Error bars of an impact: their causes, and the budget that adds them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from antiosc.base.texts import engineering, percent
+
+#: Quantities of an impact that have bars, and their units.
+QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
+#: What a cause adds that does not apply.
+NO_ERROR = dict.fromkeys(QUANTITIES, 0.0)
+#: Causes of error, in the order in which they are told.
+CAUSES = (
+    "mesh",
+    "truncation",
+    "time",
+    "patch",
+    "geometry",
+    "noise",
+    "band",
+    "model",
+    "stretch",
+    "law",
+)
+#: Those that no finer model or run changes.
+ASSUMED = ("model", "law")
+#: Those that are told only of models that were measured, and of parts that stretch.
+RARE = ("noise", "band", "stretch")
+
+
+@dataclass(frozen=True)
+class ErrorBar:
+    """The bar of one quantity: bounds on its relative errors, by cause.
+
+    Attributes
+    ----------
+    value : of the quantity, SI units.
+    mesh : of the displacements that the mesh cannot represent.
+    truncation : of the anti-oscillators that the model leaves out.
+    time : of the time integration.
+    patch : of the radius of the site's patch.
+    geometry : of flat faces that stand for a curved surface.
+    noise, band : of a measured model, of the noise and of the modes above the measured band.
+    model : of the element family, such as a beam in place of a solid bar.
+    law : of the contact's law and of what it follows from; None: not known.
+    stretch : of the second-order forces of the modes that were left out, where a part stretches.
+    """
+
+    value: float
+    mesh: float
+    truncation: float
+    time: float
+    patch: float
+    geometry: float = 0.0
+    noise: float = 0.0
+    band: float = 0.0
+    model: float = 0.0
+    law: float | None = 0.0
+    stretch: float = 0.0
+
+    @property
+    def numerical(self) -> float:
+        """Sum of all causes but model and law, which no finer mesh reduces."""
+        return sum(getattr(self, cause) for cause in CAUSES if cause not in ASSUMED)
+
+    @property
+    def without_law(self) -> float:
+        """Sum of all causes but the law."""
+        return self.numerical + self.model
+
+    @property
+    def total(self) -> float | None:
+        """Sum of all causes; None where the error of the contact's law is not known."""
+        return None if self.law is None else self.without_law + self.law
+
+
+@dataclass(frozen=True)
+class ErrorBudget(Mapping[str, ErrorBar]):
+    """The bars of "peak_force", "impulse" and "contact_time".
+
+    Attributes
+    ----------
+    bars : quantity -> ErrorBar.
+    energy_error : share of the errors of strains in the strain energy, mean over the contact.
+    notes : what the bars do not include, and what makes them doubtful.
+    safety : factor of the mesh's bars over the differences to the corrected model.
+    law : why the error of the contact's law is not in the bars; "" where it is.
+    unknown : the causes that were not estimated, with 0 in the bars.
+    """
+
+    bars: Mapping[str, ErrorBar]
+    energy_error: float
+    notes: tuple[str, ...] = ()
+    safety: float = 2.0
+    law: str = ""
+    unknown: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> ErrorBar:
+        return self.bars[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.bars)
+
+    def __len__(self) -> int:
+        return len(self.bars)
+
+    def of_corrected(self, hit: object) -> ErrorBudget:
+        """Error bars of `hit` on the corrected model, with a safety factor of 2 or more on the raw
+        one.
+
+        With the difference d of both, an error of the raw model of at most S d is one of at most
+        (S - 1) d of the corrected one: it is nearer by d, or beyond the truth by less than d.
+        """
+        nearer = 1 - 1 / self.safety
+        bars = {
+            name: replace(bar, value=getattr(hit, name), mesh=nearer * bar.mesh)
+            for name, bar in self.bars.items()
+        }
+        return replace(self, bars=bars)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Causes of error to print; noise, band and stretch if present, the law if known."""
+        bars, without = self.bars.values(), (*self.unknown, *(("law",) if self.law else ()))
+        known = (c for c in CAUSES if c not in without)
+        return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
+
+    @property
+    def worst(self) -> float | None:
+        """Largest total of the three quantities; None if the error of the law is unknown."""
+        totals = [bar.total for bar in self.bars.values()]
+        return None if None in totals else max(filter(None, totals), default=0.0)
+
+    @property
+    def without_law(self) -> float:
+        """Largest of the three sums of all causes but the law."""
+        return max(bar.without_law for bar in self.bars.values())
+
+    @property
+    def numerical(self) -> float:
+        """Largest of the three sums of all causes but model and law."""
+        return max(bar.numerical for bar in self.bars.values())
+
+    def shown(self, name: str, digits: int = 4) -> str:
+        """A quantity with its error as text; "numerical" if the error leaves the law out."""
+        bar = self.bars[name]
+        value = engineering(bar.value, QUANTITIES[name], digits)
+        if self.law or bar.total is None:
+            return f"{value}, numerical ± {percent(bar.without_law)}"
+        return f"{value} ± {percent(bar.total)}"
+
+    def causes_text(self, name: str) -> str:
+        """The shares of the causes in the error of a quantity as text."""
+        bar = self.bars[name]
+        return ", ".join(f"{cause} {percent(getattr(bar, cause))}" for cause in self.causes)
+
+    def __str__(self) -> str:
+        lines = []
+        for name in self.bars:
+            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {self.causes_text(name)}")
+        return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
+
+
+#: Each error is at least this share of the largest of the three.
+FLOOR = 0.5
+
+
+def differences(one: object, other: object) -> dict[str, float]:
+    """Relative differences of peak force, impulse and contact time."""
+    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
+
+
+def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors of the three quantities, each raised to `FLOOR` times the largest."""
+    worst = max(errors.values())
+    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
+
+
+def _relative(a: float, b: float) -> float:
+    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
