@@ -23,8 +23,7 @@ from antiosc.fem.linalg import (
     cholmod as cholmod,
 )
 from antiosc.fem.linalg.solver_choice import (
-    BYTES as BYTES,
-    Plan as Plan,
+    foreseen as foreseen,
 )
 from antiosc.fem.mesh import (
     distributed as distributed,

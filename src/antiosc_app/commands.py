@@ -225,20 +225,15 @@ def _forecast(scene: Compiled) -> str:
 
 
 def _factor(structure: Structure) -> str:
-    """Text of the entries and memory of the Cholesky factor, from its symbolic analysis."""
+    """Text on the Cholesky factor, from its symbolic analysis, and on what may take its place."""
     from antiosc.extension import missing
 
     if missing is not None or not hasattr(structure.K, "getSizes"):
         return "by SciPy; not forecast"
-    from antiosc.extension import BYTES, Plan
+    from antiosc.extension import foreseen
 
-    entries = Plan(structure.K).entries
-    if not entries:
-        return "not forecast"
-    return (
-        f"{entries:.3g} entries, {BYTES * entries / 1e9:.2g} GB of {free_memory() / 1e9:.3g} GB "
-        f"free; {4e-9 * entries:.2g} Gflop for each solve"
-    )
+    told = foreseen(structure.K, structure.matrices.coarser)
+    return f"{told}; {free_memory() / 1e9:.3g} GB are free"
 
 
 def _model_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:

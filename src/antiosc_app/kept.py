@@ -48,6 +48,7 @@ class FreeModes:
     def __init__(self, structure: Structure) -> None:
         from antiosc.extension import ModeSolver
 
+        structure.factorize(np.inf)  # a click is one solve
         self._structure, self._solver = structure, ModeSolver(structure)
         #: numbers of modes of the remaining rounds
         self.left = list(ROUNDS)

@@ -66,7 +66,7 @@ def free_sites(
     """The sites of a map with at most `most` free modes; the other arguments as of `impact_map`."""
     started = time.perf_counter()
     found = sites_of(matrices, where, direction, radius)
-    structure.factorize()
+    structure.factorize(math.inf)
     located = time.perf_counter()
     free = _free_modes(structure, modes, band, most, least)
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])

@@ -115,6 +115,7 @@ def _elastic(
             f"a part that is dropped is free in space, with six rigid-body modes; this one has "
             f"{structure.rigid_modes.shape[1]}: leave its supports out."
         )
+    structure.factorize(np.inf)  # for its modes, and the points that touch
     rigid = inertia[0]
     modes = ModeSolver(structure).lowest(count)
     omega = modes.omega[:count]

@@ -12,7 +12,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.elements import tetrahedra
-from antiosc.fem.linalg import multigrid, solver_choice, two_levels
+from antiosc.fem.linalg import forecast, multigrid, solver_choice, two_levels
 from antiosc.fem.linalg.multigrid import Levels
 from antiosc.fem.linalg.two_levels import TwoLevels, at_vertices
 from antiosc.models.driving_point import stiffness_at_sites
@@ -96,7 +96,7 @@ def test_models_are_those_of_a_factor(given):
     if "material" in given:  # the half-space of a patch is not known
         sites = {name: replace(site, radius=None) for name, site in sites.items()}
     a, b = (ao.extract(part, sites, n=12) for part in (direct, iterative))
-    assert a.info.solver == "factor"
+    assert a.info.solver.startswith("factor; forecast")
     assert "two levels" in b.info.solver
     for share in (0.1, 0.7, 1.3):
         Z, found = (np.asarray(m.dynamic_stiffness(share * a.omega[1])) for m in (a, b))
@@ -205,13 +205,69 @@ def test_python_ends_while_a_solver_is_alive():
     assert (done.returncode, done.stdout) == (0, "TwoLevels python\n"), done.stderr
 
 
-def test_the_faster_solver_is_taken(monkeypatch):
+@pytest.fixture
+def factors_are_slow(monkeypatch):
+    """A factor takes as long as two levels with thirty iterations, and parts count as large."""
     monkeypatch.setattr(solver_choice, "LARGE", 1)
-    part = made("auto")
+    own = solver_choice.seconds_of_factor
+
+    def thirty(entries: float, columns: float) -> float:
+        sizes = forecast.LevelSizes(80.0 * made("direct").size, True, entries)
+        return sizes.cost(30.5, 1.0).seconds if columns < 2 else own(entries, columns)
+
+    monkeypatch.setattr(solver_choice, "seconds_of_factor", thirty)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.4999])
+def test_the_faster_solver_is_taken(nu, factors_are_slow):
+    """Compact steel takes fewer iterations, what is nearly incompressible more."""
+    found = made("auto", nu=nu).factorize()
+    assert type(found) is (TwoLevels if nu == 0.3 else solver_choice.OnOneRank)
+    levels = made("iterative", nu=nu).factorize()
+    if nu == 0.3:
+        assert levels.trial(30) == found.trial(30)
+    else:
+        with pytest.raises(ao.NotConvergedError):
+            levels.trial(30)
+
+
+def test_small_parts_are_factored():
+    assert type(made("auto").factorize()) is solver_choice.OnOneRank
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
+def test_what_needs_a_factor_has_one(factors_are_slow):
+    """Modes and maps ask for more right-hand sides than a model of one site."""
+    exact, part = made("direct", supports=[]), made("auto", supports=[])
+    first = ao.extract(part, TIP, n=6)
+    assert "two levels" in first.info.solver
+    omega = part.natural_modes(9).omega
     assert type(part.factorize()) is solver_choice.OnOneRank
-    monkeypatch.setattr(solver_choice, "RATE", 1.0)
-    part = made("auto")
-    assert type(part.factorize()) is TwoLevels
+    np.testing.assert_allclose(omega[6:], exact.natural_modes(9).omega[6:], rtol=1e-8)
+    found = [ao.impact_map(one, "+z", *BLOW, 2e-4, n=6, radius=0.03) for one in (exact, part)]
+    np.testing.assert_allclose(found[1].peak_force, found[0].peak_force, rtol=1e-6)
+    again = ao.extract(part, TIP, n=6)
+    assert again.info.solver.startswith("factor")
+    x = 0.7 * again.omega[1]
+    assert first.dynamic_stiffness(x) == pytest.approx(again.dynamic_stiffness(x), rel=1e-6)
+
+
+def test_what_moves_freely_is_told(factors_are_slow):
+    """A corner that hangs on nothing has no factor; two levels leave the sentence to it."""
+    part = made("auto", supports=[])
+    levels = Levels(lambda: part.matrices.rigid_motions, part.matrices.coarser)
+    with pytest.raises(ao.NotConvergedError, match="can move freely"):
+        solver_choice.solver_for(part.K, "auto", levels)
+
+
+def test_iterations_that_are_forecast_give_the_seconds():
+    sizes = forecast.LevelSizes(1e6, True, 3e7)
+    for columns in (1.0, 6.0):
+        seconds = sizes.cost(13.0, columns).seconds
+        assert sizes.iterations_within(1.001 * seconds, columns) == 13
+    assert sizes.iterations_within(0.5 * sizes.set_up, 1.0) == 0
+    one, six = (forecast.seconds_of_factor(3e7, k) for k in (1.0, 6.0))
+    assert one < six < 6 * one
 
 
 OVER_RANKS = """
@@ -235,6 +291,33 @@ for most in (150_000, 0):
         found.append(["two levels" in model.info.solver, single, steps, *np.real(Z)])
 print(json.dumps(found))
 """
+
+
+CHOSEN_OVER_RANKS = """
+from antiosc.fem.elements import tetrahedra
+from antiosc.fem.linalg import forecast, solver_choice
+
+tetrahedra.FEWEST_DOFS, solver_choice.LARGE = 0, 1
+site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
+found = []
+for slow in (1e-3, 0.0):
+    forecast.ASSEMBLED = slow
+    mesh = parts.box((6, 3, 2), cell="tetrahedron")
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
+    model = ao.extract(part, site, n=8)
+    Z = model.dynamic_stiffness(np.array([0.1, 0.7, 1.3]) * model.omega[1])
+    found.append(["two levels" in model.info.solver, *Z])
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.mpi
+def test_the_choice_over_ranks():
+    script = START + CHOSEN_OVER_RANKS
+    one, two = (json.loads(run_ranks(n, script, alone=True)[0]) for n in (1, 2))
+    assert [uses for uses, *_ in one] == [uses for uses, *_ in two] == [True, False]
+    np.testing.assert_allclose([Z for _, *Z in two], [Z for _, *Z in one], rtol=1e-6)
+    np.testing.assert_allclose(one[0][1:], one[1][1:], rtol=1e-6)
 
 
 @pytest.mark.mpi

@@ -15,14 +15,16 @@ def solver_for(
     choice: SolverChoice,
     motions: Callable[[], Array],
     coarser: Callable[[], Matrix | None] = lambda: None,
+    columns: float = 1.0,
 ) -> Solver:
     """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
     `motions` gives rigid-body motions (rows of this rank, r) and `coarser` an interpolation from a
-    coarse space for a multigrid. A SciPy matrix is always solved directly.
+    coarse space for a multigrid; `columns` is the number of right-hand sides at once, inf where a
+    factor serves more than its solves. A SciPy matrix is always solved directly.
     """
     if by_scipy(A):
         return scipy_factors.factorize(A)
     from antiosc.fem.linalg import multigrid, solver_choice  # need PETSc
 
-    return solver_choice.solver_for(A, choice, multigrid.Levels(motions, coarser))
+    return solver_choice.solver_for(A, choice, multigrid.Levels(motions, coarser), columns)

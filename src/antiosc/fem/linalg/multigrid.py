@@ -26,6 +26,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array
 from antiosc.base.errors import NotConvergedError
 from antiosc.base.process import allocation_failed
+from antiosc.fem.linalg.algebra import diagonal
 from antiosc.fem.linalg.petsc_algebra import watch
 from antiosc.fem.linalg.solver import SINGULAR, Solver
 
@@ -107,8 +108,9 @@ class Multigrid(PetscSolver):
 
     @property
     def told(self) -> str:
-        """Name of the solver, and the error at which its solves end."""
-        return f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
+        """Name of the solver, the error at which its solves end, and the forecast."""
+        told = f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
+        return told if self.cost is None else f"{told}; {self.cost}"
 
     def __init__(self, A: PETSc.Mat, motions: Array | None = None) -> None:
         if motions is not None:
@@ -125,6 +127,20 @@ class Multigrid(PetscSolver):
 
     def _precondition(self, pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.GAMG)
+
+    def trial(self, most: int) -> int:
+        """Iterations of a solve for a random load; NotConvergedError above `most`.
+
+        Held dofs, with 1 on the diagonal, have no load to speak of.
+        """
+        noise = np.random.default_rng(self.comm.rank).standard_normal(self.A.getLocalSize()[0])
+        before = self._ksp.max_it
+        self._ksp.max_it = most
+        try:
+            self.solve(diagonal(self.A) * noise)
+        finally:
+            self._ksp.max_it = before
+        return int(self._ksp.getIterationNumber())
 
     @contextmanager
     def accurately(self) -> Iterator[None]:

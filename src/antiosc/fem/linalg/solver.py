@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from antiosc.base.errors import AccuracyError
 from antiosc.base.process import one_thread
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import multiply, norms, roots
+from antiosc.fem.linalg.forecast import Cost
 
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 SOLUTION_GROWTH = 1e14
@@ -45,6 +47,10 @@ class Solver(ABC):
     backward_error: float = 1e-10
     #: relative error in energy that the solves so far may have; factors leave rounding
     error: float = 0.0
+    #: forecast of a model of one site with it, where there is one
+    cost: Cost | None = None
+    #: largest number of right-hand sides at once for which it is the faster one
+    columns: float = math.inf
 
     def __init__(self, A: Matrix) -> None:
         started = time.perf_counter()
@@ -95,8 +101,8 @@ class Solver(ABC):
 
     @property
     def told(self) -> str:
-        """Name of the solver with its facts, for messages."""
-        return "factor"
+        """Name of the solver with its forecast, for messages."""
+        return "factor" if self.cost is None else f"factor; {self.cost}"
 
     def force_sizes(self, R: Array) -> Array:
         """Norms of loads (columns) in which residuals are measured."""

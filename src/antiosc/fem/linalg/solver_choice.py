@@ -1,10 +1,11 @@
 """Solvers of PETSc matrices: their choice by memory, factors over ranks, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
-memory, or takes longer than the solves of a model, conjugate gradients are used
-(`antiosc.fem.linalg.multigrid`): preconditioned by two levels on quadratic solids, by algebraic
-multigrid elsewhere. If their matrices do not fit either, an OutOfMemoryError says so before they
-are made.
+memory, conjugate gradients are used (`antiosc.fem.linalg.multigrid`): preconditioned by two levels
+on quadratic solids, by algebraic multigrid elsewhere. If their matrices do not fit either, an
+OutOfMemoryError says so before they are made. From `LARGE` dofs on two levels are also used where
+they take less time: a trial solve counts their iterations, and ends at those with which a factor is
+faster (`antiosc.fem.linalg.forecast`).
 
 A factor over several ranks: the interface Γ is the smallest set of nodes that separates the parts
 of the ranks. Each rank factors its interior and Γ by CHOLMOD, Γ last: with L_Γ the block of Γ in
@@ -35,10 +36,11 @@ two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness fro
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -59,6 +61,15 @@ from antiosc.fem.linalg.cholmod import (
     NotPositiveDefiniteError,
     SinglePrecision,
 )
+from antiosc.fem.linalg.forecast import (
+    BYTES,
+    FEWEST,
+    QUADRATIC,
+    Cost,
+    LevelSizes,
+    of_factor,
+    seconds_of_factor,
+)
 from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver
 from antiosc.fem.linalg.petsc_algebra import (
     PRODUCT,
@@ -70,7 +81,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     with_entries,
 )
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
-from antiosc.fem.linalg.two_levels import TwoLevels, coarse_of
+from antiosc.fem.linalg.two_levels import FACTORED, TwoLevels, coarse_of
 from antiosc.fem.platform import agree, on_root, warn
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
@@ -442,100 +453,126 @@ class ByPetsc(PetscSolver, Factorization):
 #: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered
 #: by the softest motions, which single precision knows worst.
 PRECONDITIONER_ERROR = 0.03
-#: Bytes per entry of the factor, and of the matrices and work arrays beside it.
-BYTES = 8 * 1.3
-#: Bytes of the iterative solvers for each entry of A: their levels, and the products while they are
-#: made (multigrid 6 to 7: benchmarks/multigrid.py; two levels about twice that:
-#: benchmarks/large_parts.py); where products are taken from the cells, about 5 (a trace at
-#: 2.25 million dofs).
-MULTIGRID, MULTIGRID_BY_CELLS = 20.0, 8.0
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
 #: Remedy where neither fits.
 SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
-#: Dofs from which times are compared too; below, a factor is faster.
-LARGE = 200_000
-#: Least ratio of the times for which iterations are chosen: thin and nearly incompressible parts
-#: need more of them than the forecast knows.
-FAR_LONGER = 2.0
-#: Solves that a model of twenty anti-oscillators needs, and iterations of one by two levels.
-SOLVES, CYCLES = 25, 14
-#: Operations of a factor over entries^1.5 (plates 0.12, cubes 0.15) and for each second; seconds of
-#: a solve for each of its entries, and of an iteration for each entry of A.
-OPERATIONS, RATE, SECONDS_PER_ENTRY, SECONDS_PER_CYCLE = 0.15, 3e10, 1e-9, 8e-9
-#: Seconds of an iteration for each entry of A where products are taken from the cells.
-SECONDS_BY_CELLS = 2e-9
+#: Dofs from which times are compared too. Below, a factor takes less than a second.
+LARGE = 30_000
 #: Entries of a row of quadratic tetrahedra.
 ENTRIES = 80.0
-#: Entries of a factor of quadratic tetrahedra over those of linear ones on the same cells: 12 to 19
-#: from plates to compact blocks, 43 000 to 340 000 dofs.
-QUADRATIC = 15.0
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 
 
-def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels) -> Solver:
+def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
     """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
-    `levels` tells what a multigrid needs of the part. Where A's product is by strains the solver of
-    its entries is refined to that accuracy.
+    `levels` tells what a multigrid needs of the part; `columns` how many right-hand sides are
+    solved for at once, inf where a factor serves more than its solves. Where A's product is by
+    strains the solver of its entries is refined to that accuracy.
     """
     levels = replace(levels, coarser=cache(levels.coarser))
     if by_strains(A):
-        return Refined(A, lambda matrix: _of_entries(matrix, choice, levels))
-    return _of_entries(A, choice, levels)
+        return Refined(A, lambda matrix: _of_entries(matrix, choice, levels, columns))
+    return _of_entries(A, choice, levels, columns)
 
 
-def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels) -> Solver:
+def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float) -> Solver:
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     if choice == "iterative":
         return _iterative(A, levels)
+    alone = choice == "direct" or columns == math.inf
     fits = BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free
-    if fits and (choice == "direct" or rows < LARGE):
+    if fits and (alone or rows < LARGE):
         return factorize(A)
     analysis = 0.0 if by_cells(A) else ANALYSIS * stored(A)
     process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH, free)
     coarser = levels.coarser() if by_cells(A) else None
     plan = Plan(A) if coarser is None else Linear(A, coarser)
-    need = BYTES * plan.entries
-    fits = need <= process.MEMORY_SHARE * free
-    if fits and (choice == "direct" or not _slow(A, plan.entries, levels)):
-        return plan.factorize()
+    entries = plan.entries
+    need = BYTES * entries
+    if need <= process.MEMORY_SHARE * free:
+        faster = None if alone else _faster(A, plan, entries, levels, columns)
+        return plan.factorize() if faster is None else faster
     what = f"the factor of {rows} dofs"
     if choice == "direct":
         process.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
     del plan  # its analysis has copies of A
     solver = _iterative(A, levels)
-    if not fits:
-        warn(
-            A.getComm().tompi4py(),
-            f"{process.shortage(what, need, free)}: {solver.method} are used{solver.pace}; with a "
-            "coarser mesh or order=1 a factor may fit.",
-        )
+    warn(
+        A.getComm().tompi4py(),
+        f"{process.shortage(what, need, free)}: {solver.method} are used{solver.pace}; with a "
+        "coarser mesh or order=1 a factor may fit.",
+    )
     return solver
 
 
-def _iterative(A: PETSc.Mat, levels: Levels) -> Multigrid:
-    """The iterative solver, or OutOfMemoryError before its matrices are made."""
+def _faster(
+    A: PETSc.Mat, plan: Plan, entries: float, levels: Levels, columns: float
+) -> Multigrid | None:
+    """Two levels if they take less time than a factor with so many entries, by a trial solve."""
+    sizes = LevelSizes(stored(A), by_cells(A), entries)
+    most = sizes.iterations_within(seconds_of_factor(entries, columns), columns)
+    if most < FEWEST or levels.coarser() is None:
+        return None
+    try:
+        solver = _iterative(A, levels, plan)
+        iterations = solver.trial(most)
+    except NotConvergedError:  # a factor tells why, or serves
+        return None
+    solver.cost, solver.columns = sizes.cost(iterations, columns), columns
+    return solver
+
+
+def foreseen(A: PETSc.Mat, coarser: Callable[[], PETSc.Mat | None]) -> str:
+    """What a factor of A takes, and whether two levels may take its place, in words."""
+    entries = Plan(A).entries
+    if not entries:
+        return "not forecast"
+    cost = of_factor(entries, 1.0)
+    told = f"{entries:.3g} entries, {cost}"
+    sizes = LevelSizes(stored(A), by_cells(A), entries)
+    most = sizes.iterations_within(seconds_of_factor(entries, 1.0), 1.0)
+    if A.getSize()[0] < LARGE or most < FEWEST or coarser() is None:
+        return told
+    return f"{told}; two levels instead if a trial solve takes at most {most} iterations"
+
+
+def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multigrid:
+    """The iterative solver, or OutOfMemoryError before its matrices are made.
+
+    `plan`: of the factor; that of linear elements has the coarse level.
+    """
     process.trim_heap()
     free = on_root(A.getComm().tompi4py(), process.free_memory)
-    what = f"the iterative solver of {A.getSize()[0]} dofs"
-    each = MULTIGRID_BY_CELLS if by_cells(A) else MULTIGRID
-    process.require(each * stored(A), what, SMALLER_MESH, free)
     coarser = levels.coarser()
+    factored = coarser is not None and coarser.getSize()[1] <= FACTORED
+    if plan is None and factored and by_cells(A) and A.getComm().getSize() == 1:
+        plan = Linear(A, coarser)
+    sizes = LevelSizes(stored(A), by_cells(A), plan.entries if plan and factored else 0.0)
+    what = f"the iterative solver of {A.getSize()[0]} dofs"
+    process.require(sizes.bytes, what, SMALLER_MESH, free)
+    solver: Multigrid
     if coarser is None:
-        return Multigrid(with_entries(A), levels.motions())
-    return TwoLevels(A, levels.motions, coarser, preconditioner)
+        solver = Multigrid(with_entries(A), levels.motions())
+    elif isinstance(plan, Linear):
+        inverse = partial(preconditioner, analysis=plan.taken())
+        solver = TwoLevels(A, levels.motions, coarser, inverse, plan.A)
+    else:
+        solver = TwoLevels(A, levels.motions, coarser, preconditioner)
+    solver.cost = Cost(sizes.bytes)
+    return solver
 
 
-def preconditioner(A: PETSc.Mat) -> Callable[[Array], Array]:
+def preconditioner(A: PETSc.Mat, analysis: Analysis | None = None) -> Callable[[Array], Array]:
     """Approximate A⁻¹ on the coarse level; by a single-precision factor where that is accurate
     enough.
     """
-    factor = factorize(A)
+    factor = factorize(A, analysis)
     if not isinstance(factor, (OnOneRank, Substructures)):
         return factor.solve
     single = factor.in_single_precision()
@@ -545,23 +582,6 @@ def preconditioner(A: PETSc.Mat) -> Callable[[Array], Array]:
     lost = factor.comm.allreduce(error @ multiply(A, error))
     near = lost <= PRECONDITIONER_ERROR**2 * factor.comm.allreduce(b @ exact)
     return single if near else factor.solve
-
-
-def _slow(A: PETSc.Mat, entries: float, levels: Levels) -> bool:
-    """Whether a factor with this many entries takes far longer than the two-level solver."""
-    slow = seconds_direct(entries) > FAR_LONGER * seconds_iterative(A)
-    return slow and levels.coarser() is not None
-
-
-def seconds_direct(entries: float) -> float:
-    """Forecast of the seconds for a factor with this many entries and `SOLVES` solves."""
-    return OPERATIONS * entries**1.5 / RATE + SOLVES * entries * SECONDS_PER_ENTRY
-
-
-def seconds_iterative(A: PETSc.Mat) -> float:
-    """Forecast of the seconds for `SOLVES` two-level solves of a compact part."""
-    cycle = SECONDS_BY_CELLS if by_cells(A) else SECONDS_PER_CYCLE
-    return SOLVES * CYCLES * stored(A) * cycle
 
 
 def stored(A: PETSc.Mat) -> float:
@@ -581,17 +601,25 @@ class Plan:
         if comm.size == 1 and not cholmod_refused(comm):
             self._analysis = analysed(A)
 
-    @property
+    @cached_property
     def entries(self) -> float:
         """Forecast of the factor's entries on all ranks; 0 if there is none."""
+        return self._own_entries
+
+    @property
+    def _own_entries(self) -> float:
         if self._analysis is not None:
             return float(self._analysis.entries)
         return forecast(self.A)
 
-    def factorize(self) -> Factorization:
-        """The factor; to be called once, since it consumes the analysis."""
+    def taken(self) -> Analysis | None:
+        """The analysis of A on one rank; to be called once, since a factor consumes it."""
         analysis, self._analysis = self._analysis, None
-        return factorize(self.A, analysis)
+        return analysis
+
+    def factorize(self) -> Factorization:
+        """The factor; to be called once."""
+        return factorize(self.A, self.taken())
 
 
 class Linear(Plan):
@@ -604,10 +632,10 @@ class Linear(Plan):
         super().__init__(coarse_of(A, coarser))
         self._fine = A
 
-    @property
+    @cached_property
     def entries(self) -> float:
         """Forecast of the factor's entries on all ranks; 0 if there is none."""
-        return QUADRATIC * super().entries
+        return QUADRATIC * self._own_entries
 
     def factorize(self) -> Factorization:
         """The factor."""
@@ -620,6 +648,12 @@ def factorize(A: PETSc.Mat, analysis: Analysis | None = None) -> Factorization:
 
     `analysis`: what is known of A from before, on one rank.
     """
+    result = _factored(A, analysis)
+    result.cost = of_factor(result.entries, 1.0)
+    return result
+
+
+def _factored(A: PETSc.Mat, analysis: Analysis | None) -> Factorization:
     comm = A.getComm().tompi4py()
     refused = cholmod_refused(comm)
     if comm.size == 1 and not refused:

@@ -51,6 +51,7 @@ class TwoLevels(Multigrid):
     motions : gives the rigid-body motions (rows of this rank, r)
     coarser : P of `Levels`
     inverse : gives A⁻¹ of a matrix as a function of vectors
+    coarse : PᵀAP, if it is known
     """
 
     method = "conjugate gradients with two levels"
@@ -62,12 +63,14 @@ class TwoLevels(Multigrid):
         motions: Callable[[], Array],
         coarser: PETSc.Mat,
         inverse: Callable[[PETSc.Mat], Callable[[Array], Array]],
+        coarse: PETSc.Mat | None = None,
     ) -> None:
-        self._P, self._motions, self._inverse = coarser, motions, inverse
+        self._P, self._motions, self._inverse, self._known = coarser, motions, inverse, coarse
         super().__init__(A)
 
     def _precondition(self, pc: PETSc.PC) -> None:
-        coarse = coarse_of(self.A, self._P)
+        coarse = coarse_of(self.A, self._P) if self._known is None else self._known
+        self._known = None
         if coarse.getSize()[0] <= FACTORED:
             solve, steps = self._inverse(coarse), STEPS
         else:

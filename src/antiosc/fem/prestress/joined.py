@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -98,7 +99,7 @@ def with_prestress(
     }
     _check_names(layout, loads, bolts)
     with doing("static step of the prestress", base.comm.rank):
-        solver, _ = base.factored()
+        solver, _ = base.factored(math.inf)
         tendons = {name: _tendon(base, bolts, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
         assembly = _LoadedAssembly(base, loads, initial, bolts, solver)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -30,7 +31,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     """The matrices `base` under loads; InputError for loads that do not fit, or beyond buckling."""
     loads = checked(base, prestress)
     with doing("static step of the prestress", base.comm.rank):
-        solver, _ = base.factored()
+        solver, _ = base.factored(math.inf)
         tendons = {name: tendon(base, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
         part = _LoadedMesh(base, loads, initial, solver)

@@ -459,28 +459,30 @@ class StructureMatrices:
         """Interpolation from a coarser space to the dofs of this rank; None if there is none."""
         return None
 
-    def factored(self) -> tuple[Solver, float]:
+    def factored(self, columns: float = 1.0) -> tuple[Solver, float]:
         """(solver of K + sM, s): first with an estimate of s, then with s near the first elastic
         ω².
+
+        `columns`: right-hand sides at once, inf where a factor serves more than its solves.
         """
         shift = self.first_shift
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
             return factor, shift
-        factor = self._solver_of(shift)
+        factor = self._solver_of(shift, columns)
         for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
             better = closer_shift(factor, self.K, self.M, self.rigid_modes)
             if better >= FAR * shift:
                 break
             shift = better
             del factor  # there may be no room for two
-            factor = self._solver_of(shift)
+            factor = self._solver_of(shift, columns)
         return factor, shift
 
-    def _solver_of(self, shift: float) -> Solver:
+    def _solver_of(self, shift: float, columns: float) -> Solver:
         A = algebra.sum_of(self.K, shift, self.M)
         algebra.free_when_dropped(A)
-        return solver_for(A, self.solver, lambda: self.rigid_motions, self.coarser)
+        return solver_for(A, self.solver, lambda: self.rigid_motions, self.coarser, columns)
 
     @property
     def mass(self) -> float:

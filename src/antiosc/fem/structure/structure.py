@@ -278,15 +278,19 @@ class Structure(ReprMixin):
         """Number of rows of all ranks, fixed dofs included."""
         return algebra.size(self.K)
 
-    def factorize(self) -> Solver:
+    def factorize(self, columns: float = 1.0) -> Solver:
         """The one solver of K + shift·M that every site and every mode of this structure uses.
 
-        The first call makes it and spends the time; later calls return the same.
+        The first call makes it and spends the time; later calls return the same. Calls for more
+        right-hand sides at once than it was chosen for choose anew (`columns`, inf where a factor
+        serves more than its solves).
         """
+        if self._factored is not None and self._factored[0].columns < columns:
+            self._factored = None
         if self._factored is None:
             started = time.perf_counter()
             with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
-                factor, shift = self.matrices.factored()
+                factor, shift = self.matrices.factored(columns)
             self.seconds["factorization"] = time.perf_counter() - started
             self._factored = factor, shift
         return self._factored[0]

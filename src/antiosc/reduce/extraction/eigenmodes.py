@@ -48,6 +48,8 @@ RESIDUAL = 1e-11
 GUARD = 4
 #: Most restarts of SLEPc.
 RESTARTS = 200
+#: A search takes as many solves as the models of so many sites.
+AS_SITES = 3.0
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Search:
 
 def lowest(search: Search) -> tuple[Array, Array]:
     """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the modes wanted, in any order."""
-    with search.structure.factorize().accurately():
+    with search.structure.factorize(AS_SITES).accurately():
         return _by_arpack(search) if by_scipy(search.structure.K) else _by_slepc(search)
 
 

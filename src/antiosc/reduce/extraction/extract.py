@@ -39,6 +39,7 @@ from antiosc.reduce.extraction import (
     uniform_inertia,
     weights_of,
 )
+from antiosc.reduce.extraction.eigenmodes import AS_SITES
 from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
     Reached,
@@ -475,7 +476,9 @@ def extract(
     started = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
-    structure.factorize()
+    width = _models_at_once(structure, options)
+    columns = sum(1 + len(one.across) for one in targets) if names else min(len(targets), width)
+    structure.factorize(max(columns, AS_SITES) if method == "modes" else columns)
     spent = time.perf_counter() - started
     if not factored:
         spent -= structure.seconds["factorization"]
@@ -483,7 +486,6 @@ def extract(
     if names:
         groups = [{n: [one, *one.across] for n, one in zip(names, targets, strict=True)}]
     models: list[AntiOscillators] = []
-    width = _models_at_once(structure, options)
     for first in range(0, len(groups), width):
         models += models_of(
             structure, groups[first : first + width], options, shapes, spent, errors

@@ -39,7 +39,7 @@ from antiosc.reduce.extraction import (
     uniform_inertia,
     weights_of,
 )
-from antiosc.reduce.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
+from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED, check_modes
 from antiosc.reduce.site import Functional, Site, functional
 
@@ -322,6 +322,7 @@ def superposition(
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
+    structure.factorize(AS_SITES)
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
     asked, most = n + 2, SEARCHED * (n + DEFAULT_COUNT)

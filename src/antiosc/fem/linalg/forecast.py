@@ -1,0 +1,104 @@
+"""What the solvers of a large part take: seconds of one core, and bytes.
+
+A factor is known from its entries, which a symbolic analysis tells. Two levels are known from the
+size of their matrices and from the iterations of one trial solve: these depend on Poisson's ratio,
+on thinness, slivers, directions of the material and springs, and a random load takes within 20 % of
+the iterations of the loads of a model (benchmarks/forecasts.py, whose table the constants follow).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: Solves in turn that a model of twenty anti-oscillators needs.
+SOLVES = 22
+#: Bytes per entry of a factor, and of the matrices and work arrays beside it.
+BYTES = 8 * 1.3
+#: Bytes of two levels for each entry of A, of which there may be none where products are taken from
+#: the cells, and for each entry of the factor of the coarse level.
+LEVELS, LEVELS_BY_CELLS, LEVELS_COARSE = 6.0, 4.5, 10.0
+#: The same where the coarse level is not factored (multigrid 6 to 7, benchmarks/multigrid.py; by
+#: cells about 5, a trace at 2.25 million dofs): with the products while they are made.
+AGGREGATED, AGGREGATED_BY_CELLS = 20.0, 8.0
+#: Seconds of a factor for each of its entries, and for entries^1.5, by which operations grow.
+ASSEMBLED, FACTORED = 2.2e-8, 3.5e-12
+#: Seconds of a solve for each entry; k right-hand sides at once take k^0.4 times as long.
+SUBSTITUTED, AT_ONCE = 1e-9, 0.4
+#: Seconds of an iteration of two levels for each entry of A, where products are taken from the
+#: cells or from the entries, and for each entry of the factor of the coarse level.
+BY_CELLS, BY_ENTRIES, COARSE = 1.1e-9, 8e-9, 0.5e-9
+#: Seconds of the set-up of two levels for each entry of A, beside the factor of the coarse level.
+SET_UP = 4e-8
+#: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
+#: from plates to compact blocks, 43 000 to 340 000 dofs.
+QUADRATIC = 15.0
+#: Fewest iterations of a solve by two levels: compact blocks of hexahedra take 8, tetrahedra 10.
+FEWEST = 8
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Bytes beside the structure's own, and seconds of one core where these are known."""
+
+    bytes: float
+    seconds: float | None = None
+
+    def __str__(self) -> str:
+        time = "" if self.seconds is None else f"{self.seconds:.2g} s, "
+        return f"forecast {time}{self.bytes / 1e9:.2g} GB"
+
+
+def of_factor(entries: float, columns: float) -> Cost:
+    """A factor with so many entries, and a model with `columns` right-hand sides at once."""
+    return Cost(BYTES * entries, seconds_of_factor(entries, columns))
+
+
+def seconds_of_factor(entries: float, columns: float) -> float:
+    """Seconds of a factor, and of a model with `columns` right-hand sides at once."""
+    return _factored(entries) + SOLVES * SUBSTITUTED * entries * columns**AT_ONCE
+
+
+def _factored(entries: float) -> float:
+    return ASSEMBLED * entries + FACTORED * entries**1.5
+
+
+@dataclass(frozen=True)
+class LevelSizes:
+    """Two levels by their sizes.
+
+    stored : entries of A, or that it would have where products are taken from the cells. factor :
+        entries of the factor of A, of which the coarse one's are a known share; 0: the coarse level
+        is not factored.
+    """
+
+    stored: float
+    by_cells: bool
+    factor: float = 0.0
+
+    @property
+    def bytes(self) -> float:
+        """Bytes of the levels and work arrays, without A."""
+        if not self.factor:
+            return (AGGREGATED_BY_CELLS if self.by_cells else AGGREGATED) * self.stored
+        own = LEVELS_BY_CELLS if self.by_cells else LEVELS
+        return own * self.stored + LEVELS_COARSE * self.factor / QUADRATIC
+
+    @property
+    def set_up(self) -> float:
+        """Seconds of the set-up."""
+        return SET_UP * self.stored + _factored(self.factor / QUADRATIC)
+
+    @property
+    def iteration(self) -> float:
+        """Seconds of an iteration."""
+        product = BY_CELLS if self.by_cells else BY_ENTRIES
+        return product * self.stored + COARSE * self.factor / QUADRATIC
+
+    def cost(self, iterations: float, columns: float) -> Cost:
+        """Of a model whose solves take so many iterations."""
+        solves = SOLVES * columns * iterations * self.iteration
+        return Cost(self.bytes, self.set_up + solves)
+
+    def iterations_within(self, seconds: float, columns: float) -> int:
+        """Iterations of each solve with which the model takes at most so long."""
+        return max(0, int((seconds - self.set_up) / (SOLVES * columns * self.iteration)))
