@@ -66,8 +66,8 @@ class Structure(ReprMixin):
     attached : sequence of PointMass, Spring, Damper and Footing
         Masses, springs, dampers and footings on soil at points of the structure.
     solver : "auto", "direct" or "iterative"
-        Solver for K: a Cholesky factor, or, if the memory is not sufficient, conjugate gradients
-        with multigrid (`antiosc.fem.linalg.solver_choice`).
+        Solver for K: a Cholesky factor, or conjugate gradients with multigrid. "auto" is the
+        faster one of those that fit in memory, by a forecast (`antiosc.fem.linalg.forecast`).
     prestress : Prestress, optional
         Loads that it carries all the time: spin, gravity, pressure, tensions, forces. K is the
         tangent stiffness of their static equilibrium.
