@@ -24,11 +24,11 @@ import numpy as np
 from mpi4py import MPI
 
 import antiosc as ao
+from antiosc.base._types import SolverChoice
 from antiosc.base.process import trim_heap
 from antiosc.fem.linalg.forecast import LevelSizes
 from antiosc.fem.linalg.multigrid import Multigrid
 from antiosc.fem.linalg.petsc_algebra import by_cells
-from antiosc.fem.linalg.solver import SolverChoice
 from antiosc.fem.linalg.solver_choice import Linear, Plan, stored
 
 OUT = Path(__file__).parent / "speed" / "forecasts.md"

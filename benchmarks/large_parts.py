@@ -24,9 +24,10 @@ import numpy as np
 from mpi4py import MPI
 
 import antiosc as ao
+from antiosc.base._types import SolverChoice
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.multigrid import Levels
-from antiosc.fem.linalg.solver import Solver, SolverChoice
+from antiosc.fem.linalg.solver import Solver
 
 OUT = Path(__file__).parent / "speed" / "large_parts.md"
 COMPACT, PLATE = (0.2, 0.1, 0.08), (0.2, 0.2, 0.005)

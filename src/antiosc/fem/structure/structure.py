@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, cast
 from numpy.typing import ArrayLike
 
 import antiosc
+from antiosc.base import checks
 from antiosc.base._types import Array, Box, Matrix, SolverChoice
 from antiosc.base.checks import choice
 from antiosc.base.errors import InputError, finite_element_packages
@@ -285,6 +286,7 @@ class Structure(ReprMixin):
         right-hand sides at once than it was chosen for choose anew (`columns`, inf where a factor
         serves more than its solves).
         """
+        columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None
         if self._factored is None:
