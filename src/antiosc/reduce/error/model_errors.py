@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 
 from antiosc.base.errors import InputError
+from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.beam import HalvedBeams
@@ -27,7 +28,10 @@ WHY = {
 
 def estimator(structure: Structure) -> StrainErrors:
     """The estimator for the structure's element family; InputError if there is none."""
-    matrices = on_mesh(structure, NO_MESH)
+    return _of_part(on_mesh(structure, NO_MESH))
+
+
+def _of_part(matrices: MeshedStructure) -> StrainErrors:
     if matrices.kind.name in WHY:
         raise InputError(
             f"error='estimate' holds for solids, beams and shells; {matrices.mesh.name} is made of "
@@ -52,9 +56,7 @@ class ModelErrors:
             )
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
-        self._errors: MeshErrors = (
-            HalvedBeams(part) if part.kind.name == "beam" else estimator(structure)
-        )
+        self._errors: MeshErrors = HalvedBeams(part) if part.kind.name == "beam" else _of_part(part)
         self._errors.prepare()
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:

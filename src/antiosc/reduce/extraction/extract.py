@@ -44,7 +44,6 @@ from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
     Reached,
     by_krylov,
-    every_mode,
     with_damping,
 )
 from antiosc.reduce.extraction.oscillators import (
@@ -57,6 +56,7 @@ from antiosc.reduce.extraction.oscillators import (
     checked_modes,
     elastic_count,
     error_bound,
+    every_mode,
     lumped,
     oscillators,
 )
@@ -166,6 +166,7 @@ def models_of(
             model = _at_one_site(structure, target, one, elastic, info)
             if errors is not None:
                 model = errors.added_to(model, target)
+        model = with_second_order(structure, model)
         if terms or structure.matrices.lossy:
             model = with_damping(structure, model, static, terms)
         on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
@@ -210,7 +211,6 @@ def _at_one_site(
     if weight is not None:
         own = (dot(structure.comm, part, weight) for part in (one.residual, one.psi))
         participation = np.hstack(list(own))
-    info = with_second_order(structure, info, [""], shapes[:, :1], np.array([[one.k0]]))
     return AntiOscillators(
         m0=one.m0,
         k0=one.k0,
@@ -246,7 +246,6 @@ def _at_named_sites(
         info = replace(info, points=points)
     unit = static.phi @ static.W.T
     shapes = np.hstack([unit, kept.phi])
-    info = with_second_order(structure, info, list(sites), unit, _turned(static.W, static.k0))
     return AntiOscillators(
         m0=_turned(static.W, kept.m0),
         k0=_turned(static.W, static.k0),
@@ -268,26 +267,25 @@ def _at_named_sites(
     )
 
 
-def with_second_order(
-    structure: Structure, info: ModelInfo, sites: list[str], phi: Array, k0: Array
-) -> ModelInfo:
-    """The record with the second-order change of the force on supported curved sheets.
-
-    phi (rows of this rank, p): shapes of unit displacements of p sites, k0 (p, p) their stiffness.
-    """
+def with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
+    """The model with the second-order change of the force on supported curved sheets."""
     alone = structure.matrices.meshed and not structure.matrices.assembled
     held = structure.rigid_modes.shape[1] == 0
-    if info.thickness is None or not (alone and held) or len(sites) != len(k0):
-        return info
+    sites, k0 = model.sites or (UNNAMED,), np.atleast_2d(model.k0)
+    if model.info.thickness is None or not (alone and held) or len(sites) != len(k0):
+        return model
     from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
 
+    assert model.shapes is not None
     C = np.linalg.inv(k0)
+    deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
     part = cast("MeshedStructure", structure.matrices)
     found = {
-        site: quadratic_share(part, phi @ C[:, i] / C[i, i], 1 / C[i, i])
-        for i, site in enumerate(sites)
+        site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
     }
-    return replace(info, second_order=found) if any(found.values()) else info
+    if not any(found.values()):
+        return model
+    return replace(model, info=replace(model.info, second_order=found))
 
 
 def _turned(W: Array, matrix: Array) -> Array:

@@ -57,15 +57,12 @@ from antiosc.fem.structure import Dissipation, ends, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.driving_point import semidefinite
 from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
-from antiosc.reduce.extraction.oscillators import ConstraintModes, Remainder, Selection
+from antiosc.reduce.extraction.oscillators import Remainder
 
-#: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
-LEAST_SHARE = 1e-12
 #: Share of the damping of the model by which dampers may brake motions that it has not.
 UNBRAKED = 1e-12
 #: Frequencies at which the residual is found at once.
@@ -78,26 +75,6 @@ class Reached:
 
     error: float
     bottom: float
-
-
-def every_mode(known: ConstraintModes, n: int) -> Selection:
-    """The n lowest of all modes, seen by the sites or only by the dampers."""
-    order = np.argsort(known.poles, kind="stable")
-    order = order[known.poles[order] > 0][:n]
-    P = known.P[order].copy()
-    if P.shape[1] == 1:
-        least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
-        P = np.where(np.abs(P) < least, least, P)
-    lost = np.delete(known.P, order, axis=0)
-    return Selection(
-        m0=semidefinite(known.m0 + lost.T @ lost),
-        P=P,
-        omega=known.modes.omega[order],
-        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lost,
-        phi=known.modes.phi[:, order],
-        unobservable=0,
-        merged=0,
-    )
 
 
 def with_damping(

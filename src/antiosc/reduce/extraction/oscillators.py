@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
+#: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
+LEAST_SHARE = 1e-12
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
 REPEATED = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
@@ -179,6 +181,26 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
         phi=known.modes.phi @ turn,
         unobservable=len(omega) - modes,
         merged=modes - len(seen),
+    )
+
+
+def every_mode(known: ConstraintModes, n: int) -> Selection:
+    """The n lowest of all modes, seen by the sites or only by the dampers."""
+    order = np.argsort(known.poles, kind="stable")
+    order = order[known.poles[order] > 0][:n]
+    P = known.P[order].copy()
+    if P.shape[1] == 1:
+        least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
+        P = np.where(np.abs(P) < least, least, P)
+    lost = np.delete(known.P, order, axis=0)
+    return Selection(
+        m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
+        P=P,
+        omega=known.modes.omega[order],
+        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lost,
+        phi=known.modes.phi[:, order],
+        unobservable=0,
+        merged=0,
     )
 
 
