@@ -8,6 +8,7 @@ import pytest
 import antiosc as ao
 from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, line, pulled
+from extraction_cases import quiet
 from marks import FREE_ON_PURPOSE
 
 pytestmark = FREE_ON_PURPOSE
@@ -244,3 +245,18 @@ def _unit(structure: ao.Structure) -> np.ndarray:
     """The functional of q that is the deflection of the hub."""
     z = structure.layout.of_point("hub")[2]
     return structure.T.T[:, z].toarray().ravel()
+
+
+@pytest.mark.parametrize("part", ["left", "right"])
+def test_the_surface_of_a_site_is_that_of_the_part_it_names(part):
+    """On the edge that two blocks share; the law of contact="auto" follows from its material."""
+    materials = {"left": SOLID, "right": ao.Solid(3 * E, NU, 2700.0)}
+    boxes = {
+        "left": box((0, 0, 0), (1, 1, 1), (2, 2, 2)),
+        "right": box((1, 0, 0), (2, 1, 1), (2, 2, 2)),
+    }
+    held = {"left": [ao.Support("x0")], "right": []}
+    made = {n: ao.Structure(m, materials[n], held[n], order=1) for n, m in boxes.items()}
+    both = ao.assemble(made, joints=[ao.Tie("left:x1", "right:x0")])
+    model = quiet(ao.extract, both, ao.Site((1.0, 0.5, 1.0), (0, 0, -1), part=part), n=3)
+    assert model.info.surfaces[""]["matter"]["E"] == materials[part].E
