@@ -120,9 +120,9 @@ class BeamProfiles:
                 "of the other is taken"
             )
             values[1:3] = (max(moment, SLIGHT * max(values[1:3])) for moment in values[1:3])
-        blank = 1.0 if entry.name == "PBEAM" else 0.0
-        k1 = entry.real(start, blank)
-        k2 = entry.real(start + 1, blank)
+        k_if_blank = 1.0 if entry.name == "PBEAM" else 0.0
+        k1 = entry.real(start, k_if_blank)
+        k2 = entry.real(start + 1, k_if_blank)
         entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
         shear = (k1 + k2) / 2 if k1 and k2 else 0.0
         if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):

@@ -83,11 +83,13 @@ def deformed(
         time = float(history.time[np.argmax(_motion(history, body))])
     if field is not None:
         peak = peak_field(structure, history, field, [time], body=body)
-        moved = nodal_motion(structure, history, time, body=body)
-        return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", moved)
-    points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
-    largest = float(np.linalg.norm(moved, axis=1).max())
-    return Deformed.of(points, faces, moved, largest)
+        displacements = nodal_motion(structure, history, time, body=body)
+        return peak.surface(f"{peak.label} at {1e3 * time:.4g} ms", displacements)
+    points, faces, displacements = skin(
+        structure, history, checks.number("time", time, "s"), body=body
+    )
+    largest = float(np.linalg.norm(displacements, axis=1).max())
+    return Deformed.of(points, faces, displacements, largest)
 
 
 def _arrow(

@@ -1,19 +1,20 @@
 """Displacement fields of a body, computed from its model after an impact, and support reactions.
 
-The modal form of the body (`ModalBody`) defines the sum of its shapes, for anti-oscillators Article
-(8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `write_series` evaluates the sum at all nodes for some
-times, in files that ParaView opens (`antiosc.fields.probe`: at one point for all times).
+The displacement is a sum of the body's shapes (`ModalBody`); for anti-oscillators, by Article (8),
+w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x). `write_series` evaluates it at all nodes for some times, in
+files that ParaView opens; `antiosc.fields.probe` evaluates it at one point for all times.
 
-A motion g of the whole mesh that is a unit rigid motion on the dofs of one support, zero on those
-of the others, and in static equilibrium elsewhere (K_ff g_f = −K_fs g_s) does no work on the
-stiffness. The virtual work of all forces on it is the reaction of that support,
+The reaction of a support follows from a motion g of the whole mesh: a unit rigid motion on the dofs
+of this support, zero on those of the others, and in static equilibrium elsewhere
+(K_ff g_f = −K_fs g_s). The stiffness does no work on g, so that the virtual work of all forces on g
+is the reaction,
 
-    R = gᵀM u'' − gᵀb F,
+    R = gᵀM u'' − gᵀb F.
 
-the mode-acceleration form: it contains the whole quasi-static reaction, whatever the number of
-modes in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the
-force and the inertia of the reduced motion balance to rounding. The ground end of a spring is
-released as a support is; dampers and branches do the work gᵀ(C u' + G ε) besides.
+This mode-acceleration form contains the whole quasi-static reaction, whatever the number of modes
+in u''. Over all supports the motions g add up to a rigid one, so that the reactions, the force and
+the inertia of the reduced motion balance to rounding. The ground end of a spring is released like a
+support; dampers and branches add the work gᵀ(C u' + G ε).
 """
 
 from __future__ import annotations
@@ -58,16 +59,18 @@ from antiosc.recovery.series import Frames, listing, write_frames, write_vtx
 from antiosc.reduce.extraction import beside_rigid
 from antiosc.reduce.site import Site
 
-#: Share of the mass shaken by the ground below which a model's fields are not those of the part.
+#: A warning is given if the shapes of a model represent less than this share of the mass that the
+#: ground shakes.
 LEAST_CARRIED = 0.5
 
-#: Ratios of stiffness and of mass of a structure and of a model on its shapes from which they do
-#: not belong together. A model that is corrected for its mesh is softer, and as heavy.
+#: A model does not belong to a structure if the ratio of the stiffness or of the mass of the two,
+#: on the model's shapes, exceeds this. A model corrected for its mesh is softer, with the same
+#: mass.
 MISMATCH = 1.5, 1.01
 
 
 def history_key(history: AnyHistory) -> tuple[object, ...]:
-    """Rounded data of a history, to compare between ranks."""
+    """Rounded data of a history, compared between ranks."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"
     of = list(history.assembly.bodies) if history.named else history.model
@@ -86,8 +89,8 @@ def write_series(
 ) -> Path:
     """Write the displacement field as a series that ParaView opens.
 
-    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) where dolfinx has ADIOS2. The sag of
-    a held body under its own weight is not in it.
+    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) if dolfinx has ADIOS2. The static
+    deflection of a held body under its own weight is not included.
 
     Parameters
     ----------
@@ -114,16 +117,16 @@ def write_series(
     own = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
-    at = nonempty("times", times)
+    times_checked = nonempty("times", times)
     if one_folder:
-        write_vtx(target, structure, own, at, amplitudes(history, at, body))
+        write_vtx(target, structure, own, times_checked, amplitudes(history, times_checked, body))
         return target
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = amplitudes(history, at, body)
+    factors = amplitudes(history, times_checked, body)
 
     def write() -> None:
         frames = Frames(points, cells)
-        write_frames(target, frames, at, (shapes @ a for a in factors))
+        write_frames(target, frames, times_checked, (shapes @ a for a in factors))
 
     on_root(structure.comm, write)
     return target
@@ -161,10 +164,13 @@ def save_fields(
     """
     target = checked_path("path", path)
     own = shapes_of(structure, history, body)
-    at = np.unique(history.time) if times is None else nonempty("times", times)
+    times_checked = np.unique(history.time) if times is None else nonempty("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, own)
-    factors = amplitudes(history, at, body)
-    on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
+    factors = amplitudes(history, times_checked, body)
+    on_root(
+        structure.comm,
+        lambda: SavedFields(points, cells, shapes, times_checked, factors).save(target),
+    )
     return target
 
 
@@ -173,16 +179,19 @@ def save_fields(
 def skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
-    """Surface of a part and its motion at one time, the same on all ranks.
+    """Surface of a part and its displacements at one time, the same on all ranks.
 
-    Points (P, 3) [m]; indices of the corners of faces (F, 3 or 4), in order around the face: outer
-    faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at `time` [s].
-    InputError for a model without shapes or of another structure, and for a mesh of lines.
+    Returns points (P, 3) [m]; corners of faces (F, 3 or 4) as indices of points, in order around
+    the
+    face: outer faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at `time`
+    [s]. InputError for a model without shapes or of another structure, and for a mesh of lines.
     """
-    own = shapes_of(structure, history, body)
-    points, faces, shapes = source(structure).surface(structure, own)
-    moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
-    outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
+    shape_blocks = shapes_of(structure, history, body)
+    points, faces, shapes = source(structure).surface(structure, shape_blocks)
+    displacements = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    outer: tuple[Array, IntArray, Array] = structure.comm.bcast(
+        (points, faces, displacements), root=0
+    )
     return outer
 
 
@@ -192,18 +201,18 @@ def nodal_motion(
     structure: Structure, history: History, time: float, *, body: str = "structure"
 ) -> Array:
     """Displacements (P, 3) [m] at one time, at the points of `peak_field`."""
-    own = shapes_of(structure, history, body)
-    _, cells, shapes = source(structure).at_nodes(structure, own)
+    shape_blocks = shapes_of(structure, history, body)
+    _, cells, shapes = source(structure).at_nodes(structure, shape_blocks)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    moved = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
-    motion: Array = structure.comm.bcast(moved, root=0)
+    displacements = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    motion: Array = structure.comm.bcast(displacements, root=0)
     return motion
 
 
 def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
     """Blocks of shapes of the body on the rows of this rank.
 
-    Of a body that stretches the second-order displacements of pairs of its modes follow.
+    For a body that stretches, the second-order displacements of pairs of its modes follow.
     """
     shapes = np.column_stack(checked_shapes(structure, history, body, MISMATCH))
     second = stretch_shapes(history, body)
@@ -215,8 +224,9 @@ def shapes_of(structure: Structure, history: AnyHistory, body: str) -> Array:
 
 
 def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> None:
-    """Warn if ground motion shakes mass that the shapes of the model do not represent."""
-    weight, base = modes_of(history, body).weight, history.assembly.scene.base
+    """Warn if the ground shakes mass that the shapes of the model do not represent."""
+    weight = modes_of(history, body).weight
+    base = history.assembly.scene.base
     if base is None or base.accelerations.ndim == 1 or structure.rigid_modes.shape[1]:
         return
     if weight is None or weight.ndim == 1:  # one direction, along which the ground moves
@@ -226,24 +236,25 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
         load = structure.uniform_inertia(np.eye(3)[i])
         if load is None:
             return
-        # what the ground shakes: the inertia of rigid motions that leave out what is held
+        # the inertia of rigid motions of the free dofs, which the ground shakes
         motions = structure.matrices.rigid_motions
         pushed = dot(structure.comm, motions, load)
         inertia = dot(structure.comm, motions, multiply(structure.M, motions))
         shaken = float(pushed @ np.linalg.lstsq(inertia, pushed, rcond=None)[0])
-        held = float(np.sum(weight[:, i] ** 2))
-        if held < LEAST_CARRIED * shaken:
+        represented = float(np.sum(weight[:, i] ** 2))
+        if represented < LEAST_CARRIED * shaken:
             along = "xyz"[i]
             message = (
                 f"the ground shakes {shaken:.3g} kg along {along}, and the model carries "
-                f"{held / shaken:.0%} of it: contact forces are right, fields far from the sites "
+                f"{represented / shaken:.0%} of it: contact forces are right, fields far from "
+                "the sites "
                 f"are not; name a site whose direction is {along} as well, or raise n."
             )
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
 
 
 def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
-    """Factors (n, B (1 + branches)) of the columns of stress, in the order of `with_branches`."""
+    """Factors (n, B (1 + branches)) of the stress columns, in the order of `with_branches`."""
     springs = spring_amplitudes(history, times, body)
     branches = [springs[k] for k in branches_of_materials(structure, len(springs))]
     return np.hstack([amplitudes(history, times, body), *branches])
@@ -292,10 +303,10 @@ class Reactions(ReprMixin):
     applied : (n, 3) contact forces and loads on the part, N.
     inertia : (n, 3) rate of the momentum of the part, N.
 
-    The names of the supports are their groups, or "support 1" and on, in the order of the
+    Supports are named by their groups, or "support 1", "support 2", … in the order of the
     structure's list; in an assembly those of the parts come first, as "part:group" and
-    "part:support 1". A dof that two supports hold is counted with the first. Springs, dampers and
-    footings follow with their names, "spring 1" and on; those of a deck's joints as one.
+    "part:support 1". A dof that two supports hold belongs to the first. Springs, dampers and
+    footings follow by name, or "spring 1", "spring 2", …; those of a deck's joints count as one.
     """
 
     time: Array
@@ -329,7 +340,7 @@ def reactions(
         The structure from which the model of the body was extracted: of a mesh, or an assembly.
     history : History
     site : Site or mapping of names to Site
-        With which the model was extracted.
+        The sites with which the model was extracted.
     times : array_like (n,), optional
         Times in s; default: those of the history.
     body : str
@@ -337,24 +348,23 @@ def reactions(
 
     Notes
     -----
-    They are the changes due to the impact: the weight that the supports carry at rest is not in
-    them. A footing has the force of its soil in one row. Dampers and branches have the velocities
-    and states of the model. The forces of a `Damping`, ratios of the modes, are not part of the
-    reactions: those of `Damping(alpha=…)` act on the ground without the supports. Where several
-    supports hold the two sides of a joint, the joint carries no force there: each support carries
-    what its own part brings.
+    The reactions are changes due to the impact, without the weight that the supports carry at rest.
+    The force of a footing's soil is one row. Dampers and branches use the velocities and states of
+    the model. Modal damping ratios (`Damping`) contribute nothing; the forces of
+    `Damping(alpha=…)` act on the ground without the supports. If supports hold both sides of a
+    joint, the joint carries no force there and each support carries the load of its own part.
 
     Raises
     ------
     InputError
-        A structure that nothing holds, of given matrices or with superelements; sites that are not
+        A structure without supports, of given matrices or with superelements; sites that are not
         those of the model; a model with other damping than the structure; a moving ground; gravity
-        on a part that its supports let slide.
+        on a part that can slide on its supports.
     """
     checks.instance("structure", structure, Structure, "a Structure")
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     shapes = shapes_of(structure, history, body)
-    at = times_of(history, times)
+    times_checked = times_of(history, times)
     sites = _site_list(site)
     matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
     from antiosc.reduce.site.released import Released  # needs dolfinx
@@ -363,23 +373,23 @@ def reactions(
     _check_reactions(structure, history)
     following = _static_equilibrium(structure, released.pulled)
     rigid = released.rigid()
-    moved, carried = released.inertia(following, rigid)
+    support_inertia, rigid_inertia = released.inertia(following, rigid)
     work, applied = released.applied(sites, rigid)
-    forces = forces_of(history, at, body)
+    forces = forces_of(history, times_checked, body)
     if len(work) != forces.shape[1]:
         raise InputError(
             f"the model has {forces.shape[1]} directions of contact, the sites given {len(work)}: "
             "give the sites with which it was extracted, in their order."
         )
     comm = structure.comm
-    accelerations = amplitudes(history, at, body, 2)
-    forces_of_supports = accelerations @ dot(comm, shapes, moved) - forces @ work
+    accelerations = amplitudes(history, times_checked, body, 2)
+    forces_of_supports = accelerations @ dot(comm, shapes, support_inertia) - forces @ work
     if stretch_in(history, body) is not None:
         forces_of_supports += second_order.work_on(
-            structure, history, body, shapes, released.motions, at
+            structure, history, body, shapes, released.motions, times_checked
         )
-    velocities = amplitudes(history, at, body, 1)
-    springs = spring_amplitudes(history, at, body)
+    velocities = amplitudes(history, times_checked, body, 1)
+    springs = spring_amplitudes(history, times_checked, body)
     terms = released.damping(shapes)
     undamped = modes_of(history, body).damping is None
     if sum(tau is not None for tau, _ in terms) != len(springs) or (terms and undamped):
@@ -388,16 +398,17 @@ def reactions(
         forces_of_supports += (velocities if tau is None else springs.pop(0)) @ by_motion.T
     names = list(released.centres)
     return Reactions(
-        time=at,
+        time=times_checked,
         force={name: forces_of_supports[:, 6 * i : 6 * i + 3] for i, name in enumerate(names)},
         moment={name: forces_of_supports[:, 6 * i + 3 : 6 * i + 6] for i, name in enumerate(names)},
         centre=released.centres,
         applied=forces @ applied,
-        inertia=accelerations @ dot(comm, shapes, carried),
+        inertia=accelerations @ dot(comm, shapes, rigid_inertia),
     )
 
 
 def _check_reactions(structure: Structure, history: History) -> None:
+    """InputError if the reactions of this history cannot be computed."""
     scene = history.assembly.scene
     pulled = bool(np.any(scene.gravity))
     if scene.base is not None:
@@ -409,11 +420,12 @@ def _check_reactions(structure: Structure, history: History) -> None:
 
 
 def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
+    """The sites as a list."""
     sites = list(site.values()) if isinstance(site, Mapping) else [site]
     if not sites:
         raise InputError("site must name at least one Site; got an empty dict.")
-    for one in sites:
-        checks.instance("site", one, Site, "a Site, or a dict {name: Site}")
+    for each_site in sites:
+        checks.instance("site", each_site, Site, "a Site, or a dict {name: Site}")
     return sites
 
 

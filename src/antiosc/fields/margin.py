@@ -1,9 +1,9 @@
-"""The largest stresses of a part over a run: their share of the strength, and doubts about them.
+"""The largest stresses of a part over a run, relative to the strength, with warnings.
 
-How well a mesh resolves them is seen from the jumps between cells. At a hole (P2 triangles of a
-half, a quarter and an eighth of its radius) the jumps were 4.6, 1.3 and 0.4 % of the stress, its
-error 3.2, 0.8 and 0.2 %; in a re-entrant corner of 270° they were 78, 77 and 65 % on three meshes,
-each of half the size of the one before, and the stress grew by 34 and 44 %.
+The jumps of stress between cells show how well the mesh resolves it. At a hole (P2 triangles of a
+half, a quarter and an eighth of its radius) the jumps were 4.6, 1.3 and 0.4 % of the stress, and
+its error 3.2, 0.8 and 0.2 %. In a re-entrant corner of 270° the jumps were 78, 77 and 65 % on three
+meshes, each with half the cell size of the previous one, and the stress grew by 34 and 44 %.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from antiosc.impact.histories.verdict import yields
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, layers_of
 
-#: Criterion -> what is reached at an exposure of 1, and the name of the criterion.
+#: Criterion -> event at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
     "yield": ("yield", "von Mises"),
     "tsai_hill": ("failure of a ply", "Tsai–Hill"),
@@ -52,12 +52,12 @@ class Margin(ReprMixin):
     Attributes
     ----------
     criterion : "yield" (von Mises), "tsai_hill", "tsai_wu" or "delamination".
-    value : of "yield" the von Mises stress, Pa; else the exposure.
-    strength : of "yield" the yield strength, Pa; else 1.
-    point : (3,) where, m.
-    time : when, s.
+    value : the von Mises stress for "yield", Pa; otherwise the exposure.
+    strength : the yield strength for "yield", Pa; otherwise 1.
+    point : (3,) place of the worst point, m.
+    time : time at which it occurs, s.
     layer, surface : of a laminate: number of the layer, from the bottom, and its surface.
-    contact : whether the contact itself yields, which the values leave out.
+    contact : whether the contact itself yields, which the values do not include.
     """
 
     criterion: str
@@ -77,7 +77,9 @@ class Margin(ReprMixin):
     @property
     def margin(self) -> float:
         """Margin of safety, strength over stress minus 1; negative: yield or failure is reached."""
-        return float(np.inf) if not self.value else self.strength / self.value - 1
+        if not self.value:
+            return float(np.inf)
+        return self.strength / self.value - 1
 
     @property
     def reached(self) -> bool:
@@ -118,31 +120,32 @@ def margin_of(
     times: Array,
     places: list[Place],
 ) -> Margin | None:
-    """The worst of values (S,) over strengths (S,), NaN if unknown; None if all are."""
+    """The worst of values (S,) over strengths (S,), NaN if unknown; None if all are unknown."""
     exposure = values / strengths
     if not np.isfinite(exposure).any():
         return None
     k = int(np.nanargmax(exposure))
-    layer, side = places[k].layer, str(places[k].surface) if places[k].layer is not None else None
+    layer = places[k].layer
+    side = str(places[k].surface) if places[k].layer is not None else None
     stress_and_strength = float(values[k]), float(strengths[k])
     return Margin(criterion, *stress_and_strength, points[k], float(times[k]), layer, side)
 
 
-#: Surfaces of every ply at which a criterion of plies is largest: stresses in the plane are linear
-#: in a layer, the shear across it is a parabola.
+#: Surfaces of a ply at which a criterion can be largest: in-plane stresses are linear through a
+#: ply, the transverse shear is a parabola.
 PLY_SURFACES = {
     "tsai_hill": ("bottom", "top"),
     "tsai_wu": ("bottom", "top"),
     "delamination": ("bottom", "middle", "top"),
 }
-#: Criterion -> what a material needs for it.
+#: Criterion -> strength that a material must have for it.
 STRENGTH_OF = {
     "yield": "a yield_strength, as Solid(…, yield_strength=250e6)",
     "tsai_hill": "layers that have a strength: Layer(…, strength=Strengths(…))",
     "tsai_wu": "layers that have a strength: Layer(…, strength=Strengths(…))",
     "delamination": "layers that have Layer(…, strength=Strengths(…, interlaminar=…))",
 }
-#: Components (S, c, B), scalar -> largest values (S,), their times, what they may miss.
+#: Function (components (S, c, B), scalar) -> (largest values (S,), their times, error bound).
 Search = Callable[[Array, Callable[[Array], Array]], tuple[Array, Array, float | None]]
 
 
@@ -158,7 +161,7 @@ class Maxima(NamedTuple):
     def or_larger(self, other: Maxima) -> Maxima:
         """At each point the larger of two maxima."""
         times = np.where(other.values > self.values, other.times, self.times)
-        margins = [one.margin for one in (self, other) if one.margin is not None]
+        margins = [maxima.margin for maxima in (self, other) if maxima.margin is not None]
         worst = max(margins, key=lambda margin: margin.exposure, default=None)
         values, error = (
             np.maximum(self.values, other.values),
@@ -169,8 +172,8 @@ class Maxima(NamedTuple):
 
 def _larger_error(error: float | None, other: float | None) -> float | None:
     """The larger of two errors; the other if one is None."""
-    known = [one for one in (error, other) if one is not None]
-    return max(known, default=None)
+    known_errors = [value for value in (error, other) if value is not None]
+    return max(known_errors, default=None)
 
 
 def plies(structure: Structure, quantity: str, part: str | None) -> list[Place | None]:
@@ -214,7 +217,7 @@ def _has_strength(strength: object, criterion: str) -> bool:
 
 
 def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -> Maxima:
-    """The largest values of tensors, with exposures and margin for known strengths."""
+    """The largest values of tensors, with exposures and margin if the strengths are known."""
     criterion = quantity
     if quantity in PLY_SURFACES:
         extremes, then, error = _of_plies(quantity, found, search)
@@ -224,7 +227,8 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
         columns = found.columns if principal else equivalent_parts(found.columns)
         extremes, then, error = search(columns, extreme_principal if principal else length)
         yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
-        strengths, criterion = np.array(yields)[found.origin], "yield"
+        strengths = np.array(yields)[found.origin]
+        criterion = "yield"
         if principal:
             strengths[:] = np.nan
     exposures, margin = None, None
@@ -234,7 +238,8 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
         places = [found.origins[k].place for k in found.origin]
         margin = margin_of(criterion, extremes, strengths, points[found.nodes], then, places)
         if quantity == "yield":
-            extremes, error = share, error and error / float(strengths.min())
+            extremes = share
+            error = error and error / float(strengths.min())
     values, when = nodal_maxima(found.nodes, extremes, then, len(points))
     return Maxima(values, when, error, exposures, margin)
 
@@ -245,7 +250,9 @@ def _of_plies(
     """Largest exposures, their times and error bounds; layers of equal strength are searched as
     one.
     """
-    values, when, missed = np.zeros(len(found.nodes)), np.zeros(len(found.nodes)), None
+    values = np.zeros(len(found.nodes))
+    when = np.zeros(len(found.nodes))
+    missed = None
     of_origin = [strength for strength, _ in found.origins]
     for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
         of_material = np.isin(found.origin, [k for k, s in enumerate(of_origin) if s == strength])
@@ -256,9 +263,10 @@ def _of_plies(
 
 
 def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
-    """The largest value at each of `count` nodes, and its time."""
+    """(largest value at each of `count` nodes, its time)."""
     order = np.argsort(values, kind="stable")  # the largest is written last
-    best, time = np.zeros(count), np.zeros(count)
+    best = np.zeros(count)
+    time = np.zeros(count)
     best[nodes[order]], time[nodes[order]] = values[order], when[order]
     return best, time
 
@@ -286,11 +294,11 @@ class HertzContact(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The pressure over the pressure at first yield."""
+        """The pressure over the one at first yield."""
         return self.pressure / (FIRST_YIELD * self.strength)
 
     def warning(self) -> str:
-        """The warning of a contact that yields; "" for one that does not."""
+        """The warning if the contact yields; otherwise ""."""
         if not self.share > 1:
             return ""
         return (
@@ -301,11 +309,11 @@ class HertzContact(NamedTuple):
 
 
 def contact_yields(history: AnyHistory) -> bool:
-    """Whether a contact of a history yields."""
+    """Whether any contact of a history yields."""
     return isinstance(history, History) and any(map(yields, history.contact_histories))
 
 
-#: Jumps over the largest stress from which the mesh does not resolve it.
+#: The mesh does not resolve the stress if its jumps over the largest stress exceed this.
 UNRESOLVED_JUMP = 0.2
 #: Interior angle in degrees from which a corner is re-entrant; fillets of three cells have 210.
 RE_ENTRANT = 215.0
@@ -319,7 +327,9 @@ def mesh_error(
     times: Array,
     body: str,
 ) -> Array | None:
-    """Estimated errors [Pa] of von Mises stress at all points, each at its time (P,); on rank 0."""
+    """Estimated mesh errors [Pa] of the von Mises stress at all points, at the time of each (P,);
+    on rank 0.
+    """
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 
     at, number = np.unique(times, return_inverse=True)
@@ -328,7 +338,9 @@ def mesh_error(
 
 
 def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
-    """A sentence on the largest stress at x (3,) with this relative error; "" if it needs none."""
+    """A warning about the largest stress at x (3,) with this relative mesh error; "" if there is
+    none.
+    """
     from antiosc.recovery.mesh_fields import corner_at  # needs dolfinx
 
     angle, held = corner_at(structure, shapes, x, part)

@@ -1,16 +1,15 @@
 """Envelopes: the largest value of a quantity at every node over a whole run, and when it occurs.
 
-Largest values over a run: at times fine enough for the fastest motion, refined at the maxima.
+Values are sampled with a step short enough for the fastest mode, and refined at the maxima.
 
-The motion of a node is a sum of modes. Near its largest value, at t*, the value falls by no more
-than half the square of the distance from t* times what the modes can curve it, so that times with
-the step h miss at most
+The motion of a node is a sum of modes. Its largest value is at t*; near t* the curvature of the
+value is bounded by those of the modes. Samples with the step h therefore miss at most
 
     Σ_j W_j A_j min(2, (ω_j h)²/8),
 
-A_j the largest amplitude of the mode j in the run and W_j its value at the node with the amplitude
-1. The step is chosen by the largest of this bound over the values of the nodes. Then each node's
-highest maximum, that of the parabola through three times, is looked at closely.
+where A_j is the largest amplitude of mode j in the run and W_j the value at the node for an
+amplitude of 1. The step is chosen from the largest bound over all nodes. Then each node's highest
+maximum, found by a parabola through three samples, is refined.
 """
 
 from __future__ import annotations
@@ -73,8 +72,9 @@ SAME_TIME = 1e-12
 class BodyMotion:
     """Motion of a body over a run, as sums of columns with factors.
 
-    nodes : (n,) times of the history [s]. factors : times (k,) -> factors (k, B) of the columns.
-    omega : (J,) of the modes [rad/s]; shapes (J, B) their factors; sizes (J,) their amplitudes.
+    nodes : (n,) times of the history [s]. factors : function, times (k,) -> factors (k, B).
+    omega : (J,) frequencies of the modes [rad/s]; shapes : (J, B) factors of each mode;
+    sizes : (J,) largest amplitudes of the modes.
     """
 
     nodes: Array
@@ -89,33 +89,35 @@ def refined_maxima(
 ) -> tuple[Array, Array, float]:
     """(largest value (S,) of a scalar of components (S, c, B), its time, error bound).
 
-    `scalar`: (..., c) -> (...,), a norm. Single precision finds where the values are largest.
+    `scalar`: function (..., c) -> (...,), a norm. Single precision finds the times of the maxima.
     """
     step, missed = _step(motion, columns, scalar)
     times = _sample_times(motion.nodes, step)
-    sampled, near = np.full((2, len(columns)), -np.inf), np.zeros((2, len(columns)), dtype=int)
+    sampled = np.full((2, len(columns)), -np.inf)
+    near = np.zeros((2, len(columns)), dtype=int)
     single = columns.astype(np.float32)
     for first in range(0, max(len(times) - 2, 1), WINDOW - 2):
         t = times[first : first + WINDOW]
         factors = motion.factors(t).astype(np.float32)
         for block in _blocks(columns, len(t)):
             y = _values(single[block], factors, scalar)
-            for best, k, found in zip(sampled, near, (y, _parabola_maxima(t, y)), strict=True):
-                at = found.argmax(axis=1)
-                top = found[np.arange(len(at)), at]
+            for best, k, candidates in zip(sampled, near, (y, _parabola_maxima(t, y)), strict=True):
+                index = candidates.argmax(axis=1)
+                top = candidates[np.arange(len(index)), index]
                 higher = np.flatnonzero(top > best[block])
-                best[block][higher], k[block][higher] = top[higher], first + at[higher]
+                best[block][higher], k[block][higher] = top[higher], first + index[higher]
     values, when = _refined_near(motion, columns, scalar, times, near[0])
-    other, then = _refined_near(motion, columns, scalar, times, near[1])
-    above = other > values
-    return np.where(above, other, values), np.where(above, then, when), missed
+    second_best, then = _refined_near(motion, columns, scalar, times, near[1])
+    above = second_best > values
+    return np.where(above, second_best, values), np.where(above, then, when), missed
 
 
 def sampled_maxima(
     columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
     """(largest value (S,) of a scalar of components (S, c, B) at these times, its time)."""
-    values, when = np.zeros(len(columns)), np.zeros(len(columns))
+    values = np.zeros(len(columns))
+    when = np.zeros(len(columns))
     for block in _blocks(columns, len(times)):
         found = _values(columns[block], factors, scalar)
         k = found.argmax(axis=1)
@@ -128,61 +130,69 @@ def _step(
 ) -> tuple[float, float]:
     """Time step [s] of the search, and the largest underestimate of a peak."""
     stride = max(1, len(motion.nodes) // FEWEST)
-    at = motion.nodes[::stride]
-    values, _ = sampled_maxima(columns, motion.factors(at), at, scalar)
+    samples = motion.nodes[::stride]
+    values, _ = sampled_maxima(columns, motion.factors(samples), samples, scalar)
     top = float(values.max(initial=0.0))
     values = np.maximum(values, FLOOR * top)
     # of the node where the modes curve the value most, relative to it
-    curved, weights = 0.0, np.zeros(len(motion.omega))
+    curved = 0.0
+    weights = np.zeros(len(motion.omega))
     for block in _blocks(columns, len(weights)) if top else ():
         share = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
         bends = share @ motion.omega**2
         worst = int(bends.argmax())
         if bends[worst] > curved:
-            curved, weights = float(bends[worst]), share[worst]
+            curved = float(bends[worst])
+            weights = share[worst]
 
     def missed(h: float) -> float:
+        """Upper bound of the underestimate with the step h."""
         return float(weights @ np.minimum(2.0, (motion.omega * h) ** 2 / 8))
 
-    whole = float(motion.nodes[-1] - motion.nodes[0])
-    step = whole / FEWEST
-    while missed(step) > TIME_ERROR and step > whole / MOST:
-        step = max(step / 1.5, whole / MOST)
+    duration = float(motion.nodes[-1] - motion.nodes[0])
+    step = duration / FEWEST
+    while missed(step) > TIME_ERROR and step > duration / MOST:
+        step = max(step / 1.5, duration / MOST)
     return step, missed(step) * top
 
 
 def _sample_times(nodes: Array, step: float) -> Array:
-    """The nodes, with evenly spaced times between nodes farther apart than the step.
+    """The history times, with evenly spaced times between those farther apart than the step.
 
-    Of more than `NODES` no more than steps, evenly by their number: most of them lie in contacts.
+    If there are more than `NODES` history times, they are thinned evenly, most of them being in
+    contacts.
     """
     nodes = np.unique(nodes)
     steps = (nodes[-1] - nodes[0]) / step if step else 0.0
     nodes = _evenly(nodes, max(NODES, int(steps)))
     nodes = nodes[np.append(True, np.diff(nodes) > SAME_TIME * (nodes[-1] - nodes[0]))]
     gaps = np.diff(nodes)
-    parts = np.maximum(np.ceil(gaps / step), 1).astype(int) if step else np.ones(len(gaps), int)
-    first = np.repeat(np.cumsum(parts) - parts, parts)
-    share = (np.arange(parts.sum()) - first) / np.repeat(parts, parts)
-    return np.append(np.repeat(nodes[:-1], parts) + share * np.repeat(gaps, parts), nodes[-1])
+    intervals = np.maximum(np.ceil(gaps / step), 1).astype(int) if step else np.ones(len(gaps), int)
+    first = np.repeat(np.cumsum(intervals) - intervals, intervals)
+    share = (np.arange(intervals.sum()) - first) / np.repeat(intervals, intervals)
+    return np.append(
+        np.repeat(nodes[:-1], intervals) + share * np.repeat(gaps, intervals), nodes[-1]
+    )
 
 
 def _evenly(times: Array, most: int) -> Array:
-    """At most so many of the times, the first and the last among them."""
+    """At most `most` of the times, with the first and the last."""
     if len(times) <= most:
         return times
     return times[np.linspace(0, len(times) - 1, most).astype(int)]
 
 
 def _parabola_maxima(t: Array, y: Array) -> Array:
-    """Values (S, n) in which each local maximum is that of the parabola through three values."""
+    """Values (S, n), each local maximum replaced by that of the parabola through three values."""
     tops = y.copy()
     if len(t) < 3:
         return tops
     node, k = np.nonzero((y[:, 1:-1] >= y[:, :-2]) & (y[:, 1:-1] >= y[:, 2:]))
-    before, after = np.diff(t)[k], np.diff(t)[k + 1]
+    before = np.diff(t)[k]
+    after = np.diff(t)[k + 1]
     middle = y[node, k + 1].astype(float)
-    rise, fall = (middle - y[node, k]) / before, (y[node, k + 2] - middle) / after
+    rise = (middle - y[node, k]) / before
+    fall = (y[node, k + 2] - middle) / after
     bend = (fall - rise) / (before + after)
     slope = (fall * before + rise * after) / (before + after)
     gain = np.divide(slope**2, -4 * bend, out=np.zeros_like(bend), where=bend < 0)
@@ -198,12 +208,14 @@ def _refined_near(
     near: IntArray,
 ) -> tuple[Array, Array]:
     """(largest values (S,) within a step of the times `near` (S,), their times)."""
-    values, when = np.zeros(len(columns)), np.zeros(len(columns))
+    values = np.zeros(len(columns))
+    when = np.zeros(len(columns))
     order = np.argsort(near, kind="stable")
     used, starts = np.unique(near[order], return_index=True)
     groups = np.split(order, starts[1:])
     share = np.linspace(0, 1, PARTS + 1)
-    before, after = times[np.maximum(used - 1, 0)], times[np.minimum(used + 1, len(times) - 1)]
+    before = times[np.maximum(used - 1, 0)]
+    after = times[np.minimum(used + 1, len(times) - 1)]
     at = times[used]
     fine = np.concatenate(
         (
@@ -221,13 +233,13 @@ def _refined_near(
 
 
 def _values(columns: Reals, factors: Reals, scalar: Callable[[Array], Array]) -> Array:
-    """Scalar (S, n) of components (S, c, B) with factors (n, B)."""
+    """Scalar (S, n) of components (S, c, B) at times with factors (n, B)."""
     rows = columns.reshape(-1, columns.shape[2]) @ factors.T  # one product is 5 times S products
     return scalar(np.moveaxis(rows.reshape(*columns.shape[:2], -1), 1, -1))
 
 
 def _blocks(columns: Array, times: int) -> Iterator[slice]:
-    """Slices of nodes whose values at this many times fit `BLOCK_BYTES`."""
+    """Slices of nodes whose values at all these times fit in `BLOCK_BYTES`."""
     size = max(1, int(BLOCK_BYTES / (8 * 3 * columns.shape[1] * times)))
     return (slice(first, first + size) for first in range(0, len(columns), size))
 
@@ -254,20 +266,18 @@ class PeakField(Completed):
 
     Attributes
     ----------
-    quantity, unit : what was sought.
+    quantity, unit : the quantity and its unit.
     points : (P, 3) nodes of the mesh, m.
-    values : (P,) largest value at each.
-    times : (P,) when it occurs, s.
-    error : what a value may be too low by, as times that were chosen miss peaks, at most; for
-        those that were given it is not known (None).
+    values : (P,) largest value at each node.
+    times : (P,) time at which it occurs, s.
+    error : upper bound of the error due to sampling in time; None if the caller chose the times.
     exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and where no material has a strength.
-    mesh_error : (P,) of the stress of solids: its estimated error by the mesh, in its unit: by how
-        much the stresses of the cells around a node differ from their mean (Zienkiewicz and Zhu);
-        0 in sheets and beams beside them, else None.
-    doubt : why the largest stress is none of the part's own: a re-entrant corner, the edge of a
-        support, too large cells; of sheets, that their error by the mesh is not estimated; ""
-        otherwise.
+    mesh_error : (P,) estimated mesh error of stresses of solids, in their unit: the deviation of
+        the stresses of the cells around a node from their mean (Zienkiewicz and Zhu); 0 in sheets
+        and beams beside solids, otherwise None.
+    doubt : why the largest stress is unreliable: a re-entrant corner, the edge of a support, cells
+        that are too large; for sheets, that the mesh error is not estimated; "" otherwise.
     """
 
     quantity: str
@@ -376,7 +386,8 @@ class PeakField(Completed):
         size = float(np.linalg.norm(moved, axis=1).max())
         factor = magnification(self.points, size)
         label += f", motion drawn × {factor:g}" if size else ""
-        faces, there = outer_faces(self._cells), self.points + factor * moved
+        faces = outer_faces(self._cells)
+        there = self.points + factor * moved
         return Deformed(self.points, there, faces, values, label, float(values.max()))
 
     def write(self, path: str | Path) -> Path:
@@ -492,7 +503,7 @@ def peak_field(
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(moved, length))
     else:
-        parts: list[Maxima] = []
+        maxima: list[Maxima] = []
         for ply in margin.plies(structure, quantity, part):
             asked = recovered, places, part, ply
             points, cells, found = tensors_at_nodes(structure, history, body, shapes, *asked)
@@ -503,12 +514,12 @@ def peak_field(
             if quantity in margin.CRITERIA:
                 found = margin.with_strength(quantity, found)
             if found.origins:
-                parts.append(margin.stresses(quantity, points, found, search))
-        if not parts:
+                maxima.append(margin.stresses(quantity, points, found, search))
+        if not maxima:
             raise InputError(
                 f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
             )
-        best = functools.reduce(Maxima.or_larger, parts)
+        best = functools.reduce(Maxima.or_larger, maxima)
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     result = _peak_field_of(quantity, unit, points, cells, best)
     if quantity in ("von_mises", "stress", "yield"):

@@ -67,7 +67,8 @@ class SavedFields(ReprMixin):
                 raise InputError(f"{name} must have {dim} axes; got an array of {value.shape}.")
             checks.store(self, **{name: value})
         checks.store(self, cells=_cells(self.cells))
-        count, k = len(self.points), self.shapes.shape[-1]
+        count = len(self.points)
+        k = self.shapes.shape[-1]
         fits = (
             self.points.shape == (count, 3)
             and self.shapes.shape == (count, 3, k)
@@ -90,7 +91,8 @@ class SavedFields(ReprMixin):
                 f"time={t:g}."
             )
         k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
-        first, last = self.factors[k], self.factors[min(k + 1, len(self.time) - 1)]
+        first = self.factors[k]
+        last = self.factors[min(k + 1, len(self.time) - 1)]
         step = self.time[min(k + 1, len(self.time) - 1)] - self.time[k]
         fraction = (t - self.time[k]) / step if step else 0.0
         return np.asarray(self.shapes @ (first + fraction * (last - first)))
@@ -204,7 +206,9 @@ def _outer(kind: str, cells: IntArray) -> IntArray:
     """Corners of the faces that belong to only one cell, for cells of one kind."""
     name = kind.rstrip("0123456789")
     if name not in FACES:
-        return cells[:, :2] if name == "line" else cells[:, :1]
+        if name == "line":
+            return cells[:, :2]
+        return cells[:, :1]
     listed = np.vstack([cells[:, face] for face in FACES[name]])
     if len(FACES[name]) == 1:
         return listed
@@ -319,6 +323,7 @@ def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:
     steep = np.abs(across) > 0.5 * np.linalg.norm(normal, axis=1)
     if found.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
         return np.ones(len(corners), dtype=bool)
-    up, around = np.radians(axes.elev), np.radians(axes.azim)
+    up = np.radians(axes.elev)
+    around = np.radians(axes.azim)
     view = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
     return np.asarray((normal @ view) * -np.sign(across) > 0)

@@ -49,7 +49,8 @@ class PrestressedState(ReprMixin):
         preload = part.matrices.preload
         if preload is None:
             raise InputError("the structure has no prestress: give Structure(…, prestress=…).")
-        self._structure, self._preload = structure, preload
+        self._structure = structure
+        self._preload = preload
 
     @property
     def loads(self) -> Prestress:

@@ -225,7 +225,8 @@ def strain_gauge(
     there = place(surface, layer, fibre, "global")
     checks.instance("structure", structure, Structure, "a Structure")
     length = checks.positive("length", length, "m")
-    d, direction_cosines = np.zeros(3), checks.coordinates("direction", direction)
+    d = np.zeros(3)
+    direction_cosines = checks.coordinates("direction", direction)
     d[: len(direction_cosines)] = direction_cosines
     if not np.linalg.norm(d):
         raise InputError("direction must not be the zero vector: the gauge measures along it.")

@@ -75,7 +75,8 @@ class ShockSpectrum(Completed):
 
     def _facts(self) -> list[tuple[str, str]]:
         most = int(np.argmax(self.maximax))
-        top, at = self.maximax[most], self.frequency[most]
+        top = self.maximax[most]
+        at = self.frequency[most]
         return [
             ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
             ("maximax", f"at most {top:.4g}, at {engineering(at, 'Hz')}"),
@@ -350,7 +351,8 @@ def _largest(y: Array) -> float:
 
 def _step_response(f: float, Q: float, h: float, size: int) -> Array:
     """Absolute acceleration (size,) of an oscillator after a step of the base acceleration to 1."""
-    w, zeta = 2 * np.pi * f, 1 / (2 * Q)
+    w = 2 * np.pi * f
+    zeta = 1 / (2 * Q)
     wd = w * np.sqrt(1 - zeta**2)
     t = h * np.arange(size)
     return np.asarray(1 - np.exp(-zeta * w * t) * (np.cos(wd * t) - zeta * w / wd * np.sin(wd * t)))
@@ -362,10 +364,13 @@ def ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
     Its output is the absolute acceleration of the oscillator, exact for an input that is linear
     between samples.
     """
-    w, zeta = 2 * np.pi * f, 1 / (2 * Q)
+    w = 2 * np.pi * f
+    zeta = 1 / (2 * Q)
     wd = w * np.sqrt(1 - zeta**2)
-    decay, angle = np.exp(-zeta * w * h), wd * h
-    c, s = decay * np.cos(angle), decay * np.sin(angle) / angle
+    decay = np.exp(-zeta * w * h)
+    angle = wd * h
+    c = decay * np.cos(angle)
+    s = decay * np.sin(angle) / angle
     numerator = np.array([1 - s, 2 * (s - c), decay**2 - s])
     return numerator, np.array([1.0, -2 * c, decay**2])
 

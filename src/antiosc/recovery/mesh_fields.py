@@ -68,7 +68,8 @@ def tensors_of_part(
     evaluate = evaluator(part, quantity, place)
     material = part.part_of_cells()[: compat.cell_map(mesh.dolfinx).size_local]
     chosen = np.flatnonzero(np.isin(material, materials))
-    nodes, material = compat.geometry_nodes(mesh.dolfinx)[chosen], material[chosen]
+    nodes = compat.geometry_nodes(mesh.dolfinx)[chosen]
+    material = material[chosen]
     X = mesh.geometry.reference_nodes
     solid = part.kind.name == "solid"
     if solid:  # a slot for each node and material
@@ -79,7 +80,8 @@ def tensors_of_part(
     slot_of = slot_of.reshape(keys.shape)
     node = slots // len(part.parts) if solid else nodes.ravel()
     kind = slots % len(part.parts) if solid else np.repeat(material, nodes.shape[1])
-    total, count = np.zeros((len(slots), 6, shapes.shape[1])), np.zeros(len(slots))
+    total = np.zeros((len(slots), 6, shapes.shape[1]))
+    count = np.zeros(len(slots))
     step = max(1, AT_ONCE // len(X))
     error = None
     for first in range(0, len(chosen), step):
@@ -92,7 +94,8 @@ def tensors_of_part(
             break
         where = slot_of[first : first + step].ravel()
         six = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
-        one, column = np.ones(len(where)), np.arange(len(where))
+        one = np.ones(len(where))
+        column = np.arange(len(where))
         at_slots = csr_matrix((one, (where, column)), (len(slots), len(where)))
         total += (at_slots @ six).reshape(total.shape)
         count += np.bincount(where, minlength=len(slots))
@@ -117,7 +120,8 @@ def jumps(
     evaluate = evaluator(part, "stress", Place())
     cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
     material = part.part_of_cells()
-    nodes, X = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank], mesh.geometry.reference_nodes
+    nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
+    X = mesh.geometry.reference_nodes
     six = np.zeros((cells_of_rank, len(X), 6))
     step = max(1, AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
@@ -129,7 +133,8 @@ def jumps(
     keys = nodes * len(part.parts) + material[:cells_of_rank, None]
     slots, slot_of = np.unique(keys, return_inverse=True)
     slot_of = slot_of.reshape(keys.shape)
-    total, count = np.zeros((len(slots), 6, 1)), np.zeros(len(slots))
+    total = np.zeros((len(slots), 6, 1))
+    count = np.zeros(len(slots))
     np.add.at(total, slot_of, six[..., None])
     np.add.at(count, slot_of, 1.0)
     _join_ranks(part, slots, total, count, np.add)
@@ -148,7 +153,8 @@ def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
     """Add the contributions of other ranks in slots of common nodes to the totals."""
-    comm, parts = part.mesh.comm, len(part.parts)
+    comm = part.mesh.comm
+    parts = len(part.parts)
     if comm.size == 1:
         return
     number = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)
@@ -244,7 +250,8 @@ def _recovered(
     """As `recovered`, on the nearest of some parts; `shares`: of each part in the branches."""
     number, closest = _nearest(candidates, points, reach)
     member, shapes_of_part = candidates[number]
-    mesh, material = member.part.mesh, member.part.part_of_cells()
+    mesh = member.part.mesh
+    material = member.part.part_of_cells()
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
     with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
     mine = closest.rank == mesh.comm.rank
@@ -259,7 +266,9 @@ def _recovered(
     values = np.zeros((len(points), *here.shape[1:]))
     values[mine] = here
     values = np.asarray(mesh.comm.allreduce(values))
-    return values if place.local else _turned(member.at.rotation, values, quantity)
+    if place.local:
+        return values
+    return _turned(member.at.rotation, values, quantity)
 
 
 def _nearest(
@@ -268,8 +277,10 @@ def _nearest(
     """(number of the part nearest to each of the points (P, 3), nearest points of this part)."""
     nearest = [closest_many(m.part.mesh, m.at.own(points)) for m, _ in candidates]
     number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
-    member, closest = candidates[number][0], nearest[number]
-    far, mesh = int(np.argmax(closest.distance)), member.part.mesh
+    member = candidates[number][0]
+    closest = nearest[number]
+    far = int(np.argmax(closest.distance))
+    mesh = member.part.mesh
     there = member.at.placed(closest.x[far][None])[0]
     element = partial(size_at, mesh, closest[far])
     reach.check(points[far], there, mesh.extent(), element)
@@ -281,7 +292,9 @@ def _turned(R: Array, values: Array, quantity: str) -> Array:
     if (np.eye(3) == R).all() or quantity == "section_forces":
         return values
     if quantity == "rotation":
-        return values if values.shape[1] == 1 else np.einsum("ij,pjk->pik", R, values)
+        if values.shape[1] == 1:
+            return values
+        return np.einsum("ij,pjk->pik", R, values)
     return np.einsum("ia,pabk,jb->pijk", R, values, R, optimize=True)
 
 
@@ -346,7 +359,11 @@ def tensors_at_nodes(
     if whole:
         parts = _whole(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
-    node, tensors, origin, origins, start = [], [], [], list[Origin](), 0
+    node = []
+    tensors = []
+    origin = []
+    origins = list[Origin]()
+    start = 0
     for member, shapes_of_part in parts:
         found: list[tuple[IntArray, IntArray, Array]] = []
         shares = None if shapes is None else shares_of(structure, quantity, member)
@@ -392,7 +409,9 @@ def _requests(
     if ply is not None:
         stacks = [len(layers_of(material)) for material, _ in part.parts]
         with_layer = [n for n in numbers if stacks[n] > (ply.layer or 0)]
-        return [(ply, with_layer)] if with_layer else []
+        if with_layer:
+            return [(ply, with_layer)]
+        return []
     if part.kind.name == "beam" and places[0].fibre is None:
         on_edge = on_outlines([beam.section for beam, _ in part.parts], places[0])
         if not on_edge:
@@ -421,7 +440,8 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
 
 def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
     """Displacements (3, columns) of shapes (rows of this rank, columns) at a point of a part."""
-    mesh, form = member.part.mesh, member.part.form
+    mesh = member.part.mesh
+    form = member.part.form
     shapes = compat.with_ghosts(form.space, shapes)
     values = None
     if mesh.comm.rank == nearest.rank:
@@ -441,7 +461,8 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
     the same local number, but for mid-side nodes beside displacements of degree three.
     """
-    geometry, nodes = mesh.geometry, compat.geometry_nodes(mesh.dolfinx)
+    geometry = mesh.geometry
+    nodes = compat.geometry_nodes(mesh.dolfinx)
     result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
     for axis, name in enumerate("xyz"):
         if name not in form.components:
@@ -569,7 +590,9 @@ def stress_jumps(
             here = jumps(member.part, shapes_of_part, factors[first : first + len(here)], shares)
         found += comm.gather(here, root=0) or []
         start += sum(sizes)
-    return np.concatenate(found) if found else np.zeros(0)
+    if found:
+        return np.concatenate(found)
+    return np.zeros(0)
 
 
 def families(structure: Structure, shapes: Array, part: str | None = None) -> set[str]:
@@ -587,7 +610,8 @@ def corner_at(
     for member, shapes_of_part in parts:
         if member.part.kind.name != "solid":
             continue
-        mesh, point = member.part.mesh, member.at.own(x[None])[0]
+        mesh = member.part.mesh
+        point = member.at.own(x[None])[0]
         distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
         moves = np.abs(displacements_of_rank(member.part, shapes_of_part)[distance.argmin()]).max(
             initial=0

@@ -55,7 +55,9 @@ class Place:
 def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
     """The position at each outline point of the sections; none if a section has no outline."""
     sizes = [len(section.outline) for section in sections]
-    return [replace(place, fibre=k) for k in range(max(sizes))] if min(sizes) else []
+    if min(sizes):
+        return [replace(place, fibre=k) for k in range(max(sizes))]
+    return []
 
 
 class Origin(NamedTuple):

@@ -249,7 +249,9 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
         return [beam.E * s.A, *shear, beam.G * s.torsion, beam.E * s.side, beam.E * s.I]
 
     forces = strains * at.each(stiffness)[:, :, None]
-    return forces if at.part.mesh.gdim == 3 else forces[:, [0, 1, 5]]
+    if at.part.mesh.gdim == 3:
+        return forces
+    return forces[:, [0, 1, 5]]
 
 
 def beam_strain(at: PointsInCells, place: Place) -> Array:
@@ -261,7 +263,9 @@ def beam_strain(at: PointsInCells, place: Place) -> Array:
     local = np.zeros((len(at.cells), 3, 3, along.shape[1]))
     local[:, 0, 0] = along
     local[:, 1, 1] = local[:, 2, 2] = -nu * along
-    return local if place.local else in_frame(local, frame)
+    if place.local:
+        return local
+    return in_frame(local, frame)
 
 
 def beam_stress(at: PointsInCells, place: Place) -> Array:
@@ -269,7 +273,9 @@ def beam_stress(at: PointsInCells, place: Place) -> Array:
     strains = beam_strain(at, Place(fibre=place.fibre, local=True))
     local = np.zeros_like(strains)
     local[:, 0, 0] = at.each(lambda beam: [beam.E]) * strains[:, 0, 0]
-    return local if place.local else in_frame(local, _frame(at))
+    if place.local:
+        return local
+    return in_frame(local, _frame(at))
 
 
 def beam_rotation(at: PointsInCells, place: Place) -> Array:
@@ -288,7 +294,8 @@ def _fibre(beam: Beam, place: Place) -> list[float]:
 
 def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None, None]
-    displacements, rotations = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
+    displacements = at.dofs("xyz")
+    rotations = at.dofs(("rx", "ry", "rz"))
     slope = at.slopes(displacements)[:, :, 0] / length
     bend = at.slopes(rotations)[:, :, 0] / length
     turn = at.values(rotations)
@@ -377,7 +384,8 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
         return strains
     g = gauss_points(2)
     table = [lagrange_1d(g, at.X[:, axis]) for axis in (0, 1)]
-    shear, membrane = np.zeros_like(strains.shear), np.zeros_like(strains.membrane)
+    shear = np.zeros_like(strains.shear)
+    membrane = np.zeros_like(strains.membrane)
     for i in (0, 1):
         for j in (0, 1):
             weight = (table[0][:, i] * table[1][:, j])[:, None, None]
@@ -394,8 +402,10 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
     result = np.zeros((len(at.cells), 8, strains.membrane.shape[2]))
     number = at.part.part_of_cells()[at.cells]
     for k, (sheet, _) in enumerate(at.part.parts):
-        of_part, s = number == k, sheet.section
-        stretch, bend = strains.membrane[of_part], strains.bending[of_part]
+        of_part = number == k
+        s = sheet.section
+        stretch = strains.membrane[of_part]
+        bend = strains.bending[of_part]
         result[of_part, :3] = _times(s.A, stretch) + _times(s.B, bend)
         result[of_part, 3:6] = _times(s.B, stretch) + _times(s.D, bend)
         result[of_part, 6:] = _times(s.S, strains.shear[of_part])
@@ -418,7 +428,8 @@ def sheet_rotation(at: PointsInCells, place: Place) -> Array:
 
 
 def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress: bool) -> Array:
-    strains, frame = middle_strains(at, axes), axes.frame(at)
+    strains = middle_strains(at, axes)
+    frame = axes.frame(at)
     result = np.zeros((len(at.cells), 3, 3, strains.membrane.shape[2]))
     number = at.part.part_of_cells()[at.cells]
     angle = np.zeros(len(at.cells))
@@ -452,7 +463,9 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
                 result[of_part, i, j] = result[of_part, j, i] = half * value
     if not place.local:
         return in_frame(result, frame)
-    c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
+    zero = np.zeros_like(angle)
     R = np.stack([np.stack([c, s, zero], 1), np.stack([-s, c, zero], 1)], axis=1)
     R = np.concatenate([R, np.broadcast_to([[[0.0, 0.0, 1.0]]], (len(angle), 1, 3))], axis=1)
     return np.einsum("pia,pabk,pjb->pijk", R, result, R, optimize=True)
@@ -496,12 +509,15 @@ def _height(sheet: Sheet, place: Place, up: float) -> tuple[int, float]:
                 f"{place.layer}."
             )
         k = place.layer
-        low, high = float(z[k]), float(z[k + 1])
+        low = float(z[k])
+        high = float(z[k + 1])
         return k, {"top": high, "bottom": low, "middle": (low + high) / 2}[surface]
     if surface == "middle":
         k = int(np.clip(np.searchsorted(z, 0.0, side="right") - 1, 0, len(layers) - 1))
         return k, 0.0
-    return (len(layers) - 1, float(z[-1])) if surface == "top" else (0, float(z[0]))
+    if surface == "top":
+        return (len(layers) - 1, float(z[-1]))
+    return (0, float(z[0]))
 
 
 def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
@@ -510,21 +526,25 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     # contravariant tangents: ds along e_α of the reference coordinates
     inverse = np.linalg.pinv(at.J)  # (P, 2, 3)
     along = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
-    displacements, rotations = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
+    displacements = at.dofs("xyz")
+    rotations = at.dofs(("rx", "ry", "rz"))
     du = np.einsum("pcdk,pda->pcak", at.slopes(displacements), along, optimize=True)
     dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), along, optimize=True)
 
     def dotted(vectors: Array, axis: Array) -> Array:
         return np.einsum("pc...,pc->p...", vectors, axis)
 
-    u1, u2, r1, r2 = dotted(du, e1), dotted(du, e2), dotted(dr, e1), dotted(dr, e2)
-    membrane = np.stack([u1[:, 0], u2[:, 1], u1[:, 1] + u2[:, 0]], axis=1)
+    du1 = dotted(du, e1)
+    du2 = dotted(du, e2)
+    dr1 = dotted(dr, e1)
+    dr2 = dotted(dr, e2)
+    membrane = np.stack([du1[:, 0], du2[:, 1], du1[:, 1] + du2[:, 0]], axis=1)
     if at.part.initial is not None:
         products = np.einsum("pcak,pcbk->pabk", du, du)
         second = [products[:, 0, 0] / 2, products[:, 1, 1] / 2, products[:, 0, 1]]
         membrane += np.stack(second, axis=1)
     # θ × n = (θ·e2) e1 − (θ·e1) e2
-    bending = np.stack([r2[:, 0], -r1[:, 1], r2[:, 1] - r1[:, 0]], axis=1)
+    bending = np.stack([dr2[:, 0], -dr1[:, 1], dr2[:, 1] - dr1[:, 0]], axis=1)
     lean = _leaning(at, rotations, frame)
     return Strains(membrane, bending, dotted(du, n) + lean)
 
@@ -538,7 +558,8 @@ def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
         return np.einsum("pck,pac->pak", rotated, tangents)
     if not len(at.X):
         return np.zeros((0, 2, rotations.shape[-1]))
-    space, path = at.part.form.space, at.part.form.components["rx"]
+    space = at.part.form.space
+    path = at.part.form.components["rx"]
     table = compat.tabulate(space, path, compat.edge_points())
     # θ×n along the reference directions at the points of the edges: n × J is θ·(n × J_d)
     across = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)

@@ -127,8 +127,12 @@ def checked_end(name: str, end: object) -> End:
     if isinstance(end, tuple | list) and len(end) in (2, 3) and isinstance(end[0], str) and end[0]:
         point = array(f"the point of {name}", end[1], None)
         if point.shape in ((2,), (3,)):
-            own = end[0], tuple(point.tolist())
-            return own if len(end) == 2 else (*own, positive(f"the radius of {name}", end[2], "m"))
+            part_and_point = end[0], tuple(point.tolist())
+            return (
+                part_and_point
+                if len(end) == 2
+                else (*part_and_point, positive(f"the radius of {name}", end[2], "m"))
+            )
     raise InputError(
         f'{name} must be "part:group", ("part", point), ("part", point, radius) or the name of a '
         f"reference point; got {shown(end)}."
@@ -174,12 +178,12 @@ def _member(layout: Layout, part: str, end: End) -> Member:
     return layout.members[part]
 
 
-def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
+def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> Motion:
     """The motion of an end at its reference point.
 
-    `partly`: the caller takes ends that do not have all displacements, as sites of superelements.
+    `allow_partial`: accept ends without some displacements, such as sites of superelements.
     """
-    known = motion_without_mesh(layout, end, partly)
+    known = motion_without_mesh(layout, end, allow_partial)
     if known is not None:
         return known
     if not isinstance(end, str):
@@ -197,11 +201,11 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
     return mean(layout, member, member.points_of(group))
 
 
-def motion_without_mesh(layout: Layout, end: End, partly: bool) -> Motion | None:
+def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> Motion | None:
     """The motion of a reference point, a site or node of a superelement; None for other ends."""
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
-        return _of_condensed(layout, layout.condensed[part], end, partly)
+        return _of_condensed(layout, layout.condensed[part], end, allow_partial)
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
@@ -222,7 +226,7 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) 
         )
 
 
-def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Motion:
+def _of_condensed(layout: Layout, one: Condensed, end: End, allow_partial: bool) -> Motion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     if isinstance(end, str):
         name = end.split(":", 1)[1]
@@ -238,7 +242,7 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
     found, R = one.part.ends[name], one.at.rotation
     moves, turns = (R @ found.space[own, own] @ R.T for own in (slice(3), slice(3, 6)))
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if not partly and np.abs(needed - needed @ moves @ needed).max() > MISSING_SHARE:
+    if not allow_partial and np.abs(needed - needed @ moves @ needed).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
@@ -481,7 +485,7 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
     ):
-        point = motion(layout, support.where, partly=True)
+        point = motion(layout, support.where, allow_partial=True)
         if support.fix == "all":
             return point.six[np.flatnonzero(np.diff(point.six.indptr))]
         lost = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
@@ -582,4 +586,4 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
                 motion(layout, (member.name, tuple(member.nodes[node])))
                 for node in member.nodes_of(group)
             ]
-    return [motion(layout, where, partly=True)]
+    return [motion(layout, where, allow_partial=True)]

@@ -227,7 +227,7 @@ class Equation(Joint):
         """The single row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
-            own = motion(layout, end, partly=True)
+            own = motion(layout, end, allow_partial=True)
             row = own.components([component])
             if own.lacking([component]):
                 raise InputError(
@@ -321,7 +321,7 @@ class Bushing(Between):
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """A spring k (b − a)²/2 for each component."""
-        a, b = (motion(layout, end, partly=True) for end in (self.a, self.b))
+        a, b = (motion(layout, end, allow_partial=True) for end in (self.a, self.b))
         given = [self.stiffness, self.damping, *(own for own, _ in self.branches)]
         names = list(dict.fromkeys(name for own in given for name in own))
         found = []

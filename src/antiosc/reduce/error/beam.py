@@ -95,7 +95,8 @@ def excess(lacks: Array) -> Array:
 def answers(part: MeshedStructure, forces: Array) -> Array:
     """Displacements due to self-equilibrated forces (rows, k), orthogonal to the rigid motions."""
     free = np.setdiff1d(np.arange(compat.local_size(part.form.space)), part.fixed)
-    K, R = csr(part.K)[free][:, free], (csr(part.M) @ part.rigid_modes)[free]
+    K = csr(part.K)[free][:, free]
+    R = (csr(part.M) @ part.rigid_modes)[free]
     if R.shape[1]:
         K = scipy.sparse.bmat([[K, R * (size := abs(K).max() / abs(R).max())], [R.T * size, None]])
     padded = np.vstack([forces[free], np.zeros((R.shape[1], forces.shape[1]))])
@@ -171,7 +172,8 @@ def polygon(mesh: Mesh) -> str:
 def _largest_angle(pieces: Pieces) -> float:
     """Largest angle [degrees] between two adjacent cells that approximate a curve; 0 if none do."""
     cells = pieces.cells
-    ends, cell = cells.ravel(), np.repeat(np.arange(len(cells)), 2)
+    ends = cells.ravel()
+    cell = np.repeat(np.arange(len(cells)), 2)
     two = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)
     order = np.argsort(ends, kind="stable")
     at = np.searchsorted(ends[order], two)
@@ -237,7 +239,8 @@ def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
 
 def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
     """The parts of cells `which`, in order; `middle` is -1 for whole cells."""
-    ends, between = cells[which], middle[which]
+    ends = cells[which]
+    between = middle[which]
     pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)
     pairs[between < 0, 0] = ends[between < 0]
     kept = np.ones((len(which), 2), dtype=bool)

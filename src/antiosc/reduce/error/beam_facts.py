@@ -21,7 +21,10 @@ from antiosc.reduce.site import Functional
 FULL = 0.05
 #: Least length and least distance of the site from the ends, over the larger side; largest ratio of
 #: the sides; Poisson's ratios.
-LENGTH, FROM_ENDS, SIDES, NU = 5.0, 2.0, 2.5, (0.2, 0.4)
+LENGTH = 5.0
+FROM_ENDS = 2.0
+SIDES = 2.5
+NU = (0.2, 0.4)
 #: Largest share of a direction across the one that is meant, and deviation from a straight line
 #: over the length.
 ALONG, STRAIGHT = 0.02, 1e-6
@@ -62,7 +65,8 @@ def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
     width = section.A / height
     if not _along_height(part, beam, axis, site.direction):
         height, width = width, height
-    side, length = max(height, width), float(ends[1] - ends[0])
+    side = max(height, width)
+    length = float(ends[1] - ends[0])
     _need(length >= LENGTH * side, f"the beam is shorter than {LENGTH:g} times its larger side")
     _need(side <= SIDES * min(height, width), f"one side is more than {SIDES:g} times the other")
     at = float(site.point @ axis)

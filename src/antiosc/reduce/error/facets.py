@@ -66,7 +66,8 @@ def _angles(x: Array, corners: IntArray) -> Array:
     facet = np.tile(np.arange(len(corners)), len(places))
     order = np.lexsort(sides.T)
     same = (np.diff(sides[order], axis=0) == 0).all(axis=1)
-    one, other = facet[order[:-1][same]], facet[order[1:][same]]
+    one = facet[order[:-1][same]]
+    other = facet[order[1:][same]]
     cosine = np.abs(np.einsum("nd,nd->n", normals[one], normals[other]))
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
@@ -94,7 +95,8 @@ def mean_gaps(faces: Faces) -> tuple[Array, Array]:
 def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
     """Mean gaps (F,) of faces with corners x (F, v, 3) around them, at `vertices` (F, v)."""
     corners = vertices.shape[1]
-    ahead, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    ahead = np.roll(x, -1, axis=1) - x
+    back = np.roll(x, 1, axis=1) - x
     size = np.linalg.norm(ahead, axis=2)
     weight = 1 / size
     if corners > 2:
@@ -123,9 +125,11 @@ def _areas(x: Array) -> Array:
     """Areas of faces (F, v, 3); lengths of segments."""
     if x.shape[1] == 2:
         return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
-    one, other = x[:, 1] - x[:, 0], x[:, -1] - x[:, 0]
+    one = x[:, 1] - x[:, 0]
+    other = x[:, -1] - x[:, 0]
     if x.shape[1] == 4:
-        one, other = x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]
+        one = x[:, 2] - x[:, 0]
+        other = x[:, 3] - x[:, 1]
     return np.asarray(np.linalg.norm(np.cross(one, other), axis=1) / 2)
 
 
@@ -145,4 +149,6 @@ def layers(part: MeshedStructure) -> tuple[Array, float]:
 
 def depth(material: Material) -> float:
     """Thickness of a plane part; 1 for others, since volumes contain it."""
-    return float(material.thickness) if getattr(material, "plane", None) else 1.0
+    if getattr(material, "plane", None):
+        return float(material.thickness)
+    return 1.0

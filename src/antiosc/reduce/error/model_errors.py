@@ -42,7 +42,9 @@ def _of_part(matrices: MeshedStructure) -> StrainErrors:
             "error='estimate' compares the strains of neighbouring cells, and the mesh has one: "
             "give a smaller size."
         )
-    return ShellErrors(matrices) if matrices.kind.sheet else SolidErrors(matrices)
+    if matrices.kind.sheet:
+        return ShellErrors(matrices)
+    return SolidErrors(matrices)
 
 
 class ModelErrors:

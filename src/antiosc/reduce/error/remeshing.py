@@ -43,7 +43,8 @@ MOST_DIVISIONS = 6
 ANY = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry, and in all
 #: further ones, where they only keep the patch resolved.
-FIRST_GRADING, GRADING = (0.5, 1.5), (0.7, 1.5)
+FIRST_GRADING = (0.5, 1.5)
+GRADING = (0.7, 1.5)
 #: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
 LINES = 8
 
@@ -75,13 +76,19 @@ class Source(ABC):
 def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
     """The source for a file or a mesh; `order`: geometric order of the cells of a geometry."""
     if isinstance(given, Mesh):
-        return OfLines(given) if given.tdim == 1 else OfMesh(given)
+        if given.tdim == 1:
+            return OfLines(given)
+        return OfMesh(given)
     path = Path(given)
     if path.suffix.lower() in GEOMETRY:
         geometry = OfGeometry(path, order)
-        return OfLines(geometry.coarsest, path) if geometry.coarsest.tdim == 1 else geometry
+        if geometry.coarsest.tdim == 1:
+            return OfLines(geometry.coarsest, path)
+        return geometry
     mesh = read_mesh(path)
-    return OfLines(mesh) if mesh.tdim == 1 else OfMesh(mesh)
+    if mesh.tdim == 1:
+        return OfLines(mesh)
+    return OfMesh(mesh)
 
 
 class OfMesh(Source):
@@ -122,7 +129,8 @@ class OfGeometry(Source):
     """A geometry as source, meshed by gmsh."""
 
     def __init__(self, path: Path, order: int) -> None:
-        self._path, self._order = path, order
+        self._path = path
+        self._order = order
         self._refine: Sequence[Refinement] = ()
 
     @cached_property
@@ -184,7 +192,9 @@ class OfLines(Source):
     """
 
     def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
-        self.coarsest, self._path, self._size = mesh, path, 0.0
+        self.coarsest = mesh
+        self._path = path
+        self._size = 0.0
         self._site: Array | None = None
 
     def thickness(self) -> float:
@@ -209,13 +219,17 @@ class OfLines(Source):
         for _ in range(max(1, round(-np.log2(wanted)))):
             self._size /= 2
             mesh = halved(mesh) if self._path is None else mesh
-        return mesh if self._path is None else self._meshed(self._path)
+        if self._path is None:
+            return mesh
+        return self._meshed(self._path)
 
     def _meshed(self, path: Path) -> Mesh:
         return self._struck(read_mesh(path, size=self._size, order=1, comm=self.coarsest.comm))
 
     def _struck(self, mesh: Mesh) -> Mesh:
-        return mesh if self._site is None else with_node(mesh, self._site)
+        if self._site is None:
+            return mesh
+        return with_node(mesh, self._site)
 
 
 def largest(mesh: Mesh) -> float:

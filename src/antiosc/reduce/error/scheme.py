@@ -77,7 +77,8 @@ class StrainErrors(MeshErrors):
         preload = structure.matrices.preload
         if preload is None or not preload.q.any():
             return np.zeros_like(energies)
-        comm, q = structure.comm, preload.q[:, None]
+        comm = structure.comm
+        q = preload.q[:, None]
         part = on_mesh(structure).unloaded
         assert part is not None  # of a prestress
         stiffness = dot(comm, shapes, multiply(part.K, shapes))

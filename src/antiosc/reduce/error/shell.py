@@ -62,7 +62,8 @@ from antiosc.reduce.site import Functional
 #: FLAT the cells stand for a curved surface.
 FOLD, FLAT = 20.0, 0.2
 #: Edges of a triangle, and their corners.
-EDGES, ENDS = 3, [[1, 2], [0, 2], [0, 1]]
+EDGES = 3
+ENDS = [[1, 2], [0, 2], [0, 1]]
 #: Cosine between an axis and a normal from which they are near one another.
 NEAR = 0.95
 
@@ -90,7 +91,8 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     corners = compat.geometry_nodes(mesh.dolfinx)[:, CORNERS_IN_TURN[mesh.cell]]
     normals = edge_normals(part)
     edges, places, cells = neighbours(compat.cell_entities(mesh.dolfinx, 1))
-    edges, places = edges[cells == 2], places[:, cells == 2]
+    edges = edges[cells == 2]
+    places = places[:, cells == 2]
     pairs = places // EDGES
     angle = angles(normals, places)
     own = part.part_of_cells()
@@ -168,7 +170,8 @@ def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: 
     """
     count = len(number)
     # each cell twice: with its normal, and with the opposite one
-    ahead, back = np.where(turned, b + count, b), np.where(turned, b, b + count)
+    ahead = np.where(turned, b + count, b)
+    back = np.where(turned, b, b + count)
     sides = _connected(2 * count, np.append(a, a + count), np.append(ahead, back))
     if np.any(sides[:count] == sides[count:]):
         raise InputError(
@@ -203,7 +206,10 @@ def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray
 RULE_DEGREE = 4
 #: Number of strains: (ε1, ε2, γ12), (κ1, κ2, 2κ12), (γ13, γ23), drilling.
 STRAINS = 9
-MEMBRANE, BENDING, SHEAR, DRILLING = slice(0, 3), slice(3, 6), slice(6, 8), 8
+MEMBRANE = slice(0, 3)
+BENDING = slice(3, 6)
+SHEAR = slice(6, 8)
+DRILLING = 8
 
 
 class SheetStrains(NamedTuple):
@@ -224,7 +230,8 @@ class StrainsOfSheets:
         self._part, self._axes = part, pieces.axes
         self._shapes = compat.with_ghosts(part.form.space, shapes)
         self.X, self._weights = compat.quadrature(part.mesh.cell, RULE_DEGREE)
-        space, path = part.form.space, part.form.components["rx"]
+        space = part.form.space
+        path = part.form.components["rx"]
         self._values = compat.tabulate(space, path, self.X)
         slopes = compat.tabulate_slopes(space, path, self.X)
         self._slopes = np.swapaxes(slopes, 1, 2).reshape(2 * len(self.X), -1)
@@ -238,14 +245,16 @@ class StrainsOfSheets:
 
     def at(self, cells: IntArray) -> SheetStrains:
         """The strains at all points of `cells`."""
-        points, k = len(self.X), self._shapes.shape[1]
+        points = len(self.X)
+        k = self._shapes.shape[1]
         every = np.repeat(cells, points)
         at = PointsInCells(self._part, self._shapes, every, np.tile(self.X, (len(cells), 1)))
         frame = self._axes.frame(at)
         axes = np.stack(frame, axis=1)
         metric = np.linalg.inv(np.swapaxes(at.J, 1, 2) @ at.J)
         along = metric @ np.swapaxes(at.J, 1, 2) @ np.swapaxes(axes[:, :2], 1, 2)  # (P, d, axis)
-        u, turn = self._dofs(cells, "xyz"), self._dofs(cells, ("rx", "ry", "rz"))
+        u = self._dofs(cells, "xyz")
+        turn = self._dofs(cells, ("rx", "ry", "rz"))
 
         def slopes(dofs: Array, axes: Array) -> Array:
             """Derivatives (P, axes, 2, k), along e1 and e2, of the components along the axes."""
@@ -254,7 +263,8 @@ class StrainsOfSheets:
             found = axes @ np.swapaxes(found, 1, 2).reshape(len(every), 3, 2 * k)
             return np.asarray(found.reshape(len(every), -1, 2, k))
 
-        du, dr = slopes(u, axes), slopes(turn, axes[:, :2])
+        du = slopes(u, axes)
+        dr = slopes(turn, axes[:, :2])
         theta = axes @ (self._values @ turn).reshape(len(every), 3, k)
         # (θ×n) along e1 and e2, and interpolated: θ×n along a reference direction is θ·(n × J)
         lean = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
@@ -403,7 +413,8 @@ class Layers(NamedTuple):
 def layers_of(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery) -> Layers:
     """The layers along all free edges, and along changes of section."""
     exterior, changes = _edges(part, pieces)
-    m, weights = [np.zeros((0, found.count))], [np.zeros(0)]
+    m = [np.zeros((0, found.count))]
+    weights = [np.zeros(0)]
     if exterior.size:
         one = _side(part, pieces, found, exterior)
         free = np.repeat(_free(part, exterior, one.outward[:: len(POINTS)]), len(POINTS))
@@ -437,7 +448,8 @@ def _side(
     part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery, places: IntArray
 ) -> _Side:
     """Gauss points of edges, in the order of the numbers of their corners."""
-    cells, edges = places // EDGES, places % EDGES
+    cells = places // EDGES
+    edges = places % EDGES
     ends = np.array(ENDS)[edges]
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[cells[:, None], ends]
     ends = np.take_along_axis(ends, np.argsort(nodes, axis=1), axis=1)
@@ -470,7 +482,8 @@ def _side(
 
 def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
     """Mask of edges that may rotate about their normals (n, 3)."""
-    form, cells = part.form, places // EDGES
+    form = part.form
+    cells = places // EDGES
     held = np.zeros(normal.shape, dtype=bool)
     for axis, name in enumerate(("rx", "ry", "rz")):
         dofs = compat.cell_dofs(form.space, form.components[name], cells)
@@ -520,7 +533,8 @@ class ShellErrors(StrainErrors):
         E = layers_of(self.part, self._pieces, found).energies()
         work = np.zeros_like(E)
         for block in found.blocks():
-            strains, recovered = block.strains, block.recovered
+            strains = block.strains
+            recovered = block.recovered
             left = recovered - strains.own
             E += _products(left, block.D, left, strains.weights)
             S = block.D[:, SHEAR, SHEAR]

@@ -75,7 +75,10 @@ class Quadrature:
 def inverted(J: Array) -> tuple[Array, Array]:
     """(inverses, determinants) of matrices (…, d, d) of d = 2 or 3, by their minors."""
     if J.shape[-1] == 2:
-        a, b, c, d = J[..., 0, 0], J[..., 0, 1], J[..., 1, 0], J[..., 1, 1]
+        a = J[..., 0, 0]
+        b = J[..., 0, 1]
+        c = J[..., 1, 0]
+        d = J[..., 1, 1]
         minors = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
         volume = a * d - b * c
     else:
@@ -102,7 +105,8 @@ class CellStrains:
     def at(self, cells: IntArray) -> tuple[Array, Array]:
         """(strains (components, points, k), weights (points,)) at all points of the cells, which
         are owned."""
-        dim, inverse = self.mesh.gdim, self.quadrature.inverse[cells]
+        dim = self.mesh.gdim
+        inverse = self.quadrature.inverse[cells]
         # derivatives of the functions along x (cells, points · gdim, functions)
         slopes = np.swapaxes(inverse, -1, -2) @ np.swapaxes(self._slopes, -1, -2)
         count, points, _, functions = slopes.shape
@@ -151,7 +155,8 @@ class Projection:
     def _at(self, numbers: Array, some: slice) -> scipy.sparse.csr_matrix:
         """The sparse matrix that evaluates corner values at the points of the cells `some`."""
         rows = slice(some.start * self._points, some.stop * self._points)
-        data, columns = numbers[rows], self._columns[rows]
+        data = numbers[rows]
+        columns = self._columns[rows]
         starts = np.arange(len(data) + 1) * self._count
         whole = data.ravel(), columns.ravel(), starts
         return scipy.sparse.csr_matrix(whole, shape=(len(data), self.size))
@@ -288,7 +293,8 @@ class SolidErrors(StrainErrors):
         """
         strains = self._strains(shapes)
         count = strains.count
-        total, outside = np.zeros((count, count)), np.zeros(count)
+        total = np.zeros((count, count))
+        outside = np.zeros(count)
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, count))

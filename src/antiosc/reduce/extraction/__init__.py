@@ -140,19 +140,24 @@ def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteS
 def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
     comm = structure.comm
     kept, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
-    given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
+    given = B[:, kept]
+    B = B[:, kept] @ W
+    R = structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
     unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(kept) == 1 else 1.0
     moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
-    strong, nodal = R[:, :q], R[:, q:]
+    strong = R[:, :q]
+    nodal = R[:, q:]
     slides = dot(comm, nodal, B)
     weak = np.zeros_like(slides)
     own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
     weak[own, q + own] = slides[own, q + own]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
-    phi, k0, strain = strong / moved[:q], np.zeros_like(W), np.zeros(len(kept))
+    phi = strong / moved[:q]
+    k0 = np.zeros_like(W)
+    strain = np.zeros(len(kept))
     if q < len(kept):
         y0 = y[:, q:]
         if R.shape[1]:
@@ -190,11 +195,13 @@ def _basis(
     structure: Structure, solver: Solver, B: Array, Y: Array
 ) -> tuple[IntArray, Array, Array, Array, Array, Array]:
     """(independent columns, dependence, W, A⁻¹BW, V, σ (p,)) of `SiteShapes`, Y = A⁻¹B."""
-    comm, R = structure.comm, structure.rigid_modes
+    comm = structure.comm
+    R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
     C = dot(comm, B, Y)
     kept, dependence = independent((C + C.T) / 2)
-    B, Y = B[:, kept], Y[:, kept]
+    B = B[:, kept]
+    Y = Y[:, kept]
     W = np.eye(len(kept))
     for again in (False, True):
         if again and len(kept) > 1:  # differences of nearly equal loads are solved for anew
@@ -206,7 +213,8 @@ def _basis(
         turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
         if len(kept) == 1:  # a single site keeps its own unit, and no rounding is added
             turn = U.T
-        W, Y = W @ turn, Y @ turn
+        W = W @ turn
+        Y = Y @ turn
     sigma = np.append(sigma, np.zeros(len(kept) - len(sigma)))
     return kept, dependence, W, Y, V, sigma
 
@@ -220,7 +228,8 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
-    left, chosen = unit.copy(), []
+    left = unit.copy()
+    chosen = []
     while left.size and left.diagonal().max() > FOLLOWS:
         pivots = left.diagonal()
         # the first of nearly equal ones: rounding must not decide which of two equal sites is kept
@@ -242,7 +251,8 @@ def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
     Y (rows, p), by yᵀKR. That is known to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
     bounds its entries, and products by strains have a rounding of their own.
     """
-    comm, K = structure.comm, structure.K
+    comm = structure.comm
+    K = structure.K
     entries = diagonal(K)
     forces = multiply(K, Y) if by_strains(K) else entries[:, None] * Y
     sizes = comm.allreduce(np.einsum("ij,ij->j", Y, forces))
@@ -256,7 +266,9 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
 
     A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
     """
-    comm, K, R = structure.comm, structure.K, structure.rigid_modes
+    comm = structure.comm
+    K = structure.K
+    R = structure.rigid_modes
     MR = multiply(structure.M, R)
 
     def load(r: Array) -> Array:  # without its part on the rigid motions
@@ -274,7 +286,8 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
     for _ in range(STATIC_STEPS):
         Kp = multiply(K, p)
         step = rz / float(dot(comm, p, Kp))
-        y, r = y + step * p, load(r - step * Kp)
+        y = y + step * p
+        r = load(r - step * Kp)
         z = shape(factor.solve(r))
         rz, before = float(dot(comm, r, z)), rz
         idle = 0 if rz < best else idle + 1
@@ -299,7 +312,9 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
 
 def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
     """M e on the rows of this rank, e a unit uniform motion; None without coordinates."""
-    return None if target.direction is None else structure.uniform_inertia(target.direction)
+    if target.direction is None:
+        return None
+    return structure.uniform_inertia(target.direction)
 
 
 def weights_of(structure: Structure, shapes: Array) -> Array | None:

@@ -142,9 +142,11 @@ def band_error(
     terms: Sequence[Dissipation],
 ) -> Reached:
     """Error bound of the module for the first n of the vectors V, with H = VᵀMV and c = VᵀMΦ."""
-    p, k = len(static.kept), vectors.shape[1]
+    p = len(static.kept)
+    k = vectors.shape[1]
     shift = structure.shift
-    K, M = np.zeros((p + k, p + k)), np.zeros((p + k, p + k))
+    K = np.zeros((p + k, p + k))
+    M = np.zeros((p + k, p + k))
     M[:p, :p], M[p:, :p], M[:p, p:] = static.mass, c, c.T
     M[p:, p:] = H
     K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
@@ -154,7 +156,8 @@ def band_error(
     poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)
     lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
     omega = np.conj(driving_point.samples(band, lowest))
-    load, root = np.eye(p + k)[:, :p], np.linalg.cholesky(K + shift * M)
+    load = np.eye(p + k)[:, :p]
+    root = np.linalg.cholesky(K + shift * M)
     inverse = np.linalg.inv(root)
     worst = 0.0
     for at in np.array_split(omega, -(-omega.size // AT_ONCE)):
@@ -201,7 +204,9 @@ class Lanczos:
         room: int = BASIS_STEP,
         terms: Sequence[Dissipation] = (),
     ) -> None:
-        self._structure, self._static, self._terms = structure, static, terms
+        self._structure = structure
+        self._static = static
+        self._terms = terms
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
         self._solver = static.solver
         self._A = self._solver.A
@@ -282,11 +287,13 @@ class Lanczos:
         H = self.H[:n, :n]
         theta, turn = np.linalg.eigh(H)
         noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
-        own, vectors = theta[noise:], turn[:, noise:]
+        own = theta[noise:]
+        vectors = turn[:, noise:]
         if len(own) and own[0] < WIDE_RANGE * own[-1]:
             poles, x = polish(vectors / np.sqrt(own), lambda x: x.T @ x, lambda x: x.T @ H @ x)
             order = np.argsort(-poles)
-            own, vectors = 1 / poles[order], (x / np.sqrt(poles))[:, order]
+            own = 1 / poles[order]
+            vectors = (x / np.sqrt(poles))[:, order]
         theta = np.concatenate([np.zeros(noise), own])
         return theta[::-1], np.column_stack([turn[:, :noise], vectors])[:, ::-1]
 
@@ -341,7 +348,9 @@ class Lanczos:
     def remainder(self, n: int) -> Remainder:
         """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
         theta, turn = self.ritz(n)
-        start, rest, shift = turn.T @ self._c[:n], self._c[n:], self._shift
+        start = turn.T @ self._c[:n]
+        rest = self._c[n:]
+        shift = self._shift
         following = self.H[n:, :n] @ turn
         none, beside = self._dropped
 
@@ -363,7 +372,8 @@ class Lanczos:
         """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors over the band up to `band` [rad/s]."""
         m0, P, poles = self.parameters(n)
         k0 = self._static.k0
-        P, poles = P[poles > 0], poles[poles > 0]
+        P = P[poles > 0]
+        poles = poles[poles > 0]
         lowest = driving_point.lowest_frequency_at_sites(k0, self._static.mass, poles)
         x = driving_point.samples(band, lowest) ** 2
         Z = driving_point.stiffness_at_sites(x, k0, m0, P, poles)
@@ -440,8 +450,12 @@ def _finished(
     if band is not None:
         tried = min(run.applied, n)  # the truncation error of these is known only now
         enough = tried == n or run.exhausted
-        return tried if enough or (tried and run.error(tried, band) <= accuracy) else None
+        if enough or (tried and run.error(tried, band) <= accuracy):
+            return tried
+        return None
     for count in range(max(before + 1, n), run.steps + 1):
         if run.observable(count, tol) >= n:
             return count
-    return run.steps if run.exhausted or run.steps >= STEPS_PER_ONE * n + MORE else None
+    if run.exhausted or run.steps >= STEPS_PER_ONE * n + MORE:
+        return run.steps
+    return None

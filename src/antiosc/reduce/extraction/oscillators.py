@@ -41,7 +41,8 @@ REPEATED = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
 TOLD_APART = 1e-8
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
-SAMPLE_STEP, SAMPLE_RISE = driving_point.DAMPING / 4, 0.05
+SAMPLE_STEP = driving_point.DAMPING / 4
+SAMPLE_RISE = 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
 
@@ -94,12 +95,16 @@ class ConstraintModes:
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
     """Residual masses and shapes: Φ minus its projection on the modes, free of cancellation."""
-    comm, phi = structure.comm, modes.phi
-    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
-    residual, P = static.phi, np.zeros((phi.shape[1], static.phi.shape[1]))
+    comm = structure.comm
+    phi = modes.phi
+    k_phi = multiply(structure.K, phi)
+    m_phi = multiply(structure.M, phi)
+    residual = static.phi
+    P = np.zeros((phi.shape[1], static.phi.shape[1]))
     for _ in range(2):  # twice is enough (Kahan)
         part = dot(comm, m_phi, residual)
-        P, residual = P + part, residual - phi @ part
+        P = P + part
+        residual = residual - phi @ part
     m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
     m0[massless], m0[:, massless] = 0.0, 0.0
@@ -159,7 +164,8 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
     all others are added to m0.
     """
-    static, omega = known.static, known.modes.omega
+    static = known.static
+    omega = known.modes.omega
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
     groups = np.split(np.arange(len(omega)), start[1:]) if len(omega) else []
     mixed = [(group, u) for group in groups for u in _told_apart(known, group).T]
@@ -266,7 +272,9 @@ def by_modes(
 
 def elastic_count(static: SiteShapes, n: int) -> int:
     """Number of elastic anti-oscillators among n: a weak rigid-body mode is one of the n."""
-    return n - 1 if n and static.weak.any() else n
+    if n and static.weak.any():
+        return n - 1
+    return n
 
 
 def at_one_site(static: SiteShapes, kept: Selection, n: int) -> OneSite:
@@ -275,15 +283,23 @@ def at_one_site(static: SiteShapes, kept: Selection, n: int) -> OneSite:
     A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
     """
     w = float(static.W[0, 0])
-    k0, m0, omega = w**2 * float(static.k0[0, 0]), w**2 * float(kept.m0[0, 0]), kept.omega
+    k0 = w**2 * float(static.k0[0, 0])
+    m0 = w**2 * float(kept.m0[0, 0])
+    omega = kept.omega
     c = w * kept.P[:, 0]
-    m, residual, psi, hidden = c**2, w * kept.residual[:, 0], kept.phi * c, static.nodal
+    m = c**2
+    residual = w * kept.residual[:, 0]
+    psi = kept.phi * c
+    hidden = static.nodal
     if n and static.weak.any():
         a = float(static.slide[0, 0])
-        weak, hidden = hidden[:, 0] * np.sign(a), hidden[:, 1:]
+        weak = hidden[:, 0] * np.sign(a)
+        hidden = hidden[:, 1:]
         shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
         m0, m, omega, own, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
-        k0, residual, psi = 0.0, shapes @ own, shapes @ turn
+        k0 = 0.0
+        residual = shapes @ own
+        psi = shapes @ turn
     return OneSite(k0, m0, omega, m, residual, psi, hidden)
 
 
@@ -348,7 +364,8 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     From the entries, the solves, and the measured orthogonality of the modes.
     """
     real = known.poles > 0
-    poles, P = known.poles[real], known.P[real]
+    poles = known.poles[real]
+    P = known.P[real]
     count = P.shape[1]
     shapes = np.column_stack([known.residual, known.modes.phi[:, real]])
     lever = poles / (poles - x[:, None])
@@ -425,7 +442,9 @@ def checked_modes(
     -------
     What was measured, and the number of modes that have converged.
     """
-    modes, static, comm = known.modes, known.static, structure.comm
+    modes = known.modes
+    static = known.static
+    comm = structure.comm
     if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
         raise AccuracyError(
             f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "

@@ -107,8 +107,11 @@ def _points(structure: Structure) -> Points:
     """The Gauss points of a part, about its static state under a prestress."""
     from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
 
-    points, preload = points_of(part_of(structure)), structure.matrices.preload
-    return points if preload is None else points.about(preload.q)
+    points = points_of(part_of(structure))
+    preload = structure.matrices.preload
+    if preload is None:
+        return points
+    return points.about(preload.q)
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
@@ -121,7 +124,8 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
     if not elastic.any():
         raise InputError("stretch= needs a model with elastic modes: raise n.")
     flexible = np.where(elastic, 1 / np.where(elastic, omega, 1.0) ** 2, 0.0)[:, None]
-    found, block = np.zeros((len(omega), 0)), flexible * B
+    found = np.zeros((len(omega), 0))
+    block = flexible * B
     while block.shape[1] and found.shape[1] < count:
         for _ in range(2):
             size = np.linalg.norm(block, axis=0)
@@ -151,7 +155,8 @@ def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Ar
 
 def _pair_loads(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """Second-order loads g_ij (dofs, pairs) of pairs of motions."""
-    stresses, loads = [points.stress(slope) for slope in slopes], []
+    stresses = [points.stress(slope) for slope in slopes]
+    loads = []
     for i, j in pairs:
         strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
         pushed = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])
@@ -188,7 +193,9 @@ def work_on(
 
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
     """K⁻¹g minus its components along the motions φ, so that φᵀK of the result is 0."""
-    factor, rigid, k_phi = structure.factorize(), structure.rigid_modes, multiply(structure.K, phi)
+    factor = structure.factorize()
+    rigid = structure.rigid_modes
+    k_phi = multiply(structure.K, phi)
     m_rigid = multiply(structure.M, rigid)
     g = g - m_rigid @ (rigid.T @ g)
     found = np.zeros_like(g)

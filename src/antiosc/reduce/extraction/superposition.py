@@ -86,7 +86,9 @@ class StructureModes(ReprMixin):
     @property
     def effective_mass(self) -> Array | None:
         """(n, 3) effective masses along x, y, z: the squares of the participation, kg."""
-        return None if self.participation is None else self.participation**2
+        if self.participation is None:
+            return None
+        return self.participation**2
 
     def summary(self) -> str:
         """A table: frequency, multiplicity and effective masses as shares of the total mass."""
@@ -162,7 +164,8 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     rigid = structure.rigid_modes
     elastic = max(0, n - rigid.shape[1])
-    omega, shapes = np.zeros(rigid.shape[1]), rigid
+    omega = np.zeros(rigid.shape[1])
+    shapes = rigid
     if elastic:
         solver = ModeSolver(structure)
         more = BEYOND
@@ -258,14 +261,16 @@ class NaturalModes(ReprMixin, Body):
     def _modal(self) -> ModalBody:
         basis = (self.shapes,) if self.hidden is None else (self.hidden, self.shapes)
         count = 0 if self.hidden is None else self.hidden.shape[1]
-        size, none = count + self.n, np.zeros(count)
+        size = count + self.n
+        none = np.zeros(count)
         weight = self.weight
         if weight is not None and self.inertia is not None and self.direction is not None:
             weight = np.append(self.inertia.momentum[:count, :3] @ self.direction, weight)
         shape = residual = None
         if self.r > 0:  # the massless deflection is one more shape, its amplitude the force
             basis = (*basis, self.residual[:, None])
-            shape, residual = np.eye(size + 1, size), np.eye(size + 1)[size]
+            shape = np.eye(size + 1, size)
+            residual = np.eye(size + 1)[size]
         omega = np.append(none, self.omega)
         return ModalBody(
             omega,
@@ -325,7 +330,8 @@ def superposition(
     structure.factorize(AS_SITES)
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
-    asked, most = n + 2, SEARCHED * (n + DEFAULT_COUNT)
+    asked = n + 2
+    most = SEARCHED * (n + DEFAULT_COUNT)
     while True:
         modes = solver.lowest(asked)
         seen = _seen(structure, where, static, modes, COUNTED)
@@ -400,7 +406,9 @@ def _seen(
     moving = a != 0
     shares = shares_of_receptance(np.append(a[moving].sum(), b), np.append(0.0, modes.omega**2))
     seen = shares[1:] > tol
-    omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
+    omega = modes.omega[seen]
+    b = b[seen]
+    phi = modes.phi[:, seen]
     if len(omega):
         start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
         size = np.sqrt(np.add.reduceat(b**2, start))
@@ -429,7 +437,8 @@ def _model(
     method: str,
 ) -> NaturalModes:
     b = np.asarray(dot(structure.comm, modes.phi, where.b))
-    r, residual = 0.0, np.zeros_like(where.b)
+    r = 0.0
+    residual = np.zeros_like(where.b)
     if static_correction:
         r, residual = _left_out(structure, where, static, modes, b)
     inertia = uniform_inertia(structure, where)

@@ -42,44 +42,46 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
         without a surface, a site that is fixed by supports.
     """
     if structure.matrices.nodal:
-        given = [functional_on_nodes(structure, site) for site in sites]
-        pairs = zip(given, sites, strict=True)
-        return [one or algebraic(structure.matrices, site) for one, site in pairs]
+        on_nodes = [functional_on_nodes(structure, site) for site in sites]
+        pairs = zip(on_nodes, sites, strict=True)
+        return [functional or algebraic(structure.matrices, site) for functional, site in pairs]
     meshed = structure.matrices.meshed or structure.matrices.assembled
 
     def at_point(site: Site) -> bool:
+        """Whether the site is a point of a mesh."""
         return site.point is not None or (meshed and site.node is not None and site.dof is None)
 
     at_points = [site for site in sites if at_point(site)]
-    found: Iterator[Functional] = iter(())
+    functionals_found: Iterator[Functional] = iter(())
     if at_points:
         matrices = with_parts(
             structure, "matrices have no points: use Site(dof=i) or Site(vector=b)."
         )
         from antiosc.reduce.site.at_points import functionals_at  # needs dolfinx
 
-        found = iter(functionals_at(matrices, at_points))
+        functionals_found = iter(functionals_at(matrices, at_points))
     return [
-        next(found) if at_point(site) else algebraic(structure.matrices, site) for site in sites
+        next(functionals_found) if at_point(site) else algebraic(structure.matrices, site)
+        for site in sites
     ]
 
 
 def surfaces(
     structure: Structure, sites: Mapping[str, Functional], lengths: bool = True
 ) -> dict[str, dict[str, object]] | None:
-    """`ModelInfo.surfaces` of sites, from which laws of contact follow; None for matrices.
+    """`ModelInfo.surfaces` of sites, from which contact laws follow; None for matrices.
 
-    Without `lengths` for balls alone: see `surface_at`.
+    Without `lengths` they are valid for balls only: see `surface_at`.
     """
     if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
     from antiosc.reduce.site.surface import surface_at  # given matrices do without meshes
 
-    found: dict[str, dict[str, object]] = {}
-    for name, one in sites.items():
-        place = one.point, one.direction, one.radius, lengths, one.part
+    surfaces_found: dict[str, dict[str, object]] = {}
+    for name, functional in sites.items():
+        place = functional.point, functional.direction, functional.radius, lengths, functional.part
         try:
-            found[name] = surface_at(structure, *place).as_dict()
+            surfaces_found[name] = surface_at(structure, *place).as_dict()
         except InputError as error:
-            found[name] = {NOT_KNOWN: str(error)}
-    return found
+            surfaces_found[name] = {NOT_KNOWN: str(error)}
+    return surfaces_found

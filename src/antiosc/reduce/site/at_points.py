@@ -37,11 +37,12 @@ from antiosc.reduce.site.sites import (
     warn_of_doubts,
 )
 
-#: A point counts as on the structure up to this share of the structure's size.
+#: Largest distance of a point that counts as on the structure, over the structure's size.
 ON_STRUCTURE = 1e-6
-#: A patch is whole with this share of its load on a part less than 1.
+#: A patch counts as whole if the share of its load on the part is within this of 1.
 ROUNDED_SHARE = 1e-9
-#: Parts this share of the size of the assembly farther off than the nearest one are as near.
+#: Parts count as equally near if their distances differ by less than this share of the assembly's
+#: size.
 AS_NEAR = 1e-9
 
 
@@ -55,18 +56,21 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
     return [_each(structure.own, found) for found in structure.decided(work)]
 
 
-def _each(change: Callable[[Array], Array], found: Functional) -> Functional:
+def _each(change: Callable[[Array], Array], functional: Functional) -> Functional:
     """The site with `change` applied to its load vectors along and across the direction."""
-    across = tuple(_each(change, side) for side in found.across)
-    return replace(found, b=change(found.b), across=across)
+    tangential = tuple(_each(change, side) for side in functional.across)
+    return replace(functional, b=change(functional.b), across=tangential)
 
 
-def _joined(structure: MeshedParts, site: Site, found: Functional) -> Functional:
-    """The load vector on q from that on u; InputError if joints and supports hold the site."""
-    joined, comm = _each(structure.joined, found), structure.workers
-    if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, found.b):
-        assert found.point is not None
-        named = repr(site.point) if isinstance(site.point, str) else f"at {text(found.point)}"
+def _joined(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
+    """The load vector on q from that on u; InputError if the site cannot move for joints and
+    supports.
+    """
+    joined = _each(structure.joined, functional)
+    comm = structure.workers
+    if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
+        assert functional.point is not None
+        named = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
         raise InputError(constrained(f"the site {named}"))
     return joined
 
@@ -76,9 +80,9 @@ def before_joining(
 ) -> list[Functional]:
     """Load vectors of sites on the dofs of all parts before joining.
 
-    `part_of` gives the structure of a part: as it is, or without its supports.
+    `part_of` returns the structure of a part, with or without its supports.
     """
-    found: dict[int, Functional] = {}
+    by_site: dict[int, Functional] = {}
     struck: dict[str, tuple[Member, dict[int, Site]]] = {}
     for k, given in enumerate(sites):
         site = given if given.face is None else on_face(structure, given)
@@ -87,28 +91,28 @@ def before_joining(
         direction = in_space(site.direction)
         end = motion_of(structure, site.point) if isinstance(site.point, str) else None
         if end is not None and isinstance(structure, AssembledMatrices) and site.part is None:
-            found[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
+            by_site[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
             continue
         member, aim = _in_part(structure, site, direction)
         struck.setdefault(member.name, (member, {}))[1][k] = aim
-    for member, there in struck.values():
+    for member, sites_of_part in struck.values():
         part = part_of(member)
-        laid = _on_mesh(part, list(there.values()), member.at.placed)
-        beyond = _beyond_seams(structure, member, laid, part_of)
-        whole = laid.share + sum(share for _, share, _ in beyond)
-        warn_of_doubts(part, replace(laid, share=np.minimum(whole, 1.0)))
-        for i, one in enumerate(_of_sites(part, list(there.values()), laid)):
-            own = _placed(structure, member, one)
-            if beyond and whole[i] > laid.share[i]:
-                own.b[:] *= laid.share[i] / whole[i]
-                for other, share, b in beyond:
-                    own.b[other.rows] += share[i] / whole[i] * b[i]
-            found[list(there)[i]] = own
-    return [found[k] for k in range(len(sites))]
+        laid = _on_mesh(part, list(sites_of_part.values()), member.at.placed)
+        on_neighbours = _beyond_seams(structure, member, laid, part_of)
+        total_share = laid.share + sum(share for _, share, _ in on_neighbours)
+        warn_of_doubts(part, replace(laid, share=np.minimum(total_share, 1.0)))
+        for i, one in enumerate(_of_sites(part, list(sites_of_part.values()), laid)):
+            placed_load = _placed(structure, member, one)
+            if on_neighbours and total_share[i] > laid.share[i]:
+                placed_load.b[:] *= laid.share[i] / total_share[i]
+                for neighbour, share, b in on_neighbours:
+                    placed_load.b[neighbour.rows] += share[i] / total_share[i] * b[i]
+            by_site[list(sites_of_part)[i]] = placed_load
+    return [by_site[k] for k in range(len(sites))]
 
 
 def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
-    """The struck part, and the site in the axes of this part."""
+    """The part that is struck, and the site in the axes of this part."""
     snap = site.snap
     if isinstance(site.point, str):
         if site.part is not None and structure.assembled:
@@ -127,29 +131,31 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
         else:
             (member,) = nearest_parts(structure, x, direction)
         own = member.at.own(x)[0]
-    along = direction @ member.at.rotation
-    at, towards = tuple(own.tolist()), tuple(along.tolist())
+    direction_of_part = direction @ member.at.rotation
+    at = tuple(own.tolist())
+    towards = tuple(direction_of_part.tolist())
     return member, replace(site, point=at, direction=towards, snap=snap, part=None)
 
 
-def _placed(structure: MeshedParts, member: Member, found: Functional) -> Functional:
-    """A site of a part as a site of the structure, on all of its dofs."""
-    assert found.point is not None
-    assert found.direction is not None
-    b = found.b
+def _placed(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
+    """The load vector of a part's site as one on all dofs of the structure."""
+    assert functional.point is not None
+    assert functional.direction is not None
+    b = functional.b
     if structure.assembled:
         b = np.zeros(algebra.size(structure.K))  # u and q have as many dofs
-        b[member.rows] = found.b
-    x, along = member.at.placed(found.point[None])[0], member.at.rotation @ found.direction
-    across = tuple(_placed(structure, member, side) for side in found.across)
+        b[member.rows] = functional.b
+    x = member.at.placed(functional.point[None])[0]
+    along = member.at.rotation @ functional.direction
+    tangential = tuple(_placed(structure, member, side) for side in functional.across)
     name = member.name or None
-    return replace(found, b=b, point=x, direction=along, across=across, part=name)
+    return replace(functional, b=b, point=x, direction=along, across=tangential, part=name)
 
 
 def _without_mesh(
     structure: AssembledMatrices, site: Site, end: Motion, direction: Array
 ) -> Functional:
-    """Load vector on u of a site of a superelement, or of a reference point."""
+    """Load vector on u of a site of a superelement, or of a reference point of an assembly."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
     if layout.plane and direction[2]:
@@ -177,7 +183,7 @@ def _without_mesh(
 
 
 def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
-    """The part that is struck at each of the points (P, 3): the nearest one.
+    """The part nearest to each of the points (P, 3).
 
     Where parts touch, it is the one whose surface faces the impactor most.
     """
@@ -186,12 +192,12 @@ def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> li
         return members * len(points)
     distance = np.array([m.closest(points).distance for m in members])
     near = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
-    found = []
+    parts = []
     for point, which in zip(points, near.T, strict=True):
-        some = [m for m, one in zip(members, which, strict=True) if one]
+        candidates = [m for m, one in zip(members, which, strict=True) if one]
         facing = partial(_facing, point=point, direction=direction)
-        found.append(some[0] if len(some) == 1 else min(some, key=facing))
-    return found
+        parts.append(candidates[0] if len(candidates) == 1 else min(candidates, key=facing))
+    return parts
 
 
 def _facing(member: Member, point: Array, direction: Array) -> float:
@@ -203,14 +209,14 @@ def _facing(member: Member, point: Array, direction: Array) -> float:
     if not part.kind.outside:
         return 0.0
     faces = Faces(part.mesh, sheet=False)
-    along = direction @ member.at.rotation
-    found = faces.contact(
+    direction_of_part = direction @ member.at.rotation
+    contact = faces.contact(
         member.at.own(point[None]),
-        along[None],
+        direction_of_part[None],
         np.array([1e-6 * part.mesh.extent()]),
         np.zeros(len(faces.facets), dtype=int),
     )
-    return float(found.normals[0] @ along)
+    return float(contact.normals[0] @ direction_of_part)
 
 
 # -- on one mesh
@@ -219,10 +225,12 @@ def _facing(member: Member, point: Array, direction: Array) -> float:
 def _on_mesh(
     structure: MeshedStructure, sites: Sequence[Site], placed: Callable[[Array], Array]
 ) -> Sites:
-    """Sites at points of a mesh; `placed` maps points (n, 3) to the assembly, for messages."""
+    """Sites at points of a mesh; `placed` maps points (n, 3) to the assembly's axes, for
+    messages.
+    """
     mesh = structure.mesh
-    given = [_in_space(mesh, structure.form, site) for site in sites]
-    points, directions = (np.array(each) for each in zip(*given, strict=True))
+    points_and_directions = [_in_space(mesh, structure.form, site) for site in sites]
+    points, directions = (np.array(column) for column in zip(*points_and_directions, strict=True))
     nearest = closest_many(mesh, points)
     extent = mesh.extent()
     for i, site in enumerate(sites):
@@ -231,9 +239,9 @@ def _on_mesh(
     plausible.warn_each(
         plausible.of_patch(site.radius, extent) for site in sites if site.radius is not None
     )
-    found = located(structure, nearest.x, directions, radii, nearest)
-    _check(found, placed)
-    return found
+    sites_found = located(structure, nearest.x, directions, radii, nearest)
+    _check(sites_found, placed)
+    return sites_found
 
 
 def _beyond_seams(
@@ -242,57 +250,61 @@ def _beyond_seams(
     laid: Sites,
     part_of: Callable[[Member], MeshedStructure],
 ) -> list[tuple[Member, Array, Array]]:
-    """[(neighbouring sheet, share of each patch on it (P,), load vectors on its dofs (P, rows))].
+    """Shares of patches that lie on neighbouring sheets: [(part, share (P,), load vectors (P,
+    rows))].
 
-    Triangles beside quadrilaterals are a part of their own; a patch may lie on both.
+    Triangles beside quadrilaterals form a part of their own, so that a patch may lie on both.
     """
     cut = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
     if laid.contact is None or not member.part.kind.sheet or not len(cut):
         return []
     x = member.at.placed(laid.points[cut])
-    found = []
-    taken = [member.part.faces]
-    for other in structure.members():
-        if other is member or not other.part.kind.sheet or other.at != member.at:
+    on_neighbours = []
+    faces_before = [member.part.faces]
+    for neighbour in structure.members():
+        if neighbour is member or not neighbour.part.kind.sheet or neighbour.at != member.at:
             continue
-        near = cut[other.closest(x).distance < laid.radii[cut]]
+        near = cut[neighbour.closest(x).distance < laid.radii[cut]]
         if not len(near):
             continue
-        part, own = part_of(other), (laid.points[near], laid.radii[near], laid.contact.of(near))
-        weighted, share = patches(part.faces, *own, taken)
-        taken.append(part.faces)
-        every, b = np.zeros(len(laid)), np.zeros((len(laid), other.size))
-        every[near] = share
+        part = part_of(neighbour)
+        patches_near = (laid.points[near], laid.radii[near], laid.contact.of(near))
+        weighted, share = patches(part.faces, *patches_near, faces_before)
+        faces_before.append(part.faces)
+        shares = np.zeros(len(laid))
+        b = np.zeros((len(laid), neighbour.size))
+        shares[near] = share
         columns = on_free_dofs(part, loads(part, weighted, laid.directions[near]))
         b[near] = columns.toarray().T
-        found.append((other, every, b))
-    return found
+        on_neighbours.append((neighbour, shares, b))
+    return on_neighbours
 
 
-def _of_sites(structure: MeshedStructure, sites: Sequence[Site], found: Sites) -> list[Functional]:
-    """The data of each site."""
-    columns = found.loads.toarray().T
-    sides = _across(structure, sites, found)
-    nearest = closest_many(structure.mesh, found.points)
-    # here, for all ranks take part in it
+def _of_sites(
+    structure: MeshedStructure, sites: Sequence[Site], sites_found: Sites
+) -> list[Functional]:
+    """The load vector and patch data of each site."""
+    columns = sites_found.loads.toarray().T
+    sides = _across(structure, sites, sites_found)
+    nearest = closest_many(structure.mesh, sites_found.points)
+    # computed here, since all ranks must take part
     low, high = structure.mesh.box
     thickness = structure.dimensions[2]
     return [
         Functional(
             np.ascontiguousarray(columns[i]),
-            None if np.isnan(found.radii[i]) else float(found.radii[i]),
-            float(found.local[i]),
-            found.points[i],
-            found.directions[i],
+            None if np.isnan(sites_found.radii[i]) else float(sites_found.radii[i]),
+            float(sites_found.local[i]),
+            sites_found.points[i],
+            sites_found.directions[i],
             sides[i],
-            cell_and_waves(structure, nearest[i], found.directions[i], high - low, thickness),
+            cell_and_waves(structure, nearest[i], sites_found.directions[i], high - low, thickness),
         )
         for i in range(len(sites))
     ]
 
 
-#: Cosine of a blow and the normal of a sheet, or the thin side of a block, up to which it does not
-#: bend it.
+#: An impact does not bend a sheet or a thin block if its cosine with the normal is below this.
 ALONG = 0.3
 
 
@@ -303,9 +315,10 @@ def cell_and_waves(
     sides: Array,
     thickness: float,
 ) -> tuple[float, float, float]:
-    """Longest edge [m] of a cell, speed times radius of gyration [m²/s] of bending, speed [m/s].
+    """(longest edge of a cell [m], wave speed × radius of gyration in bending [m²/s], wave speed
+    [m/s]).
 
-    `sides` (3,) [m] of the box around the part; `thickness` of a sheet, a beam, or that box.
+    `sides` (3,) [m]: of the box around the part; `thickness`: of a sheet or beam, or of that box.
     """
     mesh = structure.mesh
     x = corners_at(mesh, nearest)
@@ -323,51 +336,53 @@ def cell_and_waves(
 
 
 def _across(
-    structure: MeshedStructure, sites: Sequence[Site], found: Sites
+    structure: MeshedStructure, sites: Sequence[Site], sites_found: Sites
 ) -> list[tuple[Functional, ...]]:
     """The tangential load vectors of each site; () for sites without tangential directions."""
     sides: list[list[Functional]] = [[] for _ in sites]
-    asked = [i for i, site in enumerate(sites) if site.tangential]
-    if not asked or found.weighted is None:
+    tangential_sites = [i for i, site in enumerate(sites) if site.tangential]
+    if not tangential_sites or sites_found.weighted is None:
         return [()] * len(sites)
-    for across in tangents(found.directions, "z" not in structure.form.components):
-        whole = loads(structure, found.weighted, across)
+    for across in tangents(sites_found.directions, "z" not in structure.form.components):
+        whole = loads(structure, sites_found.weighted, across)
         free = on_free_dofs(structure, whole)
         moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, whole)
         columns = free.toarray().T * moving[:, None]
-        for i in asked:
+        for i in tangential_sites:
             b = np.ascontiguousarray(columns[i])
-            sides[i].append(Functional(b, point=found.points[i], direction=across[i]))
-    return [tuple(each) for each in sides]
+            sides[i].append(Functional(b, point=sites_found.points[i], direction=across[i]))
+    return [tuple(side) for side in sides]
 
 
-def _check(found: Sites, placed: Callable[[Array], Array]) -> None:
+def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
     """InputError for the first site that cannot move, or has no surface under its patch."""
-    points = placed(found.points)
-    for i, radius in enumerate(found.radii):
-        if found.depth[i] > radius:
+    points = placed(sites_found.points)
+    for i, radius in enumerate(sites_found.radii):
+        if sites_found.depth[i] > radius:
             raise InputError(
-                f"the site at {text(points[i])} lies about {found.depth[i]:.2g} m inside "
+                f"the site at {text(points[i])} lies about {sites_found.depth[i]:.2g} m inside "
                 f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
                 "point on it."
             )
-        if found.share[i] <= 0:
+        if sites_found.share[i] <= 0:
             raise InputError(
                 f"the patch of radius {radius:g} m at {text(points[i])} finds no surface: "
-                f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
+                f"the facets there measure {sites_found.size[i]:.3g} m; refine around the site, "
                 f"refine=[(point, {radius:g})]."
             )
-        if found.moving[i] <= LEAST_FREE_SHARE:
+        if sites_found.moving[i] <= LEAST_FREE_SHARE:
             raise InputError(constrained(f"the site at {text(points[i])}"))
 
 
 def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     """Point and unit direction with three coordinates."""
-    at, along = site.point, site.direction
+    at = site.point
+    along = site.direction
     assert not isinstance(at, str)
     assert at is not None
     assert along is not None  # Site has seen to that
-    point, direction = in_space(at), in_space(along)
+    point = in_space(at)
+    direction = in_space(along)
     direction /= np.linalg.norm(direction)
     if "z" not in form.components and abs(direction[2]) > 1e-12:
         raise InputError(f"direction {tuple(along)} leaves the plane of {mesh.name}, which is 2-D.")
@@ -377,7 +392,7 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
 def _check_distance(
     mesh: Mesh, extent: float, site: Site, points: Array, nearest: ClosestPoint
 ) -> None:
-    """InputError for a site far from the mesh; `points` (2, 3): the site, the nearest point."""
+    """InputError for a site far from the mesh; `points` (2, 3): the site and the nearest point."""
     on = ON_STRUCTURE * extent
     if site.snap is False and nearest.distance <= on:
         return

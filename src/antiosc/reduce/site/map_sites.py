@@ -24,7 +24,7 @@ from antiosc.reduce.site.at_points import ON_STRUCTURE, nearest_parts
 from antiosc.reduce.site.site import LEAST_FREE_SHARE
 from antiosc.reduce.site.sites import Sites, located, warn_of_doubts
 
-#: A site with less than this share of its load on free dofs is fixed by the supports.
+#: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE_ON_MAP = 0.05
 
 
@@ -34,11 +34,11 @@ class MapSites:
 
     Attributes
     ----------
-    sites : P of them, without those that supports fix and those without a surface.
+    sites : the P sites that can move and have a surface.
     elements : (T, 3) triangles between them, or (T, 2) segments of lines; none between points.
-    kept : (P,) number of each among all that were asked for, `count` of them.
-    names : (P,) name of the group or part to which each belongs; "" for none.
-    dimension : of the cells.
+    kept : (P,) number of each site among all `count` requested sites.
+    names : (P,) name of the group or part of each site; "" for none.
+    dimension : dimension of the cells.
     """
 
     sites: Sites
@@ -49,7 +49,7 @@ class MapSites:
     dimension: int
 
     def only(self, keep: BoolArray) -> MapSites:
-        """Some of the sites, with the elements whose corners are all among them."""
+        """The sites of a mask, and the elements whose corners are all among them."""
         number = np.cumsum(keep) - 1
         elements = self.elements
         if len(elements):
@@ -63,7 +63,8 @@ class MapSites:
         rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
         sites = replace(self.sites, **rows)
         nothing = np.zeros((0, 3), dtype=int)
-        kept, names = self.kept[which], self.names[which]
+        kept = self.kept[which]
+        names = self.names[which]
         return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
 
 
@@ -73,14 +74,14 @@ def targets(where: object) -> Sequence[str] | None:
         return None if where is None else [where]
     listed = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
     listed = listed if isinstance(listed, list | tuple) else []
-    names = [one for one in listed if isinstance(one, str)]
+    names = [name for name in listed if isinstance(name, str)]
     if not names:
         return None
     if len(names) < len(listed):
         raise InputError(
             "where lists names and points; give names of groups and parts alone, or points alone."
         )
-    twice = [one for k, one in enumerate(names) if one in names[:k]]
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise InputError(f"where lists {twice[0]!r} twice.")
     return names
@@ -89,38 +90,40 @@ def targets(where: object) -> Sequence[str] | None:
 def joined(found: Sequence[MapSites]) -> MapSites:
     """The sites of several surfaces, concatenated.
 
-    Triangles have no segments of lines beside them: the sites of those stand alone.
+    If one surface has triangles, segments of lines are dropped: their sites stand alone.
     """
     if len(found) == 1:
         return found[0]
-    faces = any(len(one.elements) and one.elements.shape[1] == 3 for one in found)
-    wanted = 3 if faces else 2
-    starts = np.cumsum([0, *(len(one.sites) for one in found)])
+    faces = any(len(surface.elements) and surface.elements.shape[1] == 3 for surface in found)
+    corners = 3 if faces else 2
+    starts = np.cumsum([0, *(len(surface.sites) for surface in found)])
     elements = [
-        one.elements + start
-        for one, start in zip(found, starts[:-1], strict=True)
-        if one.elements.shape[1] == wanted
+        surface.elements + start
+        for surface, start in zip(found, starts[:-1], strict=True)
+        if surface.elements.shape[1] == corners
     ]
     columns = {
-        name: np.concatenate([getattr(one.sites, name) for one in found])
+        name: np.concatenate([getattr(surface.sites, name) for surface in found])
         for name in vars(found[0].sites)
         if name not in ("loads", "weighted", "contact")
     }
-    loads = scipy.sparse.hstack([one.sites.loads for one in found]).tocsr()
-    before = np.cumsum([0, *(one.count for one in found)])[:-1]
+    loads = scipy.sparse.hstack([surface.sites.loads for surface in found]).tocsr()
+    before = np.cumsum([0, *(surface.count for surface in found)])[:-1]
     return MapSites(
         Sites(loads=loads, **columns),
-        np.concatenate([np.zeros((0, wanted), dtype=int), *elements]),
-        np.concatenate([one.kept + start for one, start in zip(found, before, strict=True)]),
-        sum(one.count for one in found),
-        np.concatenate([one.names for one in found]),
-        min(one.dimension for one in found),
+        np.concatenate([np.zeros((0, corners), dtype=int), *elements]),
+        np.concatenate(
+            [surface.kept + start for surface, start in zip(found, before, strict=True)]
+        ),
+        sum(surface.count for surface in found),
+        np.concatenate([surface.names for surface in found]),
+        min(surface.dimension for surface in found),
     )
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSample:
-    """Sample points of a surface, equal on all ranks.
+    """Sample points of a surface, the same on all ranks.
 
     Attributes
     ----------
@@ -137,9 +140,9 @@ class SurfaceSample:
 def sites_of(
     structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
-    """The sites of a map: on groups ("part:group" of an assembly) and parts, or at points.
+    """The sites of a map: on groups ("part:group" of an assembly), on parts, or at points.
 
-    None: on all surfaces. InputError where none of a surface that is named can move.
+    None: on all surfaces. InputError if no site of a named surface can move.
     """
 
     def work() -> MapSites:
@@ -188,7 +191,7 @@ def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
 def _at_points(
     structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
-    """Sites at points, each on the part that a `Site` there would be on."""
+    """Sites at points, each on the part that a `Site` at this point is on."""
     points = points_given(where, direction)
     assert direction is not None  # points_given has seen to that
     members = structure.members()
@@ -198,13 +201,15 @@ def _at_points(
     struck = nearest_parts(structure, points, _in_space(direction))
     found, order = [], []
     for member in members:
-        own = np.flatnonzero([one.name == member.name for one in struck])
-        if len(own):
-            there = member.at.own(points[own])
-            found.append(_on_part(structure, member, there, direction, radius, member.name))
-            order.append(own[found[-1].kept])
-    every = movable(joined(found), None)
-    return every.taken(np.argsort(np.concatenate(order)))
+        of_part = np.flatnonzero([one.name == member.name for one in struck])
+        if len(of_part):
+            points_in_part = member.at.own(points[of_part])
+            found.append(
+                _on_part(structure, member, points_in_part, direction, radius, member.name)
+            )
+            order.append(of_part[found[-1].kept])
+    all_sites = movable(joined(found), None)
+    return all_sites.taken(np.argsort(np.concatenate(order)))
 
 
 def _on_part(
@@ -215,7 +220,7 @@ def _on_part(
     radius: float | None,
     name: str,
 ) -> MapSites:
-    """Sites of a part in the axes of the assembly; perhaps none."""
+    """Sites of a part in the axes of the assembly, possibly none."""
     if direction is None and not member.part.kind.outside:
         which = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
@@ -223,8 +228,8 @@ def _on_part(
             "instance direction=(0, 0, -1)."
         )
     R = member.at.rotation
-    own = None if direction is None else (_in_space(direction) @ R).tolist()
-    found = sites_on(member.part, where, own, radius)
+    direction_of_part = None if direction is None else (_in_space(direction) @ R).tolist()
+    found = sites_on(member.part, where, direction_of_part, radius)
     sites = found.sites
     if not len(sites):
         return found
@@ -250,49 +255,52 @@ def sites_on(
     direction: Sequence[float] | None,
     radius: float | None,
 ) -> MapSites:
-    """The sites on one surface (a group, or None for all), or at points; perhaps none."""
-    along = None if direction is None else _in_space(direction)
-    if along is not None:
-        along = along / np.linalg.norm(along)
+    """The sites on one surface (a group; None: all surfaces), or at points; possibly none."""
+    unit_direction = None if direction is None else _in_space(direction)
+    if unit_direction is not None:
+        unit_direction = unit_direction / np.linalg.norm(unit_direction)
     if radius is not None:
         positive("radius", radius, "m")
     ground = (
         surface(structure, where)
         if where is None or isinstance(where, str)
-        else _given(structure, where, along)
+        else _given(structure, where, unit_direction)
     )
     count = len(ground.points)
-    directions = -ground.normals if along is None else np.tile(along, (count, 1))
+    directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
     radii = np.full(count, np.nan if radius is None else radius)
     found = located(structure, ground.points, directions, radii)
     on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
     keep = on_face & (found.moving > LEAST_FREE_SHARE_ON_MAP)
     names = np.full(count, where if isinstance(where, str) else "")
     dimension = structure.mesh.tdim
-    every = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
-    result = every.only(keep)
+    all_sites = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
+    result = all_sites.only(keep)
     if keep.any():
         warn_of_doubts(structure, result.sites)
     return result
 
 
 def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
-    """The vertices of a group of facets (of cells, for shells and beams); None: of all."""
-    mesh, outside = structure.mesh, structure.kind.outside
+    """The vertices of a group of facets, or of cells for shells and beams; None: of the whole
+    surface.
+    """
+    mesh = structure.mesh
+    outside = structure.kind.outside
     faces = Faces(mesh, not outside)
-    own = np.ones(len(faces.facets), dtype=bool)
+    in_group = np.ones(len(faces.facets), dtype=bool)
     if group is not None:
-        own = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
-    if not mesh.comm.allreduce(int(own.sum())):
+        in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
+    if not mesh.comm.allreduce(int(in_group.sum())):
         raise InputError(
             f"group {group!r} holds no outer faces of {mesh.name} (dimension {faces.dim}): a map "
             "needs a surface; name one, or leave it out for all."
         )
-    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[own]]
-    normals = faces.normals[own] if outside else np.zeros((int(own.sum()), 3))
-    mine = numbers, faces.corners[own], normals
+    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]
+    normals = faces.normals[in_group] if outside else np.zeros((int(in_group.sum()), 3))
+    of_rank = numbers, faces.corners[in_group], normals
     numbers, x, normals = (
-        np.concatenate(each) for each in zip(*mesh.comm.allgather(mine), strict=True)
+        np.concatenate(each) for each in zip(*mesh.comm.allgather(of_rank), strict=True)
     )
     _, first, corner = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     corner = corner.reshape(numbers.shape)
@@ -320,14 +328,14 @@ def points_given(points: object, direction: object) -> Array:
 
 def _in_space(direction: Sequence[float]) -> Array:
     """A checked direction with three components."""
-    given = coordinates("direction", direction, "")
-    if not np.linalg.norm(given):
+    components = coordinates("direction", direction, "")
+    if not np.linalg.norm(components):
         raise InputError("direction must not be the zero vector.")
-    return in_space(given)
+    return in_space(components)
 
 
 def _given(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
-    """A sample of the points that the caller gave."""
+    """A sample at the points given by the caller."""
     at = points_given(points, along)
     mesh = structure.mesh
     nearest = closest_many(mesh, at)
@@ -336,11 +344,12 @@ def _given(structure: MeshedStructure, points: object, along: Array | None) -> S
 
 
 def on_structure(points: Array, distance: Array, size: float) -> None:
-    """InputError if points (P, 3) of a map are not on a structure of this size [m]."""
-    off = np.flatnonzero(distance > ON_STRUCTURE * size)
-    if len(off):
-        at_point = ", ".join(f"{c:.6g}" for c in points[off[0]])
+    """InputError if points (P, 3) of a map lie off a structure of this size [m]."""
+    off_points = np.flatnonzero(distance > ON_STRUCTURE * size)
+    if len(off_points):
+        at_point = ", ".join(f"{c:.6g}" for c in points[off_points[0]])
         raise InputError(
-            f"{len(off)} of {len(points)} points lie off the structure, one at ({at_point}) m by "
-            f"{distance[off[0]]:.3g} m: give points on it, or the name of a group."
+            f"{len(off_points)} of {len(points)} points lie off the structure, one at "
+            f"({at_point}) m by "
+            f"{distance[off_points[0]]:.3g} m: give points on it, or the name of a group."
         )

@@ -1,6 +1,6 @@
-"""Points by their names: groups, faces, nodes of the file and joints.
+"""Points by name: groups, faces, node numbers and reference points of joints.
 
-A named group is the point next to the centroid of its entities.
+The point of a group is the one nearest to the centroid of its entities.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import Member
 
 
-#: What a point without a mesh has.
+#: Quantities available at a point without a mesh.
 MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
 
 
 def point_of(
     structure: Structure, point: object, part: str | None, node: int | None = None
 ) -> tuple[Array, str | None, Motion | None]:
-    """(coordinates (3,) [m], part or None, motion if it has no mesh) of a point by its name.
+    """(coordinates (3,) [m], part or None, motion of a point without a mesh or None) of a named
+    point.
 
-    `point`: coordinates; a text is a group ("part:group" of an assembly), a reference point of an
-    assembly, or "part:site" of a superelement.
+    `point`: coordinates, or the name of a group ("part:group" of an assembly), of a reference point
+    of an assembly, or of a site of a superelement ("part:site").
     """
     if part is not None:
         checks.text("part", part)
@@ -84,7 +85,8 @@ def on_face(matrices: MeshedParts, site: Site) -> Site:
     assert site.face is not None
     member, group = _group_of(matrices, site.face)
     own, inward = struck_point(member.part.mesh, group)
-    point, along = member.at.placed(own[None])[0], member.at.rotation @ inward
+    point = member.at.placed(own[None])[0]
+    along = member.at.rotation @ inward
     direction = along.tolist() if site.direction is None else site.direction
     part = member.name if matrices.assembled else None
     point = point[: len(direction)]
@@ -134,7 +136,7 @@ def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
     from antiosc.fem.assembly.joint import motion_without_mesh
 
     layout = cast("AssembledMatrices", matrices).layout
-    found = motion_without_mesh(layout, name, partly=True)
+    found = motion_without_mesh(layout, name, allow_partial=True)
     if found is None and ":" not in name:
         points = name_list(name, layout.points, "the reference points")
         raise InputError(

@@ -27,9 +27,10 @@ from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constra
 
 
 def algebraic(structure: StructureMatrices, site: Site) -> Functional:
-    """The load vector of a site that is given by a dof or a vector."""
+    """The load vector of a site given by a dof or a vector."""
     first, last = algebra.row_range(structure.K)
-    n, comm = algebra.size(structure.K), algebra.communicator(structure.K)
+    n = algebra.size(structure.K)
+    comm = algebra.communicator(structure.K)
     if site.node is not None:
         raise InputError(
             "the nodes of this structure have no numbers: Site(node=…) needs a mesh of a file that "
@@ -46,20 +47,20 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
         b = np.zeros(last - first)
         if first <= site.dof < last:
             b[site.dof - first] = 1.0
-    whole = norm(comm, b)
+    size = norm(comm, b)
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
-    if norm(comm, b) <= LEAST_FREE_SHARE * whole:
+    if norm(comm, b) <= LEAST_FREE_SHARE * size:
         raise InputError(constrained("the site"))
     return Functional(b)
 
 
-#: A point is a node up to this share of the part's size.
+#: Largest distance of a point from the node that it denotes, over the part's size.
 AT_NODE = 1e-6
-#: Nodes around a patch that may take load of its edge, over its radius.
+#: Radius, over that of the patch, within which nodes may take load from its edge.
 NEIGHBOURHOOD = 2.0
-#: Points of the circle of a patch: rings, and points on each.
+#: Rings of points on the circle of a patch, and points per ring.
 CIRCLE_RINGS, SPOKES = 64, 128
-#: Cosine of the angle to the direction from which a node covers those behind it.
+#: A node covers another if the cosine between their connection and the direction exceeds this.
 COVERS = 0.75
 
 
@@ -69,7 +70,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     Raises
     ------
     InputError
-        A node or dof that the map does not have, a point that is no node, a patch without nodes, a
+        A node or dof that is not in the map, a point that is no node, a patch without nodes, a
         site whose dofs are fixed.
     """
     matrices = cast(NodalMatrices, structure.matrices)
@@ -88,27 +89,29 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
         rows = np.flatnonzero(matrices.map.node == site.node)
         if not len(rows):
             raise InputError(f"node {site.node} is not in the matrices' map of nodes and dofs.")
-        nodes, weights, at = np.array([site.node]), np.ones(1), _position(matrices, rows[0])
+        nodes = np.array([site.node])
+        weights = np.ones(1)
+        point = _position(matrices, rows[0])
         label = f"node {site.node}"
         if site.radius is not None:
             raise InputError("a patch needs a point: Site(point=…, direction=…, radius=…).")
     else:
-        nodes, weights, at = _at_point(matrices, site, direction)
-        label = f"the site at ({', '.join(f'{c:.6g}' for c in at)}) m"
-    own = _checked(
-        structure, _load(matrices, nodes, weights, direction), label, at, direction, site.radius
+        nodes, weights, point = _at_point(matrices, site, direction)
+        label = f"the site at ({', '.join(f'{c:.6g}' for c in point)}) m"
+    checked_load = _checked(
+        structure, _load(matrices, nodes, weights, direction), label, point, direction, site.radius
     )
     if not site.tangential:
-        return own
+        return checked_load
     sides = []
     for (side,) in tangents(direction[None], not (matrices.map.component == 3).any()):
         b = _load(matrices, nodes, weights, side)
-        whole = float(np.linalg.norm(b))
+        size = float(np.linalg.norm(b))
         b[structure.fixed] = 0.0
-        if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * whole:
+        if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size:
             b[:] = 0.0  # the supports hold the site along it
-        sides.append(Functional(b, point=at, direction=side))
-    return replace(own, across=tuple(sides))
+        sides.append(Functional(b, point=point, direction=side))
+    return replace(checked_load, across=tuple(sides))
 
 
 def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: Array) -> Array:
@@ -131,9 +134,10 @@ def _checked(
     direction: Array | None,
     radius: float | None = None,
 ) -> Functional:
-    whole = float(np.linalg.norm(b))
+    """The load vector on free dofs; InputError if the site cannot move."""
+    size = float(np.linalg.norm(b))
     b[structure.fixed] = 0.0
-    if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * whole or not whole:
+    if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size or not size:
         raise InputError(constrained(label))
     return Functional(b, radius, 0.0, at, direction)
 
@@ -141,13 +145,15 @@ def _checked(
 def _position(matrices: NodalMatrices, row: int) -> Array | None:
     """Coordinates of the node of a row; None if unknown."""
     point = matrices.map.points[row]
-    return point if np.isfinite(point).all() else None
+    if np.isfinite(point).all():
+        return point
+    return None
 
 
 def _at_point(
     matrices: NodalMatrices, site: Site, direction: Array
 ) -> tuple[IntArray, Array, Array]:
-    """(nodes, weights of sum 1, point) for a point among the nodes of the matrices."""
+    """(nodes, weights with sum 1, point) of a point among the nodes of the matrices."""
     if not matrices.located:
         raise InputError(
             "the coordinates of the nodes are not known: give them in the map, or use "
@@ -193,7 +199,7 @@ def _at_point(
 
 
 def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
-    """Mask of the points that lie behind another one, seen along the direction of impact."""
+    """Mask of the points that lie behind another one along the direction of impact."""
     covered = np.zeros(len(points), dtype=bool)
     for k, point in enumerate(points):
         to = points - point
@@ -204,7 +210,9 @@ def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
 
 
 def _hertz(radius: float, direction: Array) -> Array:
-    """Points (n, 3) perpendicular to `direction`: equal forces approximate Hertz's pressure."""
+    """Points (n, 3) perpendicular to `direction` at which equal forces approximate Hertz's
+    pressure.
+    """
     basis = np.linalg.svd(direction[None, :])[2][1:]
     # the load within r is 1 - (1 - r²/a²)^(3/2) of the whole
     share = (np.arange(CIRCLE_RINGS) + 0.5) / CIRCLE_RINGS

@@ -1,4 +1,4 @@
-"""Reactions of supports and grounded springs: motions in which one of them is released."""
+"""Reactions of supports and grounded springs, from motions in which one of them is released."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from antiosc.reduce.site.at_points import before_joining
 from antiosc.reduce.site.on_matrices import algebraic
 from antiosc.reduce.site.site import Functional, Site
 
-#: Force of an element in a rigid motion over that of its terms, below which it is rounding.
+#: An element is not strained by a rigid motion if its force over that of its terms is below this.
 INTERNAL = 1e-9
 
 
@@ -29,7 +29,7 @@ INTERNAL = 1e-9
 class Element:
     """A grounded spring, or a term of the damping, on some rows of u.
 
-    `name` and `point` (3,) [m]: of what acts on the ground; "" of others.
+    `name` and `point` (3,) [m]: of an element that acts on the ground; the name of others is "".
     """
 
     name: str
@@ -38,44 +38,45 @@ class Element:
     term: Dissipation
 
     def forces(self, comm: MPI.Comm, u: Array) -> Array:
-        """c G u (j, k) of motions (rows of this rank, k) of all parts."""
+        """Forces c G u (j, k) for motions (rows of this rank, k) of all parts."""
         return np.asarray(self.term.c @ comm.allreduce(np.asarray(self.term.G @ u[self.rows])))
 
     def loads(self, comm: MPI.Comm, u: Array) -> Array:
         """Gᵀ c G u (rows of this rank, k)."""
-        found = np.zeros(u.shape)
-        found[self.rows] = (
+        total = np.zeros(u.shape)
+        total[self.rows] = (
             self.term.G.T @ self.forces(comm, u)
             if self.term.matrix is None
             else self.term.factor * multiply(self.term.matrix, u[self.rows])
         )
-        return found
+        return total
 
     def if_to_ground(self, comm: MPI.Comm, rigid: Array) -> Element:
         """The element; without its name if rigid motions do not strain it."""
-        moved = np.abs(self.forces(comm, rigid)).max(initial=0.0)
+        largest_force = np.abs(self.forces(comm, rigid)).max(initial=0.0)
         assert self.term.c is not None
         terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
-        named = moved > INTERNAL * terms.max(initial=0.0)
-        return self if named else replace(self, name="")
+        named = largest_force > INTERNAL * terms.max(initial=0.0)
+        if named:
+            return self
+        return replace(self, name="")
 
 
 class Released:
-    """The reactions of supports and grounded springs, from motions in which one of them is
-    released.
+    """The reactions of supports and grounded springs.
 
-    The supports of the structure and of its parts are released one after the other, then the ground
-    ends of springs. Each element on the ground has the name of a support; dampers alone carry no
-    static force.
+    They follow from motions in which one support is released: first each support of the structure
+    and of its parts, then the ground ends of springs. Each element on the ground has the name of a
+    support; dampers carry no static force.
 
-    Where a joint and supports hold the same motion, the constraints of the joint that follow from
-    the supports carry no force, as in the assembly itself, which omits them.
+    If a joint and supports hold the same motion, the constraints of the joint that follow from the
+    supports carry no force, as in the assembly itself, which omits them.
 
     Attributes
     ----------
     centres : support -> (3,) mean of its nodes, m.
-    pulled : (rows of this rank, 6 S) forces on the dofs that follow unit rigid motions of each
-        support.
+    pulled : (rows of this rank, 6 S) forces that unit rigid motions of each of the S supports exert
+        on the free dofs.
     """
 
     def __init__(self, matrices: MeshedParts, supports: Sequence[Support]) -> None:
@@ -96,17 +97,17 @@ class Released:
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
         """(M g, M r), rows of this rank, for the motions g of the supports and rigid motions r.
 
-        `following` (rows of this rank, 6 S) are the motions of the free dofs that follow them;
-        `rigid` as in `applied`.
+        `following` (rows of this rank, 6 S): the motions of the free dofs due to those of the
+        supports; `rigid` as in `applied`.
         """
-        moved = self._of.expanded(following)
+        motions_of_u = self._of.expanded(following)
 
         def work() -> tuple[Array, Array]:
-            self._motions = self._motions + moved
+            self._motions = self._motions + motions_of_u
             return self._forces("M", self._motions), self._forces("M", rigid)
 
-        both = self._of.decided(work)
-        return self._of.own(both[0]), self._of.own(both[1])
+        products = self._of.decided(work)
+        return self._of.own(products[0]), self._of.own(products[1])
 
     @property
     def motions(self) -> Array:
@@ -122,31 +123,39 @@ class Released:
 
         def work() -> tuple[Array, Array]:
             with without_warnings():  # they were told of when the model was extracted
-                found = [self._functional(site) for site in sites]
-            b = np.column_stack([each.b for one in found for each in (one, *one.across)])
+                functionals_found = [self._functional(site) for site in sites]
+            b = np.column_stack(
+                [
+                    load.b
+                    for functional in functionals_found
+                    for load in (functional, *functional.across)
+                ]
+            )
             return dot(self._of.workers, b, self._motions), dot(self._of.workers, b, rigid)
 
         return self._of.decided(work)
 
     def damping(self, shapes: Array) -> list[tuple[float | None, Array]]:
-        """(relaxation time, reactions (6 S, B) by motions of the shapes (rows of this rank, B)).
+        """(relaxation time, reactions (6 S, B) due to motions of the shapes (rows of this rank, B))
+        of each term.
 
-        Of the terms of the damping, in the order of the structure's; to be called after `inertia`.
+        The terms of the damping are in the order of the structure's. Call `inertia` first.
         """
         u = self._of.expanded(shapes)
 
         def work() -> list[tuple[float | None, Array]]:
-            return [(one.term.tau, self._by_damping(one, u)) for one in self._damping]
+            return [(element.term.tau, self._by_damping(element, u)) for element in self._damping]
 
         return self._of.decided(work)
 
-    def _by_damping(self, one: Element, u: Array) -> Array:
+    def _by_damping(self, element: Element, u: Array) -> Array:
+        """Reactions due to one term of the damping."""
         comm = self._of.workers
-        loads = one.loads(comm, u)
+        loads = element.loads(comm, u)
         found = dot(comm, self._motions, loads)
-        if one.name:
-            rigid = self._of.places.rigid_motions(self.centres[one.name])
-            column = 6 * list(self.centres).index(one.name)
+        if element.name:
+            rigid = self._of.places.rigid_motions(self.centres[element.name])
+            column = 6 * list(self.centres).index(element.name)
             found[column : column + 6] -= dot(comm, rigid, loads)
         return found
 
@@ -154,14 +163,16 @@ class Released:
         """The grounded springs, and all terms of the damping in the order of the structure."""
         springs: list[Element] = []
         terms: list[Element] = []
-        comm, rigid = self._of.workers, self._of.places.rigid_motions(np.zeros(3))
+        comm = self._of.workers
+        rigid = self._of.places.rigid_motions(np.zeros(3))
         if self._assembly:
             added = self._assembly.added
             for kind, found in ((springs, added.springs()), (terms, added.dissipation(on_u=True))):
-                every = [Element(term.name, term.point, slice(None), term) for term in found]
-                kind += [element.if_to_ground(comm, rigid) for element in every]
+                dampers = [Element(term.name, term.point, slice(None), term) for term in found]
+                kind += [element.if_to_ground(comm, rigid) for element in dampers]
         for member in self._of.members():
-            part, prefix = self._part(member), f"{member.name}:" if member.name else ""
+            part = self._part(member)
+            prefix = f"{member.name}:" if member.name else ""
             for kind, found in ((springs, [*part.springs]), (terms, part.dissipation())):
                 for term in found:
                     at = None if term.point is None else member.at.placed(term.point[None])[0]
@@ -170,6 +181,7 @@ class Released:
         return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
 
     def _functional(self, site: Site) -> Functional:
+        """The load vector of a site before joining."""
         if site.point is not None:
             return before_joining(self._of, [site], self._part)[0]
         if self._assembly:
@@ -180,13 +192,13 @@ class Released:
         """(centres, forces on the supports) of the motions in which each support is released."""
         centres: dict[str, Array] = {}
         places = self._of.places
-        held: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
+        supported: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
         for member in self._of.members():
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in held_dofs(member.part).items():
                 centres[prefix + name] = centre = _centre(member, dofs)
                 moved = member.places.rigid_motions(centre, dofs)
-                held.append((prefix + name, member.first + dofs, moved))
+                supported.append((prefix + name, member.first + dofs, moved))
         constraints = self._assembly.constraints if self._assembly else None
         names = names_of(supports, centres) if constraints else []
         rows = constraints.rows if constraints else []
@@ -197,9 +209,9 @@ class Released:
         self._springs, self._damping = self._elements()
         grounds = [element for element in (*self._springs, *self._damping) if element.name]
         for element in grounds:
-            own = [other.point for other in grounds if other.name == element.name]
-            known = [x for x in own if x is not None]
-            centre = np.mean(known or places.points[element.term.G.indices], axis=0)
+            points_of_name = [ground.point for ground in grounds if ground.name == element.name]
+            points_known = [x for x in points_of_name if x is not None]
+            centre = np.mean(points_known or places.points[element.term.G.indices], axis=0)
             centres.setdefault(element.name, centre)
         if not centres:
             raise InputError(
@@ -208,7 +220,7 @@ class Released:
             )
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}
         motions = np.zeros((len(places.kind), 6 * len(centres)))
-        for name, dofs, moved in held:
+        for name, dofs, moved in supported:
             motions[dofs, column[name]] = moved
         if constraints:
             prescribed = [np.asarray(-one.matrix @ motions) for one in rows]
@@ -266,12 +278,15 @@ def _centre(member: Member, dofs: IntArray) -> Array:
     """Mean coordinates (3,) of dofs of a part, over all of its ranks."""
     there = member.nodes[dofs // member.block]
     comm = member.part.comm
-    total, count = comm.allreduce(there.sum(axis=0)), comm.allreduce(len(there))
+    total = comm.allreduce(there.sum(axis=0))
+    count = comm.allreduce(len(there))
     return np.asarray(total / max(count, 1))
 
 
 def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[str]:
-    """Names of supports: their groups, or "support 1", "support 2", …."""
+    """Names of supports: their groups, or "support 1", "support 2", …, none of which is in
+    `taken`.
+    """
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
         name = support.where if isinstance(support.where, str) else f"support {number}"
@@ -280,8 +295,9 @@ def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[st
 
 
 def held_dofs(part: MeshedStructure) -> dict[str, IntArray]:
-    """Support of a part -> dofs of this rank that it fixes and no earlier support does."""
-    rows, result = len(part.attached_inertia), {}
+    """Support of a part -> dofs of this rank that it fixes and no earlier support fixes."""
+    rows = len(part.attached_inertia)
+    result = {}
     taken = np.zeros(0, dtype=int)
     for name, support in zip(names_of(part.supports), part.supports, strict=True):
         paths = fixed_dofs(part.mesh, part.form, [support])

@@ -25,7 +25,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.io.dof_map import component_of
 
-#: A site with less than this share of its load on free dofs is fixed by the supports.
+#: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE = 1e-9
 
 
@@ -87,13 +87,13 @@ class Site(FieldsRepr):
             if self.point is not None:
                 raise InputError("a Site takes a point or a face; got both.")
             store(self, face=text("face", self.face), point=self.face)
-        given = [self.point is not None, self.dof is not None, self.vector is not None]
+        places_given = [self.point is not None, self.dof is not None, self.vector is not None]
         at_node = self.node is not None
-        if (given[0] or given[2]) if at_node else sum(given) != 1:
+        if (places_given[0] or places_given[2]) if at_node else sum(places_given) != 1:
             raise InputError("a Site needs one of: point with direction, dof, vector, or node.")
         if at_node:
             store(self, node=whole("node", self.node))
-            if given[1] == (self.direction is not None):
+            if places_given[1] == (self.direction is not None):
                 raise InputError("a Site at a node needs one of: dof, as dof='z', or direction.")
         if self.radius is not None:
             store(self, radius=positive("radius", self.radius, "m"))
@@ -142,7 +142,7 @@ class Site(FieldsRepr):
 
 @dataclass(frozen=True)
 class Functional:
-    """The load vector of a site, and the data of its patch."""
+    """The load vector of a site, and the properties of its patch."""
 
     #: b on the rows of this rank, zero on fixed dofs
     b: Array
@@ -153,19 +153,19 @@ class Functional:
     #: actual point (3,), m, and unit vector of the direction of impact
     point: Array | None = None
     direction: Array | None = None
-    #: the same along the directions across it, if asked for
+    #: load vectors along the directions perpendicular to it, if requested
     across: tuple[Functional, ...] = ()
-    #: the cell and the waves at the site (`ModelInfo.cells`), where there is a mesh
+    #: cell size and wave speeds at the site (`ModelInfo.cells`); None without a mesh
     cell: tuple[float, float, float] | None = None
     #: the name of the part of an assembly that is struck
     part: str | None = None
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:
-    """Unit vectors (P, 3) perpendicular to the directions (P, 3): two each, one in a plane."""
+    """Unit vectors (P, 3) perpendicular to the directions (P, 3): two arrays; one in a plane."""
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
-    # between axes that are equally oblique rounding must not decide
+    # rounded, so that rounding errors do not decide between equally oblique axes
     least = np.argmin(np.abs(directions).round(6), axis=1)
     first = np.cross(np.eye(3)[least], directions)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -173,7 +173,7 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
 
 
 def constrained(label: str) -> str:
-    """Message that a site cannot move."""
+    """Message that supports fix a site."""
     return (
         f"{label} is fixed by supports along the direction of impact: it cannot move; choose "
         "another point."

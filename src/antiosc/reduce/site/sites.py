@@ -1,8 +1,8 @@
 """Sites as arrays: their patches on the mesh, and their loads b as sparse columns.
 
-A load is a set of weighted points: one point, or the points of a rule for Hertz's pressure
-√(1 − r²/a²) over a disc in the plane of the surface (over a segment, on the edge of a plane part),
-projected along the normal onto the surface. All functions take arrays of P sites.
+A load is a set of weighted points: one point, or the quadrature points of Hertz's pressure
+√(1 − r²/a²) on a disc in the tangent plane (on a segment, at the edge of a plane part), projected
+along the normal onto the surface. All functions take arrays of P sites.
 """
 
 from __future__ import annotations
@@ -22,22 +22,24 @@ from antiosc.fem.mesh.surface import Contact, Faces
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Rings of a disc's rule beside those that its cells ask for, and the most there may be by the
-#: dimension of the faces: with fewer the cells below would feel single forces.
-RINGS, MOST_RINGS = 4, {1: 500, 2: 60}
-#: A surface that rises by less than this share of the radius is flat; it may rise by the second.
+#: Rings of a disc's quadrature in addition to those that the size of the cells requires, and most
+#: rings by the dimension of the faces. With too few rings, cells would be loaded by single forces.
+RINGS = 4
+MOST_RINGS = {1: 500, 2: 60}
+#: A surface is flat if it rises by less than the first share of the radius; a patch may rise by the
+#: second.
 FLAT_RISE, MOST_RISE = 1e-6, 0.5
-#: Points of patches that are worked on at a time.
+#: Points of patches that are processed at once.
 POINTS_AT_ONCE = 200_000
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Weighted points in cells of this rank, n of them.
+    """n weighted points in cells of this rank.
 
     Attributes
     ----------
-    site : (n,) the site to which each belongs.
+    site : (n,) number of the site of each point.
     cell, X : (n,) cell of this rank and (n, tdim) reference coordinates in it.
     weight : (n,) share of the site's unit force.
     """
@@ -55,7 +57,7 @@ class Points:
 
 
 def disc(rings: int) -> tuple[Array, Array]:
-    """(points (n, 2) of the unit disc, weights of sum 1) of Hertz's pressure.
+    """Quadrature for Hertz's pressure: (points (n, 2) of the unit disc, weights with sum 1).
 
     With s² = 1 − r² the weight s r dr of the pressure is s² ds: a Gauss rule in s is exact for
     polynomials in r², equidistant angles for the angular harmonics.
@@ -69,7 +71,7 @@ def disc(rings: int) -> tuple[Array, Array]:
 
 
 def segment(count: int) -> tuple[Array, Array]:
-    """(points (n, 1) of [−1, 1], weights of sum 1) of the pressure √(1 − x²): Gauss–Chebyshev."""
+    """Gauss–Chebyshev quadrature for √(1 − x²): (points (n, 1) of [−1, 1], weights with sum 1)."""
     angles = np.pi * np.arange(1, count + 1) / (count + 1)
     weights = np.sin(angles) ** 2
     return np.cos(angles)[:, None], weights / weights.sum()
@@ -78,10 +80,10 @@ def segment(count: int) -> tuple[Array, Array]:
 def patches(
     faces: Faces, points: Array, radii: Array, contact: Contact, taken: Sequence[Faces] = ()
 ) -> tuple[Points, Array]:
-    """The weighted points of patches on this rank, and the share of each patch on its faces (P,).
+    """(weighted points of patches on this rank, share of each patch on its faces (P,)).
 
-    The rules resolve the smaller of the patch and the faces under it. If an edge cuts a patch, its
-    weights are scaled to a unit force. What lies on faces that are `taken` does not count.
+    The quadrature resolves the smaller of the patch and the faces under it. If an edge cuts a
+    patch, its weights are scaled to a unit force. Points on `taken` faces do not count.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS[faces.dim])
@@ -94,11 +96,11 @@ def patches(
         members = np.flatnonzero((rings == count) & (flat == even))
         rise = FLAT_RISE if even else MOST_RISE
         for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
-            own = _rule_on_faces(
+            points_of_rule = _rule_on_faces(
                 faces, points, radii, contact.normals, part, rule, weights, rise, taken
             )
-            share[part] = own[1]
-            found.append(own[0])
+            share[part] = points_of_rule[1]
+            found.append(points_of_rule[0])
     return Points.joined(found), share
 
 
@@ -113,7 +115,7 @@ def _rule_on_faces(
     rise: float,
     taken: Sequence[Faces],
 ) -> tuple[Points, Array]:
-    """The points of one quadrature rule projected on the faces at some sites; see `patches`."""
+    """The points of one quadrature rule, projected on the faces at some sites; see `patches`."""
     comm = faces.mesh.comm
     normal = normals[part]
     # between axes that are equally oblique rounding must not decide how the rule is oriented
@@ -145,11 +147,15 @@ def loads(structure: MeshedStructure, points: Points, directions: Array) -> scip
 
     `directions` (P, 3) are the unit directions of the forces.
     """
-    mesh, form = structure.mesh, structure.form
-    rows, sites, values = [], [], []
+    mesh = structure.mesh
+    form = structure.form
+    rows = []
+    sites = []
+    values = []
     # one entry for each site and cell: the moments of its points with each basis function
     key, pair = np.unique(points.site * mesh.n_cells + points.cell, return_inverse=True)
-    site, cell = key // mesh.n_cells, key % mesh.n_cells
+    site = key // mesh.n_cells
+    cell = key % mesh.n_cells
     gather = scipy.sparse.csr_matrix(
         (points.weight, (pair.ravel(), np.arange(len(points.weight)))),
         shape=(len(key), len(points.weight)),
@@ -174,7 +180,7 @@ def _columns(
     values: list[Array],
     count: int,
 ) -> scipy.sparse.csr_matrix:
-    """Sparse matrix from entries at dofs of this rank; those of ghosts are sent to their owners."""
+    """Sparse matrix from entries at dofs of this rank; entries at ghosts go to their owners."""
     size = algebra.rows(structure.K)
     row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
     site = np.concatenate([np.zeros(0, dtype=int), *sites])
@@ -183,24 +189,24 @@ def _columns(
     sent = (compat.global_dofs(structure.form.space, row[ghost]), site[ghost], value[ghost])
     first = algebra.row_range(structure.K)[0]
     entries = [(row[~ghost], site[~ghost], value[~ghost])]
-    for number, at, what in structure.comm.allgather(sent):
-        mine = (number >= first) & (number < first + size)
-        entries.append((number[mine] - first, at[mine], what[mine]))
+    for number, sites_sent, values_sent in structure.comm.allgather(sent):
+        owned = (number >= first) & (number < first + size)
+        entries.append((number[owned] - first, sites_sent[owned], values_sent[owned]))
     row, site, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     return scipy.sparse.csr_matrix((value, (row, site)), shape=(size, count))
 
 
-#: A point lies on a sheet up to this share of the structure's size.
+#: Largest distance of a point on a sheet from it, over the structure's size.
 ON_SHEET = 1e-6
-#: A patch is whole with this share of its load on the face, and partly supported where supports
-#: carry more than this share of its load.
+#: A patch counts as whole if at least the first share of its load is on the face, and as partly
+#: supported if supports carry more than the second share.
 WHOLE_PATCH, PARTLY = 0.9, 0.1
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 SIZE_ROUNDING = 1e-6
-#: Cells of a sheet may be so many times the radius: its compliance is then up to 3 % too low. Of
-#: cells beyond the second times the thickness bending hides that.
+#: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low. If
+#: cells exceed the second number times the thickness, bending hides this error.
 COARSE_SHEET, THIN = 8.0, 4.0
-#: Cosine of the angle to the normal below which a blow goes along the surface.
+#: An impact is along the surface if its cosine with the normal is below this.
 ALONG_SURFACE = 0.1
 
 
@@ -212,12 +218,12 @@ class Sites:
     ----------
     points, directions : (P, 3) coordinates [m] and unit directions of impact.
     loads : b of all sites as columns (rows of this rank, P), zero on fixed dofs.
-    radii : (P,) of the patches [m]; NaN for points.
+    radii : (P,) radii of the patches [m]; NaN for points.
     local : (P,) half-space compliances of the patches [m/N].
-    share : (P,) of each patch that lies on its face; 1 for points.
+    share : (P,) share of each patch that lies on its face; 1 for points.
     depth, size : (P,) distance of the site from the surface, and size of the faces there [m].
     moving : (P,) share of the load on free dofs.
-    weighted : the points over which each load is spread; None for a selection of sites.
+    weighted : the points at which each load acts; None for a selection of sites.
     """
 
     points: Array
@@ -246,13 +252,17 @@ def located(
 ) -> Sites:
     """Sites at points (P, 3) of the structure with unit directions of impact (P, 3).
 
-    `radii` (P,) are those of the patches; NaN is what the material takes: a point, or on a sheet a
-    patch of its thickness.
-    `nearest`, the cells of the points, are computed if they are not given.
+    `radii` (P,) of the patches; NaN: the default of the material, which is a point, or on a sheet a
+    patch with the thickness as radius. `nearest`, the closest cells, are computed if not given.
     """
-    mesh, kind = structure.mesh, structure.kind
-    count, radii = len(points), np.array(radii, dtype=float)
-    local, share, depth, size = np.zeros(count), np.ones(count), np.zeros(count), np.zeros(count)
+    mesh = structure.mesh
+    kind = structure.kind
+    count = len(points)
+    radii = np.array(radii, dtype=float)
+    local = np.zeros(count)
+    share = np.ones(count)
+    depth = np.zeros(count)
+    size = np.zeros(count)
     given = np.isfinite(radii)
     if kind.point_load and given.any():
         raise InputError(
@@ -310,18 +320,21 @@ def _points(
     structure: MeshedStructure, points: Array, which: IntArray, nearest: ClosestPoints | None
 ) -> Points:
     """The sites without a patch, as weighted points in cells of this rank."""
-    at: IntArray = which
+    numbers: IntArray = which
     if nearest is None:
         nearest = closest_many(structure.mesh, points[which])
-        at = np.arange(len(which))
-    mine = nearest.rank[at] == structure.comm.rank
-    at = at[mine]
-    return Points(which[mine], nearest.cell[at], nearest.X[at], np.ones(len(at)))
+        numbers = np.arange(len(which))
+    on_this_rank = nearest.rank[numbers] == structure.comm.rank
+    numbers = numbers[on_this_rank]
+    return Points(
+        which[on_this_rank], nearest.cell[numbers], nearest.X[numbers], np.ones(len(numbers))
+    )
 
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
     """Warn, on rank 0, of sites with an uncertain compliance."""
-    mesh, kind = structure.mesh, structure.kind
+    mesh = structure.mesh
+    kind = structure.kind
     if not kind.point_load and np.isnan(sites.radii).any():
         first = np.flatnonzero(np.isnan(sites.radii))[0]
         size = size_at(mesh, closest(mesh, sites.points[first]))
@@ -380,15 +393,17 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
 
 
 def doubtful_patches(sites: Sites) -> BoolArray:
-    """Mask of sites (P,) for whose patches the half-space compliance is not valid."""
+    """Mask (P,) of the sites whose patch does not have the half-space compliance."""
     return _cut(sites) | _held(sites)
 
 
 def _cut(sites: Sites) -> BoolArray:
+    """Mask of the patches that are cut by an edge."""
     return np.asarray(sites.share < WHOLE_PATCH)
 
 
 def _held(sites: Sites) -> BoolArray:
+    """Mask of the patches that supports hold partly."""
     return np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
 
 
@@ -400,8 +415,11 @@ def rounded_up(value: float) -> float:
 
 def _at(which: BoolArray) -> str:
     """ " at 3 of 10 sites" if there are several; otherwise ""."""
-    return "" if len(which) == 1 else f" at {int(which.sum())} of {len(which)} sites"
+    if len(which) == 1:
+        return ""
+    return f" at {int(which.sum())} of {len(which)} sites"
 
 
 def _warn(structure: MeshedStructure, message: str) -> None:
+    """Warn of doubtful accuracy, on rank 0."""
     warn(structure.comm, message, AccuracyWarning)

@@ -1,4 +1,4 @@
-"""The surface of a structure at a site: material and curvature, for the law of a contact."""
+"""The surface of a structure at a site: material and curvature, for the contact law."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from antiosc.models.body import Body
 from antiosc.reduce.site.at_points import nearest_parts
 
 NO_SURFACE = "matrices have no surface: give the law of the contact."
-#: Radius [m] of an edge or a corner where none is given, at most a quarter of the least dimension.
+#: Default radius [m] of an edge or a corner, at most a quarter of the least dimension.
 CORNER = 1e-3
 #: Indentation from which graphite and epoxy are damaged [m]; Yang and Sun (1982).
 CRITICAL = 8.03e-5
@@ -43,13 +43,13 @@ def surface_at(
 ) -> Surface:
     """The surface of a structure at a point (3,), struck along a direction on a patch [m].
 
-    Without `lengths` line contacts have infinite length: a ball does not need it. `part`: the name
+    Without `lengths` line contacts have infinite length, which is enough for a ball. `part`: name
     of the part of an assembly that is struck, by default the nearest one.
 
     Raises
     ------
     InputError
-        Nothing is known of it: matrices, plane parts, materials with directions, few nodes.
+        The surface is unknown: matrices, plane parts, anisotropic materials, too few nodes.
     """
     if point is None:
         raise InputError("the site is no point of a surface.")
@@ -80,21 +80,22 @@ def curvature_at(
     Parameters
     ----------
     structure : Structure
-        Of meshes of solids or shells; of several the nearest one counts.
+        A structure of solids or shells; of several meshes the nearest one is used.
     point : array_like (2,) or (3,)
         [m]
     direction : sequence of floats, optional
-        Of the impact. A shell is struck on the face that is opposite to it, half a thickness
-        outside of the middle surface.
+        Direction of the impact. A shell is struck on the face opposite to it, half a thickness
+        outside the middle surface.
     lengths : bool
-        Whether the lengths of lines are looked for, which takes most of the time.
+        Whether to find the lengths of lines, which takes most of the time.
 
     Raises
     ------
     InputError
         Matrices without a mesh; beams and plane parts, which have no surface in space.
     """
-    matrices, way = with_parts(structure, NO_SURFACE), None
+    matrices = with_parts(structure, NO_SURFACE)
+    way = None
     x = in_space(checks.coordinates("point", point))
     if direction is not None:
         way = in_space(checks.coordinates("direction", direction, ""))
@@ -111,7 +112,7 @@ def material_at(structure: Structure, point: Array, direction: Array | None = No
 
 @dataclass(frozen=True)
 class _Struck:
-    """Where a structure is struck: the part, point and direction (3,) in its axes."""
+    """The struck part, with the point and direction (3,) in its axes."""
 
     member: Member
     point: Array
@@ -121,14 +122,15 @@ class _Struck:
     def of(
         cls, matrices: MeshedParts, point: Array, direction: Array | None, name: str | None = None
     ) -> _Struck:
-        at = point[None]
+        """The struck part of a structure; `name`: of the part, by default the nearest one."""
+        point_row = point[None]
         if name is None:
             way = np.zeros(3) if direction is None else direction
-            (member,) = nearest_parts(matrices, at, way)
+            (member,) = nearest_parts(matrices, point_row, way)
         else:
             (member,) = matrices.members(name)
-        along = None if direction is None else direction @ member.at.rotation
-        return cls(member, member.at.own(at)[0], along)
+        direction_of_part = None if direction is None else direction @ member.at.rotation
+        return cls(member, member.at.own(point_row)[0], direction_of_part)
 
     @property
     def material(self) -> Any:
@@ -136,24 +138,26 @@ class _Struck:
         part = self.member.part
         if len(part.parts) == 1:
             return part.parts[0][0]
-        nearest, comm = closest(part.mesh, self.point), part.mesh.comm
+        nearest = closest(part.mesh, self.point)
+        comm = part.mesh.comm
         label = int(part.part_of_cells()[nearest.cell]) if comm.rank == nearest.rank else 0
         return part.parts[comm.bcast(label, root=nearest.rank)][0]
 
     def curvature(self, lengths: bool) -> Curvature:
-        """Of the outer surface, in the axes of the structure; see `curvature_at`."""
-        part, at = self.member.part, self.member.at
+        """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
+        part = self.member.part
+        placement = self.member.at
         if part.kind.sheet and part.mesh.gdim == 2:
-            found = _flat(self.point, self.along)
+            curvature_in_part = _flat(self.point, self.along)
         else:
-            found = curvature(part.mesh, part.faces, self.point, self.along, lengths)
+            curvature_in_part = curvature(part.mesh, part.faces, self.point, self.along, lengths)
         if part.kind.sheet:
-            found = found.beyond(self.material.section.thickness / 2)
-        return found.placed(at.rotation, at.placed(np.zeros((1, 3)))[0])
+            curvature_in_part = curvature_in_part.beyond(self.material.section.thickness / 2)
+        return curvature_in_part.placed(placement.rotation, placement.placed(np.zeros((1, 3)))[0])
 
 
 def _flat(point: Array, along: Array | None) -> Curvature:
-    """The face of a sheet in the plane z = 0 on the side of the impactor."""
+    """The flat face of a sheet in the plane z = 0 on the side of the impactor."""
     normal = np.array([0.0, 0.0, -1.0 if along is not None and along[2] > 0 else 1.0])
     on_sheet = point * [1.0, 1.0, 0.0]
     return Curvature(PLANE, np.zeros(2), 0.0, np.eye(3)[:2], on_sheet, normal)
@@ -176,7 +180,9 @@ def flat_face(structure: Structure) -> Surface | None:
     except InputError:
         return None
     matter = _matter(member.part.parts[0][0])
-    return None if matter is None else Surface(matter)
+    if matter is None:
+        return None
+    return Surface(matter)
 
 
 def corner_radius(structure: Structure) -> float:
@@ -184,14 +190,16 @@ def corner_radius(structure: Structure) -> float:
     return float(min(CORNER, structure.dimensions[2] / 4))
 
 
-def placed(found: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
+def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
     """The surface with this curvature and material; `corner`: radius of sharp edges [m]."""
-    if found.kind in SHARP:
-        return Surface(matter, (1 / corner, 1 / corner), kind=found.kind, radius=radius)
-    low, high = found.values.tolist()
-    x, y, z = found.directions[0].tolist()
-    length = found.length if found.kind == LINE else float("inf")
-    return Surface(matter, (low, high), float(found.error), found.kind, length, (x, y, z), radius)
+    if curvature.kind in SHARP:
+        return Surface(matter, (1 / corner, 1 / corner), kind=curvature.kind, radius=radius)
+    low, high = curvature.values.tolist()
+    x, y, z = curvature.directions[0].tolist()
+    length = curvature.length if curvature.kind == LINE else float("inf")
+    return Surface(
+        matter, (low, high), float(curvature.error), curvature.kind, length, (x, y, z), radius
+    )
 
 
 def _matter(material: Any) -> Matter | None:
