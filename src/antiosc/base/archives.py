@@ -30,7 +30,8 @@ class _Sink:
     """
 
     def __init__(self, stream: IO[bytes]) -> None:
-        self.stream, self.place = stream, 0
+        self.stream = stream
+        self.place = 0
         self.error: OSError | None = None
 
     def write(self, data: bytes) -> int:

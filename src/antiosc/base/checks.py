@@ -311,7 +311,9 @@ def path(name: str, value: object) -> Path:
 
 def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
     """What is written and its path, in this order, also where the caller gave the path first."""
-    return (path, what) if isinstance(what, str | os.PathLike) else (what, path)
+    if isinstance(what, str | os.PathLike):
+        return (path, what)
+    return (what, path)
 
 
 def new_file(name: str, value: object) -> Path:
@@ -402,7 +404,9 @@ def shown(value: object) -> str:
         line = " ".join(_repr.repr(value).split())
     except Exception:  # a foreign object's repr, or an int of more than 4300 digits
         return f"an object of type {type(value).__name__}"
-    return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
+    if len(line) <= 80:
+        return line
+    return f"an object of type {type(value).__name__}"
 
 
 def nests_deeper(text: str, deepest: int) -> bool:

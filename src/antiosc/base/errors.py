@@ -95,12 +95,14 @@ _LIBRARIES = {*_PACKAGES, "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "sl
 
 def _frames_to_caller() -> int:
     """Number of frames from `warn` up to the first one of the caller's own code."""
-    frame, count = sys._getframe(1), 0
+    frame = sys._getframe(1)
+    count = 0
     while frame.f_back is not None:
         package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
         if package not in _LIBRARIES and package not in sys.stdlib_module_names:
             return count
-        frame, count = frame.f_back, count + 1
+        frame = frame.f_back
+        count = count + 1
     return count
 
 

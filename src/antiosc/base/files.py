@@ -133,7 +133,9 @@ def table_text(text: str) -> str:
 
     Names are given by users; one that begins with =, +, - or @ gets an apostrophe in front.
     """
-    return f"'{text}" if text.lstrip()[:1] in FORMULA else text
+    if text.lstrip()[:1] in FORMULA:
+        return f"'{text}"
+    return text
 
 
 def write_through(path: Path, content: bytes) -> None:

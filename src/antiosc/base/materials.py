@@ -63,7 +63,8 @@ class Record:
 
 def record(name: object) -> Record:
     """The material of this name, or the only one whose name contains it; else InputError."""
-    known, given = names(), checks.text("material", name)
+    known = names()
+    given = checks.text("material", name)
     words = _words(given)
     alike = [one for one in known if all(_begins(word, _words(one)) for word in words)]
     exact = [one for one in known if _words(one) == words]
@@ -108,7 +109,8 @@ def _table() -> dict[str, Any]:
 
 def _read(name: str, row: Mapping[str, Any]) -> Record:
     brittle = row["yield_strength"] == "none"
-    low_high, rate = row.get("range"), row.get("rate")
+    low_high = row.get("range")
+    rate = row.get("rate")
     return Record(
         name=name,
         E=row["E"],
@@ -129,6 +131,7 @@ def _read(name: str, row: Mapping[str, Any]) -> Record:
 def _spelled_out(source: str) -> str:
     """A source with the title of the work in place of its key."""
     key, _, place = source.partition(" ")
-    title, page = _table()["sources"][key], _table()["read"].get(key)
+    title = _table()["sources"][key]
+    page = _table()["read"].get(key)
     how = "recalled" if page is None else f"read at {page}"
     return f"{title} {place}".rstrip() + f" ({how})"

@@ -23,9 +23,13 @@ SLOWEST_WAVE, FASTEST_WAVE = 40.0, 20_000.0
 MASSLESS_WAVE = 1e8
 #: No solid as dense as this, kg/m³, has slower waves than this, m/s; none has faster ones than
 #: light.
-DENSE, SLOWEST_OF_DENSE, LIGHT = 2000.0, 10.0, 3e8
+DENSE = 2000.0
+SLOWEST_OF_DENSE = 10.0
+LIGHT = 3e8
 #: Parts measure this, m; those of lines, frames and trusses, may be longer.
-SHORTEST_PART, LONGEST_PART, LONGEST_OF_LINES = 1e-3, 20.0, 100.0
+SHORTEST_PART = 1e-3
+LONGEST_PART = 20.0
+LONGEST_OF_LINES = 100.0
 #: Rounding of lengths.
 LENGTH_ROUNDING = 1e-9
 #: Patches have at least this share of the size of the part as radius.
@@ -38,9 +42,12 @@ LINEAR = 0.1
 SOFTEST = 1e6
 #: Yield strengths of solids are above this, Pa; densities of what strikes above this, kg/m³ (foams
 #: have some 20), and spheres are smaller than this, m.
-WEAKEST, LIGHTEST, LARGEST_SPHERE = 1e4, 10.0, 5.0
+WEAKEST = 1e4
+LIGHTEST = 10.0
+LARGEST_SPHERE = 5.0
 #: Real moduli, Pa, and densities, kg/m³.
-MODULI, DENSITIES = (1e6, 1.3e12), (5.0, 25_000.0)
+MODULI = (1e6, 1.3e12)
+DENSITIES = (5.0, 25_000.0)
 #: (factor of E, factor of ρ) to SI units, and the units in words.
 UNITS = (
     (1e6, 1.0, "E in MPa"),
@@ -63,9 +70,11 @@ class Material(Protocol):
 
 def of_material(one: Material) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
-    speed, name = one.bar_speed(), type(one).__name__
+    speed = one.bar_speed()
+    name = type(one).__name__
     massless = abs(speed / MASSLESS_WAVE - 1) < LENGTH_ROUNDING
-    E, rho = getattr(one, "E", None), getattr(one, "rho", None)
+    E = getattr(one, "E", None)
+    rho = getattr(one, "rho", None)
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
         return _of_density(name, rho) or _of_strength(getattr(one, "yield_strength", None))
     sentence = (
@@ -235,7 +244,9 @@ def _fastest(velocity: object) -> float:
     """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
     given = getattr(velocity, "velocity", velocity)
     if type(given) is float:
-        return abs(given) if isfinite(given) else 0.0
+        if isfinite(given):
+            return abs(given)
+        return 0.0
     if type(given) not in (int, float, list, tuple, np.ndarray) and not isinstance(
         given, np.number
     ):

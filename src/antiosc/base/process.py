@@ -51,7 +51,8 @@ if TYPE_CHECKING:
 LOGGERS = ("UFL", "ffcx", "FFCx")
 #: Variables that setuptools and threadpoolctl set; the package whose folders are put on the module
 #: path.
-ENVIRONMENT, VENDOR = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT"), "setuptools"
+ENVIRONMENT = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT")
+VENDOR = "setuptools"
 #: Entries that it put there: it may look there again later.
 _appended: list[str] = []
 #: Held while something is imported or compiled, for all of this belongs to the process.
@@ -71,7 +72,9 @@ def restored() -> Iterator[None]:
 
 def _restored() -> Iterator[None]:
     root = logging.getLogger()
-    handlers, level, show = list(root.handlers), root.level, warnings.showwarning
+    handlers = list(root.handlers)
+    level = root.level
+    show = warnings.showwarning
     levels = {name: _level(name) for name in LOGGERS}
     environment = {name: os.environ.get(name) for name in ENVIRONMENT}
     flags = sys.getdlopenflags()
@@ -103,7 +106,9 @@ def _restored() -> Iterator[None]:
 def _level(name: str) -> int | None:
     """Level of a logger; None if it does not exist yet."""
     logger = logging.root.manager.loggerDict.get(name)
-    return logger.level if isinstance(logger, logging.Logger) else None
+    if isinstance(logger, logging.Logger):
+        return logger.level
+    return None
 
 
 @contextmanager
@@ -232,7 +237,9 @@ def free_cores() -> int:
 def threads() -> int:
     """Number of threads for work that is divided among any: the user's choice, or idle cores."""
     own = user_threads()
-    return max(1, int(own[1])) if own and own[1].isdecimal() else free_cores()
+    if own and own[1].isdecimal():
+        return max(1, int(own[1]))
+    return free_cores()
 
 
 def processor_features() -> set[str]:
@@ -329,7 +336,9 @@ def _blas_once() -> _Blas | None:
 def pools() -> list[Pool] | None:
     """The data of threadpoolctl on each loaded BLAS; None if it is not installed."""
     blas = _blas()
-    return None if blas is None else blas.pools()
+    if blas is None:
+        return None
+    return blas.pools()
 
 
 @contextmanager
@@ -392,7 +401,8 @@ def free_memory() -> float:
         if line.startswith("MemAvailable:"):
             free = 1024 * float(line.split()[1])
     for limit, usage, stat in CONTAINERS:
-        most, used = _lines(limit), _lines(usage)
+        most = _lines(limit)
+        used = _lines(usage)
         if most and used and most[0].isdigit():
             cached = [line.split()[1] for line in _lines(stat) if line.startswith("inactive_file ")]
             free = min(free, float(most[0]) - float(used[0]) + float((cached or ["0"])[0]))

@@ -169,7 +169,9 @@ def world_rank() -> int:
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)
     said = next((os.environ[name] for name in RANK if name in os.environ), "0")
-    return int(said) if said.isdigit() else 0
+    if said.isdigit():
+        return int(said)
+    return 0
 
 
 def say(text: str, stream: TextIO | None = None) -> None:

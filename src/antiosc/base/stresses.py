@@ -82,8 +82,11 @@ def tsai_hill(
 
 def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
     """Tsai–Hill index (...,) of components (..., 6); X, Y in tension and in compression."""
-    one, two, shear = s[..., 0], s[..., 1], s[..., 5]
-    x, y = np.where(one < 0, X[1], X[0]), np.where(two < 0, Y[1], Y[0])
+    one = s[..., 0]
+    two = s[..., 1]
+    shear = s[..., 5]
+    x = np.where(one < 0, X[1], X[0])
+    y = np.where(two < 0, Y[1], Y[0])
     return np.asarray((one / x) ** 2 - one * two / x**2 + (two / y) ** 2 + (shear / S) ** 2)
 
 
@@ -105,7 +108,8 @@ def delamination_load(D: float, G: float) -> float:
     G : float
         Critical energy release rate in mode II, J/m².
     """
-    D, G = checks.positive("D", D, "N m"), checks.positive("G", G, "J/m²")
+    D = checks.positive("D", D, "N m")
+    G = checks.positive("G", G, "J/m²")
     return float(np.pi * np.sqrt(32 * D * G / 3))
 
 
@@ -133,7 +137,8 @@ def components(name: str, value: object) -> Array:
 
 def equivalent(components: Array) -> Array:
     """Von Mises's stress (...,) of components 11, 22, 33, 23, 13, 12 (..., 6)."""
-    normal, shear = components[..., :3], components[..., 3:]
+    normal = components[..., :3]
+    shear = components[..., 3:]
     mean = normal.mean(axis=-1, keepdims=True)
     squares = np.sum((normal - mean) ** 2, axis=-1) + 2 * np.sum(shear**2, axis=-1)
     return np.asarray(np.sqrt(1.5 * squares))
@@ -152,7 +157,9 @@ DEVIATOR[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
 DEVIATOR[2:, 3:] = np.sqrt(3.0) * np.eye(3)
 #: Singular value over the largest below which it is rounding; stresses whose rank is looked at; at
 #: once.
-RANK, LOOKED_AT, AT_ONCE = 1e-12, 20, 2000
+RANK = 1e-12
+LOOKED_AT = 20
+AT_ONCE = 2000
 
 
 def equivalent_parts(columns: Array) -> Array:
@@ -261,15 +268,19 @@ class Strengths(Checked):
 
 def exposure(criterion: str, own: Strengths, s: Array) -> Array:
     """Exposure (...,) of a layer with strengths by a criterion, for components (..., 6)."""
-    one, two, shear = s[..., 0], s[..., 1], s[..., 5]
+    one = s[..., 0]
+    two = s[..., 1]
+    shear = s[..., 5]
     if criterion == "delamination":
         if own.interlaminar is None:
             raise InputError("delamination needs Strengths(…, interlaminar=…), in Pa.")
         return np.asarray(np.hypot(s[..., 4], s[..., 3]) / own.interlaminar)
     if criterion == "tsai_hill":
-        X, Y = (own.X_t, own.X_c), (own.Y_t, own.Y_c)
+        X = (own.X_t, own.X_c)
+        Y = (own.Y_t, own.Y_c)
         return np.asarray(np.sqrt(np.maximum(hill_index(s, X, Y, own.S), 0.0)))
-    a, b = one / np.sqrt(own.X_t * own.X_c), two / np.sqrt(own.Y_t * own.Y_c)
+    a = one / np.sqrt(own.X_t * own.X_c)
+    b = two / np.sqrt(own.Y_t * own.Y_c)
     square = a**2 + b**2 - a * b + (shear / own.S) ** 2
     linear = one * (1 / own.X_t - 1 / own.X_c) + two * (1 / own.Y_t - 1 / own.Y_c)
     return np.asarray(linear / 2 + np.sqrt(linear**2 / 4 + square))

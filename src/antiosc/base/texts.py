@@ -59,7 +59,10 @@ class ReprMixin:
 
 #: Status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
 #: but the bodies still touch at the end.
-COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
+COMPLETED = 0
+INEXACT = 1
+STOPPED = 2
+TOUCHING = 3
 
 
 class Result(ReprMixin):
@@ -96,7 +99,9 @@ class Completed(Result):
 
 def _json(value: object) -> object:
     """A number or an array of NumPy as Python's own."""
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value
 
 
 class FieldsRepr:
@@ -154,16 +159,22 @@ def _field_text(value: object) -> str:
         return "{" + ", ".join(map(str, value)) + "}"
     if isinstance(value, list | tuple):
         text = ", ".join(map(_field_text, value))
-        return f"({text})" if len(text) <= WIDTH else f"({len(value)} entries)"
+        if len(text) <= WIDTH:
+            return f"({text})"
+        return f"({len(value)} entries)"
     if isinstance(value, ReprMixin) or callable(value):
         return getattr(value, "__name__", type(value).__name__)
     text = repr(value)
-    return text if len(text) <= WIDTH and "\n" not in text else type(value).__name__
+    if len(text) <= WIDTH and "\n" not in text:
+        return text
+    return type(value).__name__
 
 
 def _truncated(text: str) -> str:
     """A text of at most `WIDTH` characters."""
-    return text if len(text) <= WIDTH else text[: WIDTH - 1] + "…"
+    if len(text) <= WIDTH:
+        return text
+    return text[: WIDTH - 1] + "…"
 
 
 def value_text(value: object) -> str:
@@ -238,7 +249,9 @@ def range_text(low: float, high: float, unit: str = "") -> str:
 def capitalised(sentence: str) -> str:
     """The sentence with a capital letter, unless it begins with a name of a file or a variable."""
     first = sentence.partition(" ")[0].rstrip(",:")
-    return sentence[:1].upper() + sentence[1:] if first.isalpha() else sentence
+    if first.isalpha():
+        return sentence[:1].upper() + sentence[1:]
+    return sentence
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:

@@ -65,9 +65,16 @@ def gradient(
     given_arrays = [np.ascontiguousarray(each) for each in (*arrays, time)]
     at = [library.address(each) for each in given_arrays]
     run = library.Record(
-        n_nodes=found.time.size, n_states=len(states), n_exits=len(given_arrays[4]), every=1,
-        time=at[0], force=at[1], depth=at[2], states=at[3], exits=at[4],
-    )  # fmt: skip
+        n_nodes=found.time.size,
+        n_states=len(states),
+        n_exits=len(given_arrays[4]),
+        every=1,
+        time=at[0],
+        force=at[1],
+        depth=at[2],
+        states=at[3],
+        exits=at[4],
+    )
     goal = library.Goal(len(readings), *at[5:])
     out, slopes = _slopes_of(system)
     if space.work is None:

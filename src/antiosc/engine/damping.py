@@ -208,7 +208,8 @@ class FirstOrder:
         """b'(dynamic stiffness)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
         s = 1j * omega[..., None]
         size = self.omega.size
-        ca, cb = self.at_q[:, :size].T @ b, self.at_q[:, size:].T @ b
+        ca = self.at_q[:, :size].T @ b
+        cb = self.at_q[:, size:].T @ b
         over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
         rest = ca - 2 * self.decay[:, None] * cb
         a = over[..., None] * (cb * s[..., None] + ca)
@@ -243,7 +244,8 @@ class StackedModes:
         for w, d, first, _ in self.parts:
             size = w.size if first is None else first.omega.size
             yield slice(j, j + w.size), slice(i, i + size), d, first
-            j, i = j + w.size, i + size
+            j = j + w.size
+            i = i + size
 
     def rows(self, values: Array) -> Array:
         """Project functionals (n, J) of the displacements on the first-order states: (n, 2 I)."""
@@ -369,13 +371,18 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     )
     touched = modal_damping > UNDAMPED * modal_damping.max(initial=0.0)
     touched[rigid] = values > UNDAMPED_RIGID * modal_damping.max(initial=0.0)
-    coupled, alone = np.flatnonzero(touched), np.flatnonzero(~touched)
+    coupled = np.flatnonzero(touched)
+    alone = np.flatnonzero(~touched)
     own_damping = in_coordinates(damping, turn[:, coupled])
     w, d, S, JS, braked, stretched = _modes(omega[coupled], own_damping)
-    k, size, free, both = coupled.size, w.size, alone.size, alone.size + w.size
+    k = coupled.size
+    size = w.size
+    free = alone.size
+    both = alone.size + w.size
     first = np.concatenate((np.arange(free), both + np.arange(free)))
     second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
-    states, dual = np.zeros((2 * J, 2 * both)), np.zeros((2 * J, 2 * both))
+    states = np.zeros((2 * J, 2 * both))
+    dual = np.zeros((2 * J, 2 * both))
     for half in range(2):  # of undamped modes a is the displacement, b its rate
         states[half * J + alone, first[half * free : (half + 1) * free]] = 1.0
         dual[half * J + alone, first[(1 - half) * free : (2 - half) * free]] = 1.0
@@ -385,13 +392,16 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     deceleration[np.ix_(coupled, second)] = braked
     springs, row = [], 0
     for L, _ in own_damping.factors:
-        moved, end = np.zeros((J, 2 * both)), row + len(L)
+        moved = np.zeros((J, 2 * both))
+        end = row + len(L)
         moved[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
         springs.append(moved)
         row = end
     whole = scipy.linalg.block_diag(turn, turn)
-    w, d = np.append(omega[alone], w), np.append(np.zeros(free), d)
-    states, dual = whole @ states, whole @ dual
+    w = np.append(omega[alone], w)
+    d = np.append(np.zeros(free), d)
+    states = whole @ states
+    dual = whole @ dual
     upper, lower = np.split(dual.T, 2)  # T^-1 of them
     inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
     return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse, springs)
@@ -406,7 +416,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
     skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
     """
-    k, moving = omega.size, np.flatnonzero(omega)
+    k = omega.size
+    moving = np.flatnonzero(omega)
     L = np.vstack(
         [np.zeros((0, k)), *(vectors_of_group for vectors_of_group, _ in damping.factors)]
     )
@@ -417,14 +428,17 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         ]
     )
     e = moving.size
-    q, v, y = slice(0, e), slice(e, e + k), slice(e + k, e + k + tau.size)
+    q = slice(0, e)
+    v = slice(e, e + k)
+    y = slice(e + k, e + k + tau.size)
     A = np.zeros((y.stop, y.stop))
     A[q, v] = np.diag(omega)[moving]
     A[v, q], A[v, v], A[v, y] = -A[q, v].T, -damping.matrix, -L.T
     A[y, v], A[y, y] = L, -np.diag(1 / tau)
     sign = np.concatenate((-np.ones(e), np.ones(k), -np.ones(tau.size)))
     poles, Z = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
-    poles, Z = poles.astype(complex), Z.astype(complex)
+    poles = poles.astype(complex)
+    Z = Z.astype(complex)
     for cluster in _real_clusters(poles):
         poles[cluster], Z[:, cluster] = _in_subspace(A, sign, poles[cluster], Z[:, cluster])
     Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
@@ -442,7 +456,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
             root = scipy.linalg.sqrtm(gram).astype(complex) if len(group) > 1 else np.sqrt(gram)
             for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
                 turned = column * np.sqrt(2j * z.imag)
-                rate, real = turned.imag / z.imag, min(float(z.real), 0.0)
+                rate = turned.imag / z.imag
+                real = min(float(z.real), 0.0)
                 pairs.append((abs(z), -real, turned.real - real * rate, rate))
         elif pole.imag == 0:
             values, vectors = np.linalg.eigh(gram.real)
@@ -455,7 +470,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
         plus.append((0.0, column / np.sqrt(deceleration)))
     pairs += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
-    w, d = np.array([one[0] for one in pairs]), np.array([one[1] for one in pairs])
+    w = np.array([one[0] for one in pairs])
+    d = np.array([one[1] for one in pairs])
     shapes = [one[2] for one in pairs] + [one[3] for one in pairs]
     S = np.array(shapes).reshape(2 * w.size, len(Y)).T
     relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
@@ -480,7 +496,8 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
     In it Z' sign Z = Y'JAY is of one sign: the modes are those of a symmetric matrix. Otherwise
     the poles and modes are returned as they are.
     """
-    low, high = poles.real.min() * (1 + CLUSTERED / 2), poles.real.max() * (1 - CLUSTERED / 2)
+    low = poles.real.min() * (1 + CLUSTERED / 2)
+    high = poles.real.max() * (1 - CLUSTERED / 2)
 
     def inside(re: complex, im: float = 0.0) -> bool:
         pole = re + 1j * im
@@ -545,4 +562,6 @@ def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -
     receptance = modes.receptance(np.eye(omega.size), at).real
     scale = np.sqrt(exact.diagonal())
     off = float(np.abs((receptance - exact) / np.outer(scale, scale)).max(initial=0.0))
-    return off if np.isfinite(off) else np.inf
+    if np.isfinite(off):
+        return off
+    return np.inf

@@ -28,10 +28,13 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
     """
     p = len(laws)
     states = [law.touch(0.0) for law in laws]
-    beta, load, gap = system.beta[:p], system.loads[0], system.offsets[0, :p]
+    beta = system.beta[:p]
+    load = system.loads[0]
+    gap = system.offsets[0, :p]
     square = system.omega**2
     rigid = square == 0
-    q, force = np.zeros(load.size), np.zeros(p)
+    q = np.zeros(load.size)
+    force = np.zeros(p)
     size = float(np.abs(load).max())
     if size == 0.0 and not np.any(-gap > 0):
         return q, force
@@ -59,7 +62,10 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
             if damp > 1e30 * stiff:
                 break
         stalled = np.abs(step).max() <= 1e-15 * np.abs(new).max()
-        q, force, slope, value = new, pressed, bend, after
+        q = new
+        force = pressed
+        slope = bend
+        value = after
         if stalled and np.abs(residual).max() <= 1e-8 * scale:
             return q, force
         damp = max(damp / 10, 1e-18 * stiff)

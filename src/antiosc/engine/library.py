@@ -320,16 +320,19 @@ def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
     try:
-        found, unlocked = ctypes.PyDLL(str(path)), ctypes.CDLL(str(path))
+        found = ctypes.PyDLL(str(path))
+        unlocked = ctypes.CDLL(str(path))
         for name, (result, *arguments) in _SIGNATURES.items():
             function = getattr(unlocked if name in _LONG else found, name)
-            function.restype, function.argtypes = result, arguments
+            function.restype = result
+            function.argtypes = arguments
             setattr(found, name, function)
     except (OSError, AttributeError) as error:
         raise MissingDependencyError(
             f"the library {path.name} cannot be loaded ({error}): {_REMEDY}."
         ) from error
-    version, built = found.aom_version(), found.aom_source_hash().decode()
+    version = found.aom_version()
+    built = found.aom_source_hash().decode()
     if version != VERSION:
         raise MissingDependencyError(
             f"the library {path.name} has version {version} of its interface, not {VERSION}:"
@@ -392,7 +395,8 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
     Of the spans (C, 2) from one step to another.
     """
     time, force = _doubles(time, force)
-    steps, out = np.ascontiguousarray(spans, dtype=np.int64), np.empty((len(spans), 2))
+    steps = np.ascontiguousarray(spans, dtype=np.int64)
+    out = np.empty((len(spans), 2))
     at = (address(each) for each in (steps, out))
     library.aom_pulses(address(time), address(force), force.shape[1], row, len(spans), *at)
     return out

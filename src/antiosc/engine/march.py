@@ -77,7 +77,8 @@ class Run:
                 node = int(np.searchsorted(self.time, time))
                 if branch != library.APART:
                     state = law.touch(speed, None if one is None else one.state)
-                    one, begin = Kept(True, speed, state), node
+                    one = Kept(True, speed, state)
+                    begin = node
                 elif one is not None:
                     one = Kept(False, one.speed, self._advanced(law, one.state, c, begin, node))
             if one is not None and one.closed:
@@ -101,7 +102,8 @@ class Buffers:
     """Arrays into which a run is written: times, forces, depths, states, events."""
 
     def __init__(self, record: library.Record, p: int, m: int, size: int) -> None:
-        self.record, self.shape = record, (p, m, size)
+        self.record = record
+        self.shape = (p, m, size)
         self.arrays: tuple[Array, ...] = ()
         self.nbytes = 0
 
@@ -151,7 +153,8 @@ class Buffers:
 
     def thin(self) -> None:
         """Keep every other one of the stored states."""
-        r, states = self.record, self.arrays[3]
+        r = self.record
+        states = self.arrays[3]
         half = states[: r.n_states : 2].copy()
         states[: len(half)] = half
         r.n_states, r.every = len(half), 2 * r.every
@@ -284,13 +287,18 @@ def solve(
     given = system.packed
     m, size = system.beta.shape
     space = take_space(given)
-    solution, buffers = library.Solution(), space.buffers
+    solution = library.Solution()
+    buffers = space.buffers
     for each in buffers:
         each.keep(keep)
     arguments = (
-        space.stepper, byref(given.system), byref(options), byref(solution),
-        addressof(space.records), max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
-    )  # fmt: skip
+        space.stepper,
+        byref(given.system),
+        byref(options),
+        byref(solution),
+        addressof(space.records),
+        max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
+    )
     answer = library.PAUSED
     while answer in (library.PAUSED, library.FULL):
         answer = library.library.aom_solve(*arguments)

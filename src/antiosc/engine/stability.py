@@ -50,7 +50,8 @@ def growth_rate(omega: Array, beta: Array, R: Array, stiffness: Array, h: float)
     h : step [s].
     """
     closed = stiffness > 0
-    b, k = beta[closed], stiffness[closed]
+    b = beta[closed]
+    k = stiffness[closed]
     if not k.size:
         return 0.0
     y = omega * h
@@ -60,13 +61,15 @@ def growth_rate(omega: Array, beta: Array, R: Array, stiffness: Array, h: float)
     w0, wm, w1 = _weights(J0, J1 / h, J2 / h**2)
     J0, J1, J2 = library.responses(omega, 0.0, 0.5 * h)[3:]
     s0, sm, _ = _weights(J0, J1 / h, J2 / h**2)
-    s1, s0 = s0 - w0 / (2 * half), sm - wm / (2 * half)
+    s1 = s0 - w0 / (2 * half)
+    s0 = sm - wm / (2 * half)
     soft = np.diag(1 / k) + R[np.ix_(closed, closed)]
     f = np.linalg.solve(soft, b)
     rest = b / half - 2 * (b * s1) @ b.T @ f
     g = np.linalg.solve(soft + (b * s0) @ b.T, rest)
     # u N q = M q
-    nodes, middles = (b * w1).T @ f, (b * wm).T @ g
+    nodes = (b * w1).T @ f
+    middles = (b * wm).T @ g
     N = np.eye(omega.size) + nodes + 0.5 * middles
     M = np.diag(2 * np.sin(0.5 * y) ** 2) + nodes + (b * w0).T @ f + middles
     u = np.linalg.eigvals(np.linalg.solve(N, M))

@@ -140,7 +140,9 @@ class System:
     @property
     def undamped(self) -> NDArray[np.bool_]:
         """Which modes (J,) have no damping."""
-        return self.decay == 0 if self.first is None else self.first.undamped
+        if self.first is None:
+            return self.decay == 0
+        return self.first.undamped
 
     @cached_property
     def marched(self) -> System:
@@ -182,7 +184,8 @@ class System:
 
     def free_rows(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Indentations and rates (m,) of the rows in a state, without gaps and forces."""
-        free, rate = self.beta @ q, self.beta @ v
+        free = self.beta @ q
+        rate = self.beta @ v
         if self.gamma is None:
             return free, rate
         return free + self.gamma @ v, rate - self.gamma @ (self.omega**2 * q + 2 * self.decay * v)
@@ -273,9 +276,24 @@ def posed(
         friction[...] = tangents
     mass, depth, speed, pressed = np.zeros((4, p))
     system = System(
-        omega, decay, beta, residual, times, loads, gaps, laws, np.zeros((p, 2)), friction, q, v,
-        mass, depth, speed, pressed, first=first,
-    )  # fmt: skip
+        omega,
+        decay,
+        beta,
+        residual,
+        times,
+        loads,
+        gaps,
+        laws,
+        np.zeros((p, 2)),
+        friction,
+        q,
+        v,
+        mass,
+        depth,
+        speed,
+        pressed,
+        first=first,
+    )
     system.block = block
     return system
 
@@ -302,7 +320,8 @@ class Given:
     def __init__(self, system: System) -> None:
         s = system
         p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
-        block, numbers = s.block, s.numbers
+        block = s.block
+        numbers = s.numbers
         if block is None or any([each.base is not block for each in numbers]):
             block = np.concatenate([each.ravel() for each in numbers], dtype=float)
         self.block: Array = block
@@ -319,9 +338,16 @@ class Given:
         *arrays, q, v, _ = ends
         self.laws = [packed(law) for law in s.laws]
         each_contact = zip(
-            self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(), s.depth.tolist(),
-            s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,
-        )  # fmt: skip
+            self.laws,
+            s.slip.tolist(),
+            s.tangents.tolist(),
+            s.mass.tolist(),
+            s.depth.tolist(),
+            s.speed.tolist(),
+            s.slowest.tolist(),
+            s.pressed.tolist(),
+            strict=True,
+        )
         self.contacts = (library.Contact * p)(
             *[
                 library.Contact(law, *slip, *tangents, *each)

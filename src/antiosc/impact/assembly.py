@@ -1,8 +1,8 @@
-"""From a scene to the modes, rows and loads that the march takes, and what is expected of contacts.
+"""From a scene to the modes, rows and loads of the march, with estimates of its contacts.
 
-The estimates of depth, speed, duration and stiffness of contacts start the choice of the step; no
-result depends on them, but for the tangential stiffness of friction that is not given, for which
-the depth is found accurately.
+The estimated depth, speed, duration and stiffness of contacts give the first step of the march. No
+result depends on them except the default tangential stiffness of friction, for which the depth is
+computed accurately.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def largest_indentation(
 ) -> float:
     """Largest indentation [m] of a new contact, at most `high`, to the relative error `close`.
 
-    It absorbs an energy [J] and the work of a force `push` [N]; the contact closes at `speed`.
+    The contact closes at `speed`; it absorbs an energy [J] and the work of a force `push` [N].
     """
     kernel, own = packed(law)
     found = library.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
@@ -59,18 +59,19 @@ LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Find what is expected of the contacts, from their motion and loads at the start.
+    """Estimate depth, speed and stiffness of the contacts from their motion and loads at the start.
 
-    Returns the shortest expected time [s] of a contact. local : compliance [m/N] of the patches of
-    each contact.
+    Returns the shortest expected contact time [s]. local : compliance [m/N] of the patches of each
+    contact.
     """
     p = len(system.laws)
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
     system.mass[:] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
-    push, closing = np.zeros(p), _largest_component(system.beta[:p], modal[None])
+    push = np.zeros(p)
+    closing = _largest_component(system.beta[:p], modal[None])
     if system.loads.any():
-        # what is at rest is set in motion by the others, at their speed, or by the loads
+        # bodies at rest are set in motion by the others, at their speed, or by the loads
         push = _largest_component(system.beta[:p], system.loads)
         falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
         closing = np.maximum(closing, np.minimum(falling, push * duration))
@@ -84,7 +85,9 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     system.speed[:] = np.where(closing > 1e-6 * most, closing, most)
     shortest = duration / 2
     for c, law in enumerate(system.laws):
-        speed, mass, pushed = float(system.speed[c]), float(system.mass[c]), float(push[c])
+        speed = float(system.speed[c])
+        mass = float(system.mass[c])
+        pushed = float(push[c])
         farthest = speed * duration + pushed * duration**2
         blow = _Blow(speed, 0.5 * mass * speed**2, pushed * mass, farthest)
         depth = largest_indentation(law, *blow)
@@ -97,7 +100,9 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 
 
 class _Blow(NamedTuple):
-    """Closing speed [m/s], energy [J], push [N] and the farthest way [m] of a contact."""
+    """Closing speed [m/s], energy [J], push [N] and greatest possible indentation [m] of a
+    contact.
+    """
 
     speed: float
     energy: float
@@ -106,7 +111,9 @@ class _Blow(NamedTuple):
 
 
 def _friction(contact: Contact, law: ContactLaw, blow: _Blow, local: float) -> tuple[float, float]:
-    """Coefficient and tangential stiffness [N/m] of a contact, freed of its patches."""
+    """Coefficient and tangential stiffness [N/m] of a contact, without the compliance of its
+    patches.
+    """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
         deepest = largest_indentation(contact.law, *blow, close=DEPTH_ERROR)
@@ -119,8 +126,8 @@ def _friction(contact: Contact, law: ContactLaw, blow: _Blow, local: float) -> t
 def _without_patches(stiffness: float, local: float) -> float:
     """Tangential stiffness of a contact [N/m] without the compliance of the bodies' patches.
 
-    By Cerruti's solution a patch whose pressure has the symmetry of a circle deforms tangentially
-    1/MINDLIN times as much as normally, whatever the pressure.
+    By Cerruti's solution, the tangential compliance of a patch with axisymmetric pressure is
+    1/MINDLIN times the normal one, whatever the pressure.
     """
     patches = stiffness * local / MINDLIN  # their share of the contact's compliance
     return stiffness / max(1.0 - patches, LEAST_COMPLIANCE)
@@ -133,7 +140,7 @@ def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Rough inertia [kg] that the slowest motions put behind a contact."""
+    """Estimated inertia [kg] of the slowest modes behind a contact."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -148,18 +155,21 @@ def effective_mass(beta: Array, omega: Array) -> float:
 def _largest_component(beta: Array, modal: Array) -> Array:
     """Largest |beta modal| (p,) over the rows of `modal` (K, J).
 
-    Where the sum is rounding, a tenth of the sum of magnitudes: distant motion arrives later.
+    If the sum is only rounding, a tenth of the sum of magnitudes: distant motion arrives later.
     """
-    direct, parts = abs(modal @ beta.T), abs(modal) @ abs(beta).T
+    direct = abs(modal @ beta.T)
+    parts = abs(modal) @ abs(beta).T
     if len(modal) > 1:
-        direct, parts = direct.max(axis=0), parts.max(axis=0)
+        direct = direct.max(axis=0)
+        parts = parts.max(axis=0)
     else:
-        direct, parts = direct[0], parts[0]
+        direct = direct[0]
+        parts = parts[0]
     return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)
 
 
 def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[ContactLaw, list[str]]:
-    """The law of a contact without the half-space compliance [m/N] of its patches, and notes."""
+    """(contact law without the half-space compliance [m/N] of its patches, notes)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
     less = law.without(local)
@@ -178,7 +188,7 @@ Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
 def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
-    """Return a picklable function that returns this scene and these bodies."""
+    """A picklable function that returns this scene and these bodies."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
 
@@ -186,17 +196,17 @@ def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[],
 class Assembly:
     """A scene in one set of modal coordinates.
 
-    What the march does not need is found when it is first asked for.
+    Attributes that the march does not use are computed when first used.
 
     Attributes
     ----------
     parts : makes the scene and its bodies.
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
-    laws : of the contacts, freed from the compliance of patches; `notes` say so.
-    system : what the march takes.
-    contact_time_estimate : expected time of a contact [s], the shortest.
-    may_rotate : whether the rotation of a body is known, and not 0.
-    thin : whether a body is of sheets that are held.
+    laws : contact laws, without the compliance of patches; `notes` say so.
+    system : the system that the march integrates.
+    contact_time_estimate : shortest expected contact time [s].
+    may_rotate : whether the rotation of a body is known and not 0.
+    thin : whether a body consists of supported sheets.
     stretches : whether a body has second-order forces.
     stretched : of bodies that stretch, the second-order forces that have rows in the march.
     """
@@ -267,7 +277,7 @@ class Assembly:
 def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) -> Assembly:
     """Assemble a scene for integration; InputError for parts that do not fit together.
 
-    stretch : whether bodies may stretch; the assembly is that of their linear motion.
+    stretch : False: the assembly of the linear motion, without second-order forces.
     """
     stretches = any(stretch_of(body) is not None for body in scene.bodies.values())
     if stretches and not stretch:
@@ -278,7 +288,9 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     for contact in scene.contacts:
         ends.append((find(contact.a, bodies), find(contact.b, bodies)))
     scene_parts.set_axes(scene, ends, bodies)
-    normal, tangents, gap = [], [], []
+    normal = []
+    tangents = []
+    gap = []
     tangential: list[Array] = []
     for contact, (a, b) in zip(scene.contacts, ends, strict=True):
         row, direction = scene_parts.contact_row(contact, (a, b), stacked)
@@ -296,18 +308,24 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     laws, notes = _laws(scene, local)
     if not len(stacked.B):
         raise InputError("nothing in the scene can move: every body is an obstacle.")
-    beta, R = G @ stacked.B.T, G @ stacked.r @ G.T
+    beta = G @ stacked.B.T
+    R = G @ stacked.r @ G.T
     modes = [
         BodyModes(
-            body.omega, body.modes.decay, beta[:, own], body.start, body.initial_displacements,
+            body.omega,
+            body.modes.decay,
+            beta[:, own],
+            body.start,
+            body.initial_displacements,
             loads[:, own],
         )
         for body, own in zip(bodies.values(), stacked.spans.values(), strict=True)
-    ]  # fmt: skip
+    ]
     first = stacked_first_order(bodies.values())
     system = posed(modes, laws, R, offsets, breaks, tangents, first)
     time = expect_contacts(scene, system, local, duration)
-    turns, thin = any(map(may_rotate, bodies.values())), any(map(is_thin, scene.bodies.values()))
+    turns = any(map(may_rotate, bodies.values()))
+    thin = any(map(is_thin, scene.bodies.values()))
     parts = given_parts(scene, bodies)
     return Assembly(parts, G, laws, notes, system, time, turns, thin, stretches)
 

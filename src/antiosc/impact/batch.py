@@ -125,7 +125,7 @@ def check_executor(executor: object) -> None:
 def call_results(
     executor: Executor, function: Callable[..., T], calls: Sequence[Call]
 ) -> Iterator[T | AntioscError]:
-    """Yield the result of each call in order, or its error."""
+    """Yield the result of each call in order, or the error that it raised."""
     return map(_result, _submitted(executor, function, calls))
 
 
@@ -158,8 +158,11 @@ def _submitted(
 
 
 def _result(future: Future[T] | AntioscError) -> T | AntioscError:
+    """The result of a future, or its error."""
     try:
-        return future if isinstance(future, AntioscError) else future.result()
+        if isinstance(future, AntioscError):
+            return future
+        return future.result()
     except AntioscError as error:
         return error
     except Exception as error:
@@ -177,17 +180,18 @@ def _executor_error(error: Exception) -> AntioscError:
     return found
 
 
-def rows_of(found: Any, size: int) -> list[Any] | AntioscError:
+def rows_of(rows: Any, size: int) -> list[Any] | AntioscError:
     """The rows that a chunk of `size` calls returned; an error if their number differs."""
-    if isinstance(found, AntioscError) or (isinstance(found, list) and len(found) == size):
-        return found
+    if isinstance(rows, AntioscError) or (isinstance(rows, list) and len(rows) == size):
+        return rows
     return AntioscError(
-        f"the executor returned {checks.shown(found)} for {size} results: it must return what"
+        f"the executor returned {checks.shown(rows)} for {size} results: it must return what"
         " the function that it is given returns."
     )
 
 
 def check_earlier(length: int, size: int) -> None:
+    """InputError unless the earlier results have the same number."""
     if length != size:
         raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
 
@@ -212,7 +216,7 @@ def common_length(lengths: dict[str, int]) -> int:
 
 
 CHUNKS = 64  # that the scenes are divided into for an executor
-#: Bytes of a scene with its results: 3.2 kB each of 20 000 and of 100 000.
+#: Bytes of a scene with its results, measured with 20 000 and with 100 000 scenes.
 SCENE = 3.2e3
 CHUNK_SIZE = 4096  # scenes that are solved at once without one
 CHECKED_MODELS = 3  # models of which the worst impact is run again and checked
@@ -261,7 +265,8 @@ class Batch(Result):
         done = np.isfinite(self.peak_force)
         rows = [f"{done.sum()} of {len(self)} scenes have results"]
         if done.any():
-            low, high = self.peak_force[done].min(), self.peak_force[done].max()
+            low = self.peak_force[done].min()
+            high = self.peak_force[done].max()
             rows.append(f"peak force {range_text(low, high, 'N')}")
         told = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
         return "\n".join([*rows, *told])
@@ -341,7 +346,8 @@ def simulate_many(
     process.require(SCENE * size, f"a batch of {size} scenes", "simulate it in several calls")
     columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in given.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
-    movers, speeds = columns["impactors"], columns["initial_velocity"]
+    movers = columns["impactors"]
+    speeds = columns["initial_velocity"]
     plausible.warn_each([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
     steps = cast("list[float | None]", columns.pop("step"))
     columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
@@ -391,11 +397,12 @@ def simulate_many(
 
 
 def _info(scene: Impact) -> ModelInfo:
+    """The record of a scene's model."""
     return info_of(scene.model)
 
 
 def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
-    """The laws of all scenes, chosen for "auto"; InputError names the scene."""
+    """The contact laws of all scenes, chosen for "auto"; InputError names the scene."""
     found: dict[tuple[int, int], ContactLaw] = {}
     laws = list(given)
     for i, pair in enumerate(zip(models, impactors, strict=True)):
@@ -415,9 +422,9 @@ def _warn_of_worst(
     ranked: Sequence[tuple[float, int]],
     check: Callable[[History], str],
 ) -> None:
-    """Run the worst scenes by `ranked` (rank > 0, scene) again and warn of what `check` finds.
+    """Repeat the worst scenes by `ranked` (rank > 0, scene) and warn of what `check` finds.
 
-    Of each model the worst scene is run, of `CHECKED_MODELS` models at most.
+    The worst scene of each model is repeated, for at most `CHECKED_MODELS` models.
     """
     seen: set[int] = set()
     for rank, i in sorted(ranked, reverse=True):
@@ -433,15 +440,18 @@ def _warn_of_worst(
 def _deflection(model: LinearBody, impulse: float) -> float:
     """Bound on a sheet's deflection by an impulse [N s], over its thickness; 0 for a free sheet."""
     held = info_of(model).thickness is not None and model.modal().omega.all()
-    return _bend(model, impulse) if held else 0.0
+    if held:
+        return _bend(model, impulse)
+    return 0.0
 
 
 def _bend(model: LinearBody, impulse: float) -> float:
     """Bound on the elastic deflection of a sheet by an impulse [N s], over its thickness.
 
-    A push by F ≥ 0 deflects a mode of frequency ω, at rest before, by b² ∫F dt / ω at most.
+    A force F ≥ 0 deflects a mode of frequency ω from rest by at most b² ∫F dt / ω.
     """
-    modal, thickness = model.modal(), info_of(model).thickness
+    modal = model.modal()
+    thickness = info_of(model).thickness
     assert thickness is not None
     elastic = modal.omega > 0
     return impulse * float(np.sum(modal.b[elastic] ** 2 / modal.omega[elastic])) / thickness
@@ -479,7 +489,7 @@ def _solve_chunk(
 ) -> list[_Row]:
     """Rows of scenes: groups in one call of the C library, the others one by one.
 
-    Where second-order forces are chosen by the linear run, it is one of these.
+    A linear run that decides on second-order forces is one of these scenes.
     """
     rows: dict[int, _Row] = {}
     known: dict[int, LinearBody] = {}
@@ -505,7 +515,7 @@ def _solve_chunk(
 
 
 def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
-    """The scene with a linear model, where a linear run decides whether a sheet stretches."""
+    """The scene with a linear model, if a linear run decides whether the sheet stretches."""
     model = scene.model
     if not isinstance(model, AntiOscillators) or info_of(model).thickness is None:
         return scene
@@ -518,14 +528,15 @@ def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
 
 def _slight(model: LinearBody, row: _Row) -> bool:
     """Whether the deflection in a linear run is too small to stretch the sheet."""
-    info, ratio = info_of(model), _bend(model, row.impulse)
+    info = info_of(model)
+    ratio = _bend(model, row.impulse)
     changes = [abs(one) for one in (info.second_order or {}).values()]
     curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
     return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE
 
 
 def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
-    """Report how many scenes are done, including those before."""
+    """Report the number of completed scenes, including earlier ones."""
     done(before + count)
 
 
@@ -586,6 +597,7 @@ def _doubts(scene: Impact) -> list[str]:
 def _solve_single(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
 ) -> _Row:
+    """The row of one scene."""
     told: list[str] = []
     try:
         with warnings_to(told.append):
@@ -595,6 +607,7 @@ def _solve_single(
 
 
 def _failed(error: AntioscError) -> _Row:
+    """The row of a scene that failed."""
     return _Row(CheckResult(STOPPED, str(error)), error=error)
 
 
@@ -610,6 +623,7 @@ def _impact(
 
 
 def _row(hit: History, check: CheckResult) -> _Row:
+    """The row of a history."""
     e = hit.restitution
     return _Row(
         result=check,
@@ -637,6 +651,8 @@ def _raise(rows: list[_Row]) -> None:
 
 
 def _batch_of(rows: list[_Row]) -> Batch:
+    """The batch of these rows."""
+
     def column(name: str) -> Array:
         return np.array([getattr(row, name) for row in rows], dtype=float)
 

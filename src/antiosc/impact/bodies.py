@@ -1,11 +1,11 @@
 """Bodies of a scene: impactors, also by the name of a standard, obstacles, rigid bodies, models.
 
-Whatever a body is, a scene sees its modes, the displacements of its sites in them, and what its
-motion carries (`SceneBody`). A site has one or more columns, each a displacement along a direction
-of space; bodies that know no directions (a `RigidMass`, a model made by hand) have one column.
+For a scene, every body is a set of modes with the displacements of its sites, its initial motion
+and its inertia (`SceneBody`). A site has one or more columns, each a displacement along a direction
+in space; bodies without directions (a `RigidMass`, a model made by hand) have one column.
 
-Each named impactor has the source of its numbers. What no source confirms is left out: a tip
-without a modulus has no Hertz law of its own.
+Each named impactor states the source of its numbers. Numbers without a source are omitted: a tip
+without a modulus has no Hertz law.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class RigidMass(Checked, Body):
         checks.store(self, material=matter, **_constants(matter))
 
     def surface(self, site: str = "") -> Surface | None:
-        """Its spherical tip; None where its radius or material is not known."""
+        """Its spherical tip; None if the radius or the material is unknown."""
         if self.tip_radius is None or not isinstance(self.material, Matter):
             return None
         return ball(self.material, self.tip_radius)
@@ -81,7 +81,8 @@ class RigidMass(Checked, Body):
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
     ) -> Hertz:
-        """Hertz's law of its tip against a surface of modulus E [Pa], ratio nu and these radii.
+        """Hertz's law of its tip against a surface of modulus E [Pa], Poisson's ratio nu and these
+        radii [m].
 
         InputError for a mass without tip_radius, E and nu.
         """
@@ -166,7 +167,9 @@ class Sphere(FieldsRepr, Body):
 
     def surface(self, site: str = "") -> Surface | None:
         """Its surface."""
-        return ball(self.material, self.radius) if isinstance(self.material, Matter) else None
+        if isinstance(self.material, Matter):
+            return ball(self.material, self.radius)
+        return None
 
     def hertz(
         self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
@@ -225,7 +228,8 @@ class Impactor(FieldsRepr, Body):
     velocity: float | Motion = 0.0
 
     def __post_init__(self) -> None:
-        velocity, own = self.velocity, checked_body("body", self.body)
+        velocity = self.velocity
+        own = checked_body("body", self.body)
         if not isinstance(velocity, Motion):
             velocity = checks.number("velocity", velocity, "m/s")
         checks.store(self, velocity=velocity, local_compliance=own.local_compliance)
@@ -236,7 +240,7 @@ class Impactor(FieldsRepr, Body):
         return checked_body("body", self.body).patch_radius
 
     def surface(self, site: str = "") -> Surface | None:
-        """That of the body's site."""
+        """The surface at the site of the body."""
         return checked_body("body", self.body).surface(site)
 
     def modal(self) -> ModalBody:
@@ -259,20 +263,7 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True)
 class NamedImpactor(FieldsRepr):
-    """A named impactor: its numbers, their source, and what is unknown.
-
-    Attributes
-    ----------
-    name : how `named_impactor` knows it.
-    source : where the numbers are from.
-    mass : kg; None: it follows from the diameter.
-    speed : m/s, of the test that the standard prescribes; None: none is prescribed.
-    tip_radius : m, or None.
-    steel : whether its surface is steel.
-    stiffness : N/m, of its contact with a plane, for a law F = k δ; None: not in the source.
-    restitution : coefficient of restitution on a rigid surface; None: not in the source.
-    note : what is not known, or left to the user.
-    """
+    """A named impactor with the source of its numbers."""
 
     name: str
     source: str
@@ -310,7 +301,7 @@ _TYRES = "the stiffness of the tyres is not in the sources: give a contact law"
 
 
 def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpactor:
-    """A hammer of IEC 60068-2-75 of this energy [J]; up to 1 J its tip is of polyamide."""
+    """A hammer of IEC 60068-2-75 of this energy [J]; up to 1 J its tip is polyamide."""
     steel = energy > 1
     speed = sqrt(2 * energy / mass)
     note = "" if steel else _POLYAMIDE
@@ -365,7 +356,7 @@ _IMPACTOR_LIST = (
         note="its speed, size and stiffness are not in the source: give a contact law",
     ),
 )  # fmt: skip
-#: Name -> what is known of the impactor.
+#: Name -> the named impactor.
 IMPACTORS = {one.name: one for one in _IMPACTOR_LIST}
 
 
@@ -485,16 +476,16 @@ class SceneBody:
 
     Attributes
     ----------
-    body : as it was given.
-    modes : its form in free modes.
+    body : the user's object.
+    modes : the body in its free modes.
     start : (J,) modal velocities; initial_displacements : (J,) modal
         displacements, default 0.
-    gap : distance [m] that the body brings with it.
+    gap : distance [m] that belongs to the body (an `Obstacle`).
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
-    pushes : direction (3,) in which the contact pushes each site, where known.
-    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
-        contacts give it.
+    pushes : direction (3,) in which the contact pushes each site, if known.
+    axes : for a body without `directions`: direction (3,) of each site's coordinate, which its
+        contacts define.
     first_order_start : states (2, I) of first-order modes at the start; None: those of the
         displacements and velocities with relaxed branches.
     """
@@ -525,7 +516,9 @@ class SceneBody:
     @property
     def decay(self) -> Array:
         """Decay constants (J,) [1/s]."""
-        return np.zeros(self.omega.size) if self.modes.decay is None else self.modes.decay
+        if self.modes.decay is None:
+            return np.zeros(self.omega.size)
+        return self.modes.decay
 
     @property
     def B(self) -> Array:
@@ -559,23 +552,27 @@ class SceneBody:
 
     def columns_of(self, site: str) -> tuple[int, ...]:
         """The columns of a site; () for an obstacle."""
-        return () if isinstance(self.body, Obstacle) else self.sites[site]
+        if isinstance(self.body, Obstacle):
+            return ()
+        return self.sites[site]
 
     def site_directions(self, site: str) -> Array | None:
         """Directions (k, 3) of the first k columns of a site; None if they are unknown."""
         if self.directions is not None:
             return self.directions[list(self.sites[site])]
-        return self.axes[site][None] if site in self.axes else None
+        if site in self.axes:
+            return self.axes[site][None]
+        return None
 
     def rotation(self, q: Array) -> Array:
-        """Rotation vectors (n, 3) [rad] of the rigid motion with modal displacements q (n, J)."""
+        """Rotation vectors (n, 3) [rad] of the rigid motion in the modal displacements q (n, J)."""
         if self.inertia is None:
             raise InputError(f"the model of {self.name!r} does not know how it turns.")
         return self.inertia.rotation(np.where(self.omega == 0, q, 0.0))
 
     @property
     def supported(self) -> bool:
-        """Whether no rigid-body mode moves a site: displacements are from equilibrium under
+        """Whether no rigid-body mode moves a site; displacements are then from equilibrium under
         gravity.
         """
         return not bool(np.any(self.B[self.omega == 0] != 0))
@@ -603,7 +600,9 @@ def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
     parts = [
         (body.omega, body.decay, body.modes.first_order, body.first_order_start) for body in bodies
     ]
-    return None if all(first is None for _, _, first, _ in parts) else StackedModes(parts)
+    if all(first is None for _, _, first, _ in parts):
+        return None
+    return StackedModes(parts)
 
 
 def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
@@ -640,8 +639,10 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
 
 
 def _modal_body(name: str, body: object) -> SceneBody:
+    """A model as a body of a scene."""
     asked = checked_body(f"body {name!r}", body)
-    modes, velocity = asked.modal(), asked.velocity
+    modes = asked.modal()
+    velocity = asked.velocity
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
@@ -654,12 +655,18 @@ def single_site_body(
     """A body with one contact point, with modal initial velocities (J,)."""
     local = {"": asked.local_compliance}
     return SceneBody(
-        name, body, modes, start,
-        gap=asked.gap, local_compliance=local, patch_radius=asked.patch_radius,
-    )  # fmt: skip
+        name,
+        body,
+        modes,
+        start,
+        gap=asked.gap,
+        local_compliance=local,
+        patch_radius=asked.patch_radius,
+    )
 
 
 def _rigid_body(name: str, body: RigidBody) -> SceneBody:
+    """A rigid body as a body of a scene."""
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}

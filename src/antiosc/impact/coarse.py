@@ -15,7 +15,7 @@ from typing import NamedTuple
 from antiosc.base.texts import engineering
 from antiosc.models.body import info_of
 
-#: Longest edge of a cell over the wave length from which it is told.
+#: A warning is given if the longest edge of a cell over the wavelength exceeds this.
 LARGE_CELL = 0.5
 
 
@@ -27,6 +27,7 @@ class Coarse(NamedTuple):
 
     @property
     def allowed(self) -> float:
+        """Recommended edge length [m], half of the largest without a warning."""
         return LARGE_CELL * self.wave / 2
 
 
@@ -38,7 +39,9 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     size, bending, speed = known
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
-    return Coarse(size, wave) if size > LARGE_CELL * wave else None
+    if size > LARGE_CELL * wave:
+        return Coarse(size, wave)
+    return None
 
 
 def coarse_cell(model: object, site: str, contact_time: float) -> str:

@@ -1,19 +1,18 @@
-"""The error budget of an impact: what mesh, model, truncation, steps and patch leave open.
+"""The error budget of an impact: errors due to mesh, element family, truncation, steps and patch.
 
-The mesh's share is the difference between the impacts on the model and on its corrected model
-(`antiosc.models.parameters`), times a factor of safety; since the errors of the three quantities
-(peak force, impulse, contact time) may vanish by chance, each is at least half the largest of them.
-The factor is larger where the errors of strains hold a large share of the energy. Of a shell the
-impact on the model that is softened without its misfit counts too, and the larger difference is
-taken: error and misfit have opposite signs and may cancel.
-The share of the truncation: `antiosc.impact.truncation`; of the element family:
-`antiosc.impact.error_budget`.
+The mesh error is the difference between the impacts on the model and on its corrected model
+(`antiosc.models.parameters`), times a factor of safety. The errors of the three quantities (peak
+force, impulse, contact time) may vanish by chance; each is therefore at least half the largest of
+them. The factor is larger if strain errors are a large share of the energy. For a shell, the impact
+on a model that is softened without its misfit is computed too, and the larger difference is taken,
+since error and misfit have opposite signs and may cancel.
+The truncation error is that of `antiosc.impact.truncation`.
 
-"model": what Timoshenko's beam leaves out of a bar that is solid. A point load on a solid bar
-deforms the section around it. Beyond the half-space that a contact law holds, this changes three
-things, which were measured on solid bars of rectangular section against closed forms
+"model": the error of Timoshenko's beam theory for a solid bar. A point load on a solid bar deforms
+the section around it. In addition to the half-space compliance in the contact law, this changes
+three properties. They were measured on solid bars of rectangular section against closed forms
 (`benchmarks/beam_model.py`; lengths of 5 to 40 heights, widths of half to twice the height; x is a
-frequency over that at which the section deforms):
+frequency over the lowest one at which the section deforms):
 
     compliance of the site    by up to LOCAL/(E √A)
     values of modes there     by up to VALUES x   (stresses across the axis, as in von Kármán's and
@@ -21,14 +20,13 @@ frequency over that at which the section deforms):
     natural frequencies       by up to FREQUENCIES x, and CLAMP d/L for each clamped end (d the
                               larger side, L the length: the clamp hinders Poisson's contraction)
 
-The same impact with all of these changes at once, to one side and to the other, differed by more
-than that on the solid bar for 449 of 450 quantities, and by 0.97 times as much for one;
-`SAFETY_BEAM` is for other bars.
+The impact was repeated with all changes at once, in either direction. Its change exceeded the true
+error on the solid bar for 449 of 450 quantities, and was 0.97 times it for one; `SAFETY_BEAM` is
+for other bars.
 
-"noise" and "band": the record of a measured model (`ModelInfo.measured`) has bodies that the
-measurement does not tell from it: some are drawn from the noise, some from what is not known of the
-modes above the band. The same impact on all of them tells what either leaves open; a bar is `BAR`
-standard deviations.
+"noise" and "band": the record of a measured model (`ModelInfo.measured`) contains other bodies that
+fit the measurement as well; some differ by the noise, some by the unknown modes above the band. The
+impact is repeated on each of them; an error bar is `BAR` standard deviations of the results.
 """
 
 from __future__ import annotations
@@ -50,8 +48,11 @@ from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import NO_ESTIMATE, energy_error
 
-#: What Timoshenko's beam leaves out, as measured: see above.
-LOCAL, VALUES, FREQUENCIES, CLAMP = 0.8, 0.6, 0.06, 0.05
+#: Measured errors of Timoshenko's beam theory: see above.
+LOCAL = 0.8
+VALUES = 0.6
+FREQUENCIES = 0.06
+CLAMP = 0.05
 SAFETY_BEAM = 1.25  # for other bars than those that were measured
 
 Shares = dict[str, float]
@@ -61,7 +62,7 @@ Rerun = Callable[[LinearBody, float], History]
 
 @dataclass(frozen=True, eq=False)
 class RepeatedImpact:
-    """An impact that is repeated on other bodies, by the exact method to `tol`.
+    """An impact that is repeated on other bodies by the exact method, to `tol`.
 
     `raw` is the history on `model` itself; `run` simulates the impact on a body.
     """
@@ -83,7 +84,7 @@ class RepeatedImpact:
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """Relative errors of the three quantities due to the element family, and notes.
 
-    The model's info has the data ("model"), or the reason why there is no figure.
+    The record of the model has the data ("model"), or the reason why there are none.
     """
     facts = impact.model.info.model
     if isinstance(facts, str):
@@ -99,29 +100,35 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 def _softer_and_stiffer(
     model: AntiOscillators, facts: BeamSection
 ) -> tuple[ModalModel, ModalModel]:
-    """The model with all changes that soften it, and with all that stiffen it.
+    """(model with all changes that soften it, model with all that stiffen it).
 
     Contact laws with a half-space lose the local compliance of the second.
     """
     modes = model.modal()
     x = np.minimum(modes.omega / facts["omega"], 1.0)
-    slower, local = FREQUENCIES * x + CLAMP * facts["clamps"], LOCAL * facts["compliance"]
+    slower = FREQUENCIES * x + CLAMP * facts["clamps"]
+    local = LOCAL * facts["compliance"]
 
     def moved(sign: float, r: float) -> ModalBody:
-        omega, b = modes.omega * (1 - sign * slower), modes.b * (1 + sign * VALUES * x)
+        omega = modes.omega * (1 - sign * slower)
+        b = modes.b * (1 + sign * VALUES * x)
         return replace(modes, omega=omega, b=b, r=r)
 
     return ModalModel(moved(1.0, modes.r + local)), ModalModel(moved(-1.0, modes.r), local)
 
 
-#: A bar in standard deviations of the bodies (benchmarks/measured_frf.py).
+#: Error bar, in standard deviations over the bodies (benchmarks/measured_frf.py).
 BAR = 2.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
 
-#: Share of the energy of a force below the frequency to which its spectrum reaches; that frequency
-#: times the length of a half-sine; samples of the force, and its length with zeros behind.
-ENERGY, HALF_SINE, SAMPLES, PADDED = 0.99, 1.18, 8192, 8
+#: The spectrum of a force ends at the frequency below which this share of its energy lies; this
+#: frequency times the duration, for a half-sine; samples of the force, and their number with zeros
+#: appended over it.
+ENERGY = 0.99
+HALF_SINE = 1.18
+SAMPLES = 8192
+PADDED = 8
 
 
 def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
@@ -134,7 +141,8 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
         impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
         for omega, b, r, decay in bodies
     ]
-    drawn, others = off[: int(facts["draws"])], off[int(facts["draws"]) :]
+    drawn = off[: int(facts["draws"])]
+    others = off[int(facts["draws"]) :]
     noise, band = (
         {
             name: BAR * float(np.sqrt(np.mean([one[name] ** 2 for one in part])))
@@ -150,7 +158,8 @@ def low_band_message(hit: History) -> str:
     facts = info_of(hit.model).measured
     if facts is None or not hit.contacts:
         return ""
-    top, pulse = float(facts["top"]) / (2 * np.pi), pulse_time(hit)
+    top = float(facts["top"]) / (2 * np.pi)
+    pulse = pulse_time(hit)
     if top * pulse >= LEAST_PRODUCT:
         return ""
     return (
@@ -162,11 +171,12 @@ def low_band_message(hit: History) -> str:
 
 
 def pulse_time(hit: History) -> float:
-    """Duration [s] of a half-sine whose spectrum reaches as far as that of the force.
+    """Duration [s] of the half-sine whose spectrum ends at the same frequency as that of the force.
 
-    The spectrum of the main impact reaches to where `ENERGY` of its energy lie below.
+    The spectrum of the first impact ends where `ENERGY` of its energy lies below.
     """
-    start, end = hit.contacts[0][0], hit.contacts[-1][1]
+    start = hit.contacts[0][0]
+    end = hit.contacts[-1][1]
     time = np.linspace(start, end, SAMPLES)
     energy = np.cumsum(np.abs(np.fft.rfft(hit.force_at(time), PADDED * SAMPLES)) ** 2)
     reach = int(np.searchsorted(energy, ENERGY * energy[-1])) or 1
@@ -179,37 +189,42 @@ def warn_low_band(hit: History) -> None:
         warn(sentence, AccuracyWarning)
 
 
-#: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the
-#: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
-#: RESOLVED times its radius (in proportion to them, above the first factor).
-SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
-#: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py). Blows that are too
-#: short for the cells of a shell make errors that no shape of the model shows, neither raw nor
-#: corrected: above COARSE_SHELL a bar is at least the share of the errors of strains in the energy.
+#: Factor of safety of the mesh error, and the larger factor for a coarse mesh: if the strain errors
+#: exceed the share COARSE of the energy, or the faces under the patch exceed RESOLVED times its
+#: radius (the factor then grows in proportion).
+SAFETY = 2.0
+SAFETY_COARSE = 3.0
+COARSE = 0.1
+RESOLVED = 1.2
+#: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py). Impacts that are too
+#: short for the cells of a shell cause errors that neither the raw nor the corrected model shows:
+#: if the strain errors exceed the share COARSE_SHELL of the energy, a bar is at least this share.
 SHELL, COARSE_SHELL = 1.5, 0.05
-#: The same for a site inside an element of a beam, whose kink there is not resolved.
+#: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 SAFETY_INSIDE = 5.0
-#: Time integration error of the runs that are compared, over that of the history; at most and
-#: at least this.
-FINER, LEAST, MOST = 0.1, 1e-6, 1e-4
+#: Time integration error of the compared runs over that of the history; its limits.
+FINER = 0.1
+LEAST = 1e-6
+MOST = 1e-4
 #: Instants of the contact at which the amplitudes of the shapes are taken.
 INSTANTS = 200
-#: Largest change of stiffness or mass that the gaps between flat faces and their surface count for.
+#: Largest change of stiffness or mass assumed for the gaps between flat faces and the true surface.
 MOST_GAP = 0.5
-#: Note where a second radius says nothing.
+#: Note if a second radius gives no estimate.
 NO_PATCH = "Not included: the radius of the patch."
 
 
 def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     """The error bars of a run.
 
-    `rerun(model, tol)` repeats the impact on another model and `by_law(law, tol)` by another law,
-    with the exact method and a step that meets the tolerance.
+    `rerun(model, tol)` repeats the impact on another model and `by_law(law, tol)` with another law,
+    by the exact method with a step that meets the tolerance.
     """
     model = hit.model
     if not isinstance(model, AntiOscillators):
         raise InputError(NO_ESTIMATE)
-    given, stretches = model, model.stretch is not None
+    given = model
+    stretches = model.stretch is not None
     if model.strain_error is None and model.info.measured is None and not stretches:
         raise InputError(NO_ESTIMATE)
     if not hit.contacts:
@@ -229,10 +244,16 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     law, left_out = law_errors(raw, by_law, tol)
     finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
-        "mesh": mesh, "truncation": truncated, "time": _time(hit, finer, tol), "patch": patch,
-        "geometry": geometry, "noise": noise, "band": band, "model": family,
+        "mesh": mesh,
+        "truncation": truncated,
+        "time": _time(hit, finer, tol),
+        "patch": patch,
+        "geometry": geometry,
+        "noise": noise,
+        "band": band,
+        "model": family,
         "stretch": _stretch(hit, given, rerun, tol),
-    }  # fmt: skip
+    }
     by_quantity = {
         name: ErrorBar(
             getattr(hit, name),
@@ -241,18 +262,20 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         )
         for name in QUANTITIES
     }
-    linear, unknown = LINEAR_BARS if stretches else "", tuple[str, ...]()
+    linear = LINEAR_BARS if stretches else ""
+    unknown = tuple[str, ...]()
     if model.strain_error is None and model.info.measured is None:
-        unknown, linear = ("mesh", "truncation"), ""
+        unknown = ("mesh", "truncation")
+        linear = ""
         left_out = f"{left_out} {NOT_ESTIMATED}".lstrip()
     band_notes = filter(None, [low_band_message(raw), linear])
     notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
     return ErrorBudget(by_quantity, share, notes, safety, left_out, unknown)
 
 
-#: Factor of safety of what two more modes change, and its least: the tensors themselves are within
-#: so much of the whole second-order strain. Chosen with 56 random sheets of which 55 bars then hold
-#: (50 with a factor of 2 and no least), tried with others (benchmarks/random_sheets.py).
+#: Factor of safety on the change by two more second-order modes, and least error, which is that of
+#: the tensors themselves. With these values 55 of 56 random sheets have bars that cover the error
+#: (50 with a factor of 2 and no least error); tried with others (benchmarks/random_sheets.py).
 STRETCH_SAFETY, STRETCH_LEAST = 3.0, 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 NOT_ESTIMATED = (
@@ -291,7 +314,8 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
     """Errors due to mesh and truncation, the strain error over the strain energy, the safety factor
     and notes; for a model without a mesh, none.
     """
-    model, raw = impact.model, impact.raw
+    model = impact.model
+    raw = impact.raw
     if model.strain_error is None:
         return bars.NO_ERROR, bars.NO_ERROR, 0.0, SAFETY, []
     softer = impact.simulate_on(model.corrected())
@@ -306,7 +330,10 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
         mesh = {name: max(one, share) for name, one in mesh.items()}
 
     def known(each: AntiOscillators, tol: float) -> History:
-        return raw if each is model else impact.run(each, tol)
+        """The history on a body, without a new run for the model itself."""
+        if each is model:
+            return raw
+        return impact.run(each, tol)
 
     truncated = truncation_error(model, known, tol=impact.tol)
     missed = truncation_share(model, raw.assembly)

@@ -14,7 +14,10 @@ from antiosc.models.modal import ModalBody
 
 #: Bodies processed together, and times at which u is evaluated in addition to those of the force:
 #: at least, at most, and in a period of the first mode.
-BODIES_AT_ONCE, SAMPLES, MOST_SAMPLES, A_PERIOD = 200, 200, 20_000, 40
+BODIES_AT_ONCE = 200
+SAMPLES = 200
+MOST_SAMPLES = 20_000
+A_PERIOD = 40
 #: Times [s] and the force [N] at them, linear between them and zero outside.
 Force = tuple[Array, Array]
 
@@ -53,7 +56,9 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
 
 
 def _decay(modes: ModalBody) -> Array:
-    return np.zeros(modes.b.size) if modes.decay is None else modes.decay
+    if modes.decay is None:
+        return np.zeros(modes.b.size)
+    return modes.decay
 
 
 def motions(
@@ -69,7 +74,8 @@ def motions(
     values = [_at(each, force) for each, force in zip(times, forces, strict=True)]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)
-    q, v = np.zeros_like(b), np.zeros_like(b)
+    q = np.zeros_like(b)
+    v = np.zeros_like(b)
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
         P, W, S, J0, J1, _ = library.responses(omega, decay, h[:, None])

@@ -1,8 +1,8 @@
-"""What the law of a contact may be off by: its share of the bars of an impact.
+"""Errors of an impact due to its contact law.
 
-Each cause is a repetition of the impact by a law that is changed by it: the measured error of the
-law, the range of the yield strength, its growth with the strain rate, hardening, and the curvature
-of the mesh. The largest change of each is taken, and all are added.
+For each cause of error the impact is repeated with a changed law. The causes are the measured error
+of the law, the range of the yield strength, its growth with the strain rate, hardening, and the
+curvature of the mesh. The largest change by each cause is taken, and all are added.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from antiosc.impact.histories.bars import NO_ERROR, differences, with_floor
 from antiosc.models.auto_contact import choice_of
 from antiosc.models.body import Body
 
-#: The law is the caller's.
+#: Note for a law given by the caller.
 GIVEN = "The contact's law was given: its error is not in these bars."
-#: Errors of the law grow with the depth: the largest then changes the peak by more than the same
-#: error at all depths, 1.29 times as much at most (benchmarks/elastoplastic/pairs.py).
+#: Factor for errors of the law that grow with the depth: these change the peak by up to 1.29 times
+#: as much as the same error at all depths (benchmarks/elastoplastic/pairs.py).
 GROWS = 1.4
-#: Largest error of a force that is repeated.
+#: Largest relative error of the force with which the impact is repeated.
 MOST = 0.9
 #: Repeats the impact by another law, to a tolerance.
 ByLaw = Callable[[ContactLaw, float], History]
 
 
 def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float] | None, str]:
-    """Errors of the three quantities due to the law, and why they are missing; reruns to `tol`.
+    """(errors of the three quantities due to the law, or None; the reason if they are missing).
 
-    The shares are None where they are not known, and 0 for a law of the caller's own.
+    The impact is repeated to `tol`. The errors are 0 for a law of the caller's own.
     """
     if not raw.contacts:
         return NO_ERROR, ""
@@ -64,11 +64,12 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
 
 
 def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
-    """For each cause of error, the laws that differ by this error."""
+    """For each cause of error, the changed laws."""
     yield list(_by_curvature(raw, choice.law))
     strain = elastic_strain(choice, raw.peak_force, raw.deepest)
     yield _by_strain(choice.law, strain)
-    law, soft = choice.law, choice.soft
+    law = choice.law
+    soft = choice.soft
     if not isinstance(law, ElasticPlastic) or soft is None:
         return
     if raw.peak_force > law.yield_force:
@@ -91,18 +92,22 @@ def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
 
 
 def _by_strain(law: ContactLaw, strain: float) -> list[ContactLaw]:
-    """The elastic law with the forces that large strains take or add."""
+    """The elastic law with forces changed by the effect of large strains."""
     share = strain_share(strain)
-    return _scaled(law, share) if share else []
+    if share:
+        return _scaled(law, share)
+    return []
 
 
 def _by_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[ContactLaw]:
-    """The law with forces changed by its measured error at a depth [m] and by an ellipse's."""
+    """The law with forces changed by its measured error at a depth [m] and by that of an
+    ellipse.
+    """
     return _scaled(law, min(GROWS * law.error_at(depth)[0] + elliptic, MOST))
 
 
 def _scaled(law: ContactLaw, share: float) -> list[ContactLaw]:
-    """The law with all forces smaller and larger by a share; none of a law without such scales."""
+    """The laws with all forces smaller and larger by a share; none if the law cannot be scaled."""
     factors = 1 - share, 1 + share
     if isinstance(law, ElasticPlastic):
         return [

@@ -1,9 +1,9 @@
 """Scenes by the methods that the march is compared with, refined to a tolerance.
 
 Newmark's method, the conserving midpoint rule and leapfrog have a fixed step. The first touch after
-a flight and the last release before one are located; what touches or parts beside a closed contact
-does so somewhere within a step, its time and closing speed are interpolated. Order 2 for forces
-without jumps.
+a flight and the last release before one are located exactly. If a contact touches or parts while
+another is closed, its time and closing speed are interpolated within a step. The order is 2 for
+forces without jumps.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from antiosc.engine.system import System
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.reference_ivp import IVP_METHODS, SAME_TIME, SceneIVP, SceneMethod, Segment
 
-#: times the energy that was there or given, beyond which a run counts as unstable; less may be the
-#: error of a coarse step
+#: A run is unstable if its energy exceeds this multiple of the initial and supplied energy; a
+#: smaller excess may be the error of a coarse step.
 BLOW_UP = 2.0
 #: rounding of a difference quotient of potentials, relative to the force
 QUOTIENT = 1e-9
 
 
 class Step(NamedTuple):
-    """The end of a step; `mean` (m,): forces whose impulse is that of the step."""
+    """The end of a step; `mean` (m,): constant forces with the impulse of the step."""
 
     q: Array
     v: Array
@@ -66,8 +66,8 @@ class SceneStep(SceneMethod):
 
     @cached_property
     def moved_modes(self) -> Array:
-        """1 for modes that contacts move, otherwise 0: other modes' energy would hide an
-        instability.
+        """1 for modes that contacts move, otherwise 0, since the energy of other modes would hide
+        an instability.
         """
         return np.any(self.system.beta != 0, axis=0).astype(float)
 
@@ -83,10 +83,15 @@ class SceneStep(SceneMethod):
     def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
     ) -> tuple[Segment, int]:
-        s, contacts = self.system, self.contacts
+        """Integrate while a contact is closed; see `SceneMethod`."""
+        s = self.system
+        contacts = self.contacts
         (q, v), gap = begin, self.loads_at(t)[1]
         node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
-        nodes, times, answer, work = [node], [t], library.DONE, 0.0
+        nodes = [node]
+        times = [t]
+        answer = library.DONE
+        work = 0.0
         start = self._energy(node) + (s.given if t == 0.0 else 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
             while self.busy and end - t > SAME_TIME * end and answer == library.DONE:
@@ -115,18 +120,18 @@ class SceneStep(SceneMethod):
         self.contacts.move_anchors(end.delta, end.force)
 
     def _energy(self, node: Step) -> float:
+        """Energy [J] of the modes that contacts move."""
         return 0.5 * float((node.v**2 + self.square * node.q**2) @ self.moved_modes)
 
     def _step_loads(self, t: float, h: float) -> StepLoads:
+        """The loads of a step of length h from t."""
         load1, gap1, _ = self.loads_at(t + h)
         return StepLoads(self.loads_at(t)[0], load1, gap1)
 
     def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, StepLoads]:
-        """Take one step of at most h, which ends where the last contact parts.
-
-        The step ends where the last contact parts.
-        """
-        contacts, acting = self.contacts, self._step_loads(t, h)
+        """Take one step of at most h; it ends where the last contact parts."""
+        contacts = self.contacts
+        acting = self._step_loads(t, h)
         new = self.advance(node, acting, h)
         touching = [
             c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
@@ -156,9 +161,11 @@ class SceneStep(SceneMethod):
         from scipy.optimize import brentq  # loaded where it is used: it takes long
 
         def over(delta: Array) -> float:
+            """Largest indentation of the closed contacts above their origins."""
             return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
 
         def above(fraction: float) -> float:
+            """That at the end of a fraction of the step."""
             return over(self.advance(node, self._step_loads(t, fraction), fraction).delta)
 
         if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
@@ -177,21 +184,27 @@ def _crossing(before: float, after: float, origin: float) -> float:
 
 
 class NewmarkScene(SceneStep):
-    """Average acceleration: all forces at the end of the step are found implicitly."""
+    """Newmark's average acceleration; all forces at the end of the step are found implicitly."""
 
     name = "newmark"
 
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
-        s, x, d = self.system, self.square, self.system.decay
-        q, v, F = start.q, start.v, start.force
+        s = self.system
+        x = self.square
+        d = self.system.decay
+        q = start.q
+        v = start.v
+        F = start.force
         scale = 1 + h * d + h * h * x / 4
         a = acting.load - F @ s.beta - x * q - 2 * d * v
         v1 = (v + h / 2 * (a + acting.load1 - x * (q + h / 2 * v))) / scale
         q1 = q + h / 2 * (v + v1)
         pull = h / 2 * s.beta / scale  # how unit forces at the end slow the modes
         gain = pull @ s.beta.T
-        A, A_rate = s.R + h / 2 * gain, gain + s.R / h
-        free, rate = s.beta @ q1 - acting.gap1, s.beta @ v1 + s.R @ F / h
+        A = s.R + h / 2 * gain
+        A_rate = gain + s.R / h
+        free = s.beta @ q1 - acting.gap1
+        rate = s.beta @ v1 + s.R @ F / h
         F1 = self.contacts.forces(free, A, rate, A_rate, F)
         return Step(
             q1 - h / 2 * F1 @ pull,
@@ -207,36 +220,47 @@ class LeapfrogScene(SceneStep):
     """Central differences: explicit, except for rows with a residual compliance."""
 
     name = "leapfrog"
-    #: share of the limit h omega_max = 2
+    #: step over the stability limit, h omega_max = 2
     SAFETY: ClassVar[float] = 0.9
 
     @staticmethod
     def longest(system: System) -> float:
         top = float(system.omega.max(initial=0.0))
-        return LeapfrogScene.SAFETY * 2 / top if top > 0 else np.inf
+        if top > 0:
+            return LeapfrogScene.SAFETY * 2 / top
+        return np.inf
 
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
-        s, x, d = self.system, self.square, self.system.decay
-        q, v, F = start.q, start.v, start.force
+        s = self.system
+        x = self.square
+        d = self.system.decay
+        q = start.q
+        v = start.v
+        F = start.force
         half = v + h / 2 * (acting.load - F @ s.beta - x * q - 2 * d * v)
         q1 = q + h * half
         scale = 1 + h * d
         v1 = (half + h / 2 * (acting.load1 - x * q1)) / scale
         pull = h / 2 * s.beta / scale
         A_rate = pull @ s.beta.T + s.R / h
-        free, rate = s.beta @ q1 - acting.gap1, s.beta @ v1 + s.R @ F / h
+        free = s.beta @ q1 - acting.gap1
+        rate = s.beta @ v1 + s.R @ F / h
         F1 = self.contacts.forces(free, s.R, rate, A_rate, F)
         return Step(q1, v1 - F1 @ pull, F1, free - s.R @ F1, rate - A_rate @ F1, (F + F1) / 2)
 
 
 class Quotient:
-    """Mean force over a step h that takes the unloaded indentation from `before` to `after`.
+    """Mean force over a step h in which the unloaded indentation changes from `before` to `after`.
 
     The unloaded indentation is delta + r F, with r the residual compliance in series.
     """
 
     def __init__(self, law: ContactLaw, r: float, state: State, before: float, h: float) -> None:
-        self.law, self.r, self.state, self.before, self.h = law, r, state, before, h
+        self.law = law
+        self.r = r
+        self.state = state
+        self.before = before
+        self.h = h
         self.start = self._potential(before)
 
     def solve(self, free: float, alpha: float) -> float:
@@ -255,7 +279,8 @@ class Quotient:
         return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15, maxiter=2000))
 
     def mean(self, after: float) -> float:
-        law, change = self.law, after - self.before
+        law = self.law
+        change = after - self.before
         energy, force = self._potential(after)
         energy0, force0 = self.start
         if abs(change) > 1e-5 * max(abs(after), abs(self.before)):
@@ -283,7 +308,8 @@ class ConservingScene(SceneStep):
         self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
     ) -> None:
         super().__init__(system, laws, step, driven)
-        p, R = self.p, system.R
+        p = self.p
+        R = system.R
         if np.any(R - np.diag(R.diagonal())) or np.any(R[p:, p:]):
             raise InputError(
                 "method='conserving' does not support a residual compliance that couples contacts,"
@@ -296,8 +322,11 @@ class ConservingScene(SceneStep):
             )
 
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
-        s, x, d = self.system, self.square, self.system.decay
-        q, v = start.q, start.v
+        s = self.system
+        x = self.square
+        d = self.system.decay
+        q = start.q
+        v = start.v
         stiff = h * d + h * h * x / 4
         load = (acting.load + acting.load1) / 2
         v1 = (v * (1 - stiff) + h * (load - x * q)) / (1 + stiff)
@@ -307,15 +336,18 @@ class ConservingScene(SceneStep):
         before = start.delta + s.R @ start.force
         free = s.beta @ q1 - acting.gap1
         mean = self._means(before, free, A, start.mean, h)
-        q1, v1 = q1 - h / 2 * mean @ pull, v1 - mean @ pull
+        q1 = q1 - h / 2 * mean @ pull
+        v1 = v1 - mean @ pull
         after = free - A @ mean
         force = self._nodal(after, s.beta @ v1, mean)
         return Step(q1, v1, force, after - s.R @ force, (after - before) / h, mean)
 
     def _means(self, before: Array, free: Array, A: Array, guess: Array, h: float) -> Array:
         """Mean forces (m,) over the step, by sweeps over the contacts."""
-        contacts, R = self.contacts, self.system.R.diagonal().tolist()
-        F, quotients = np.zeros_like(guess), {}
+        contacts = self.contacts
+        R = self.system.R.diagonal().tolist()
+        F = np.zeros_like(guess)
+        quotients = {}
         for c in contacts.active:
             F[c] = max(guess[c], 0.0)
             quotients[c] = Quotient(self.laws[c], R[c], contacts.state(c), float(before[c]), h)
@@ -334,7 +366,8 @@ class ConservingScene(SceneStep):
         """Forces (m,) by the laws at the end of the step."""
         force = np.zeros_like(mean)
         for c in self.contacts.active:
-            r, state = float(self.system.R[c, c]), self.contacts.state(c)
+            r = float(self.system.R[c, c])
+            state = self.contacts.state(c)
             force[c] = self.laws[c].implicit(float(after[c]), r, float(rate[c]), 0.0, state)
             rows = self.contacts.tangents(c)
             force[rows] = self.contacts.within_cone(c, mean[rows], force[c])
@@ -342,9 +375,14 @@ class ConservingScene(SceneStep):
 
 
 def _segment_of(times: Array, nodes: list[Step]) -> Segment:
-    """Parabolas with the impulses of the steps; their work is that of a straight path."""
-    n, m = len(nodes) - 1, len(nodes[0].force)
-    time, force, depth = np.empty(2 * n + 1), np.empty((2 * n + 1, m)), np.empty((2 * n + 1, m))
+    """Segment of parabolas with the impulses of the steps; their work is that of a straight
+    path.
+    """
+    n = len(nodes) - 1
+    m = len(nodes[0].force)
+    time = np.empty(2 * n + 1)
+    force = np.empty((2 * n + 1, m))
+    depth = np.empty((2 * n + 1, m))
     time[::2], force[::2] = times, [node.force for node in nodes]
     depth[::2] = [node.delta for node in nodes]
     if n:
@@ -361,10 +399,10 @@ SCENE_STEPS: dict[str, type[SceneStep]] = {
 }
 
 
-#: what runs a scene, by name
+#: names of all methods
 METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)
 
-#: Bounds of a run where none are given; of two anti-oscillators a million steps take 6 s.
+#: Default bounds of a run; a million steps with two anti-oscillators take 6 s.
 MAX_CONTACTS, MAX_STEPS = 10_000, 1_000_000
 FIRST_STEPS = 24  # steps in the shortest contact that is expected, at first
 MOST_RUNS = 24  # each has at least twice the steps of the one before: 20 reach MAX_STEPS
@@ -401,10 +439,15 @@ class Settings:
 def integrate_reference(assembly: Assembly, duration: float, settings: Settings) -> Converged:
     """A run by a method, with its estimated errors; there is no estimate for `solve_ivp`.
 
-    Of `solve_ivp` the step is the longest.
+    For `solve_ivp` the step is the longest.
     """
-    system, laws, scene = assembly.system, assembly.laws, assembly.scene
-    method, tol, step, limits = settings.method, settings.tol, settings.step, settings.limits
+    system = assembly.system
+    laws = assembly.laws
+    scene = assembly.scene
+    method = settings.method
+    tol = settings.tol
+    step = settings.step
+    limits = settings.limits
     driven = bool(scene.loads) or scene.base is not None
     if method in IVP_METHODS:
         longest = step or IVP_STEP * assembly.contact_time_estimate
@@ -439,12 +482,14 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
 def _converged(
     one: Callable[[float], Run], step: float, longest: float, settings: Settings
 ) -> Converged:
-    """Runs `one(step)` with smaller and smaller steps until their forces converge.
+    """Repeat `one(step)` with smaller and smaller steps until the forces converge.
 
-    A run that diverged is not used for the error of another.
+    A run that diverged does not count in the error of another.
     """
     tol = settings.tol
-    coarse, control, certain = one(step), Refinement(tol), 0.0
+    coarse = one(step)
+    control = Refinement(tol)
+    certain = 0.0
     for _ in range(MOST_RUNS):
         factor = 2**control.halvings
         if factor * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
@@ -468,7 +513,8 @@ def _converged(
 # -- control of the error: that of the finer of two runs from their difference
 
 # A halving of the step divides the error by 4 in the ideal case; less than 1.5 is not convergence.
-_SECOND_ORDER, _SLOWEST_RATE = 1 / 4, 2 / 3
+_SECOND_ORDER = 1 / 4
+_SLOWEST_RATE = 2 / 3
 _MOST_HALVINGS = 4.0  # at once: over more of them the rate of convergence changes
 _AIM = 0.7  # share of the tolerance that the next run is aimed at
 _SAFETY = 1.5  # on an extrapolated error until two rates agree
@@ -503,7 +549,9 @@ class Refinement:
         return max(self.error.values()) <= self.tol
 
     def update(self, force: float, peak: float) -> None:
-        """Add the relative differences of the last two runs, which are `halvings` apart."""
+        """Add the relative differences of the last two runs, whose steps differ by `halvings`
+        halvings.
+        """
         k = self.halvings
         before = self._before if force > 0 else None
         rate = _SECOND_ORDER if before is None else _rate(force / before[0], before[1], k)
@@ -512,7 +560,8 @@ class Refinement:
         left = 1.0
         if before is not None:
             proven = abs(rate - self._rate) <= _AGREE * rho and rate >= (1 - _AGREE) * _SECOND_ORDER
-            left, self._rate = (1.0 if proven else _SAFETY) * likely, rate
+            left = (1.0 if proven else _SAFETY) * likely
+            self._rate = rate
         self.error = {"force": force * left, "peak": max(force, peak) * left}
         self._before = (force, k) if force > 0 else None
         aim = max(force, peak) * likely / (_AIM * self.tol)
@@ -523,7 +572,9 @@ class Refinement:
 
 
 def _rate(ratio: float, before: float, now: float) -> float:
-    """rho from the ratio of two successive differences, over `before` and `now` halvings."""
+    """Error ratio rho per halving, from the ratio of two successive differences over `before` and
+    `now` halvings.
+    """
     low, high = _LEAST, _SLOWEST_RATE
     for _ in range(14):
         rho = 0.5 * (low + high)

@@ -1,13 +1,13 @@
-"""Scenes by scipy.integrate.solve_ivp, and what all methods beside the march share.
+"""Scenes by scipy.integrate.solve_ivp, and the base of all methods other than the march.
 
-The methods share no code with the march but its flights, which are exact: it finds the next touch.
-A method integrates from there until all contacts have parted, and all of a scene with loads or a
-moving ground, which are part of the comparison. Forces of several contacts are found by their laws'
-own methods, swept by Gauss and Seidel's method.
+These methods share with the march only its exact flights, which end at the next touch. From there
+a method integrates until all contacts have parted. A scene with loads or a moving ground is
+integrated as a whole, since the loads are part of the comparison. Forces of several contacts are
+found from their laws by Gauss–Seidel sweeps.
 
 `SceneIVP` integrates the modal equations and evaluates the laws at every call of the right-hand
-side. Friction has the elongation z of its spring as a state: z' is the speed of the point while it
-sticks; while it slides the force is mu F along z, and z turns and grows with it.
+side. The state of friction is the elongation z of its spring. While the point sticks, z' is its
+speed; while it slides, the force is mu F along z, and z turns and grows with it.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ class JointContacts:
     ----------
     closed : whether each contact touches.
     states : of the laws; None before the first touch.
-    anchor : (m,) where the springs of friction hang [m]; only tangential rows have one.
+    anchor : (m,) positions of the fixed ends of the friction springs [m], for tangential rows.
     events : [time, contact, 0 parts or 1 touches, closing speed] of all touches and partings.
     """
 
     def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:
-        self.system, self.laws = system, laws
+        self.system = system
+        self.laws = laws
         self.closed = system.closed.tolist()
         self._tangents = system.sides
         kept = system.kept or [None] * len(laws)
@@ -77,10 +78,12 @@ class JointContacts:
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
         state = self.states[c]
-        return 0.0 if state is None else self.laws[c].origin(state)
+        if state is None:
+            return 0.0
+        return self.laws[c].origin(state)
 
     def touch(self, c: int, t: float, speed: float, displacement: Array) -> None:
-        """Close a contact at the closing `speed`, where the rows have `displacement` (m,)."""
+        """Close a contact at the closing `speed`; `displacement` (m,) is that of the rows."""
         speed = max(speed, float(self.system.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
@@ -88,6 +91,7 @@ class JointContacts:
         self.events.append((t, c, 1, speed))
 
     def part(self, c: int, t: float) -> None:
+        """Open a contact at time t."""
         self.closed[c] = False
         self.events.append((t, c, 0, 0.0))
 
@@ -105,10 +109,11 @@ class JointContacts:
                 self.anchor[rows] = displacement[rows] - force[rows] / self.system.slip[c, 1]
 
     def forces(self, free: Array, A: Array, rate: Array, A_rate: Array, guess: Array) -> Array:
-        """F (m,) with F = law(free - A F, rate - A_rate F) of all closed contacts, 0 else.
+        """F (m,) with F = law(free - A F, rate - A_rate F) for all closed contacts, 0 for others.
 
-        A and A_rate (m, m): decrease of indentations [m/N] and their rates [m/(N s)] per force. Of
-        arrays (p,) and (p, p) the normal forces alone are found.
+        A and A_rate (m, m): decrease of indentations [m/N] and of their rates [m/(N s)] per force.
+        With
+        arrays (p,) and (p, p) only the normal forces are found.
         """
         F = guess.copy()
         for c, closed in enumerate(self.closed):
@@ -142,7 +147,8 @@ class JointContacts:
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
         """Solve for the normal force [N] of contact c while the other forces keep their values."""
-        law, state = self.laws[c], self.state(c)
+        law = self.laws[c]
+        state = self.state(c)
         free_rate, rate_compliance = 0.0, 0.0
         if law.rate_dependent:
             rate_compliance = float(A_rate[c, c])
@@ -165,11 +171,14 @@ class JointContacts:
 
     def within_cone(self, c: int, friction: Array, normal: float) -> Array:
         """Friction (k,) of a contact, limited to mu times the normal force."""
-        size, most = float(np.linalg.norm(friction)), self.system.slip[c, 0] * normal
-        return friction * (most / size) if size > most else friction
+        size = float(np.linalg.norm(friction))
+        most = self.system.slip[c, 0] * normal
+        if size > most:
+            return friction * (most / size)
+        return friction
 
 
-#: A time this short, relative to the run, is rounding; so is such a share of a distance.
+#: Times and distances below this, relative to the run, are rounding.
 SAME_TIME = 1e-13
 TOUCH_RESOLUTION = 1 / 4  # of a step: touches closer than this to a release belong to it
 
@@ -187,25 +196,29 @@ class Segment(NamedTuple):
 
 
 def joined_segments(pieces: Sequence[Segment]) -> Segment:
-    """Join segments; each repeats as its first node the last of the one before."""
+    """Join segments; each begins with the last node of the one before."""
     parts = zip(*pieces, strict=True)
     return Segment(*(np.concatenate([part[0], *(p[1:] for p in part[1:])]) for part in parts))
 
 
 class SceneMethod(ABC):
-    """A method on a system of several contacts; subclasses integrate while one is closed.
+    """A method for a system of several contacts; subclasses integrate while one is closed.
 
-    `step` [s] is the longest, or all. A `driven` scene is integrated in flights too.
+    `step` [s] is the longest, or the fixed one. A `driven` scene is integrated during flights too.
     """
 
     def __init__(
         self, system: System, laws: Sequence[ContactLaw], step: float, driven: bool = False
     ) -> None:
         system = system.marched
-        self.system, self.laws, self.step, self.driven = system, laws, step, driven
+        self.system = system
+        self.laws = laws
+        self.step = step
+        self.driven = driven
         self.contacts = JointContacts(system, laws)
         self.p, self.still = len(laws), np.zeros(len(system.beta))
-        self.steps, self.highest = 0, 0.0
+        self.steps = 0
+        self.highest = 0.0
 
     @abstractmethod
     def integrate_contact(
@@ -223,7 +236,8 @@ class SceneMethod(ABC):
 
     def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
         """Integrate the whole scene."""
-        s, contacts = self.system, self.contacts
+        s = self.system
+        contacts = self.contacts
         force = np.zeros((1, len(s.beta)))
         force[0, : self.p] = s.pressed
         depth = s.free_rows(s.q, s.v)[0] - s.offsets[0] - force @ s.R
@@ -232,7 +246,9 @@ class SceneMethod(ABC):
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
         answer = library.DONE
         while answer == library.DONE and duration - pieces[-1].time[-1] > SAME_TIME * duration:
-            t, force, begin = float(pieces[-1].time[-1]), pieces[-1].force, pieces[-1].states[-1]
+            t = float(pieces[-1].time[-1])
+            force = pieces[-1].force
+            begin = pieces[-1].states[-1]
             if self.busy:
                 piece, answer = self.integrate_contact(
                     t, begin, force[-1], duration, max_contacts, max_steps
@@ -308,12 +324,17 @@ class SceneMethod(ABC):
         return piece, library.DONE
 
     def _touch(self, t: float, q: Array, v: Array, origins: Array) -> None:
-        """Close the contacts that touch at t, those first reached within rounding."""
-        s, p = self.system, self.p
+        """Close the contacts that touch at t: those that reach their origins first, within
+        rounding.
+        """
+        s = self.system
+        p = self.p
         _, gap, drift = self.loads_at(t)
         free, rate = s.free_rows(q, v)
-        free, rate = free - gap, rate - drift
-        beyond, approaching = (free - origins)[:p], rate[:p] > 0
+        free = free - gap
+        rate = rate - drift
+        beyond = (free - origins)[:p]
+        approaching = rate[:p] > 0
         if not approaching.any():
             approaching[:] = True
         size = abs(s.beta[:p]) @ abs(q) + abs(gap[:p])
@@ -324,12 +345,12 @@ class SceneMethod(ABC):
 
 
 IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
-#: of the right-hand side, for each step that is allowed
+#: Most evaluations of the right-hand side per allowed step.
 EVALUATIONS = 5
-#: of the longest step: tries where the end of a step is an event
+#: Shares of the longest step that are tried if the end of a step is an event.
 SHARES = (1.0, 0.7, 0.3)
 FIRST = 1e-4  # of what is left, their first step
-#: events one after the other without any time in between
+#: Most successive events at the same time.
 MOST_IDLE = 200
 #: parabolas of the forces for each step of the solver
 NODES_A_STEP = 4
@@ -362,16 +383,19 @@ class SceneIVP(SceneMethod):
                 " (m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
         super().__init__(system, laws, max_step, driven)
-        self.name, self.rtol = method, rtol
+        self.name = method
+        self.rtol = rtol
         self.size = self.system.omega.size
         self.sliding = np.zeros(self.p, dtype=bool)
         self.turning = np.full(self.p, -1.0)  # the way in which the indentation turns next
-        self.evaluations, self.most = 0, 0
+        self.evaluations = 0
+        self.most = 0
 
     def integrate_contact(
         self, t: float, begin: Array, force: Array, end: float, max_contacts: int, max_steps: int
     ) -> tuple[Segment, int]:
-        s, contacts = self.system, self.contacts
+        s = self.system
+        contacts = self.contacts
         y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
         answer, idle = library.DONE, 0
         self.most = EVALUATIONS * max_steps
@@ -411,7 +435,9 @@ class SceneIVP(SceneMethod):
     def _solved(self, span: tuple[float, float], y: Array, atol: Array) -> Any:
         """The solution up to its first event.
 
-        SciPy refuses an event at the end of a step that it has passed: then with other steps.
+        SciPy raises an error if an event at the end of a step has just been passed; other steps are
+        then
+        tried.
         """
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
@@ -448,10 +474,13 @@ class SceneIVP(SceneMethod):
 
     def _contact_state(self, t: float, y: Array) -> tuple[Array, Array, Array]:
         """Indentations without contact forces, their rates, and the forces, (m,) each."""
-        s, n, p = self.system, self.size, self.p
+        s = self.system
+        n = self.size
+        p = self.p
         _, gap, drift = self.loads_at(t)
         free, rate = s.free_rows(y[:n], y[n : 2 * n])
-        free, rate = free - gap, rate - drift
+        free = free - gap
+        rate = rate - drift
         force = np.zeros(len(free))
         if not self.contacts.active:
             return free, rate, force
@@ -479,7 +508,9 @@ class SceneIVP(SceneMethod):
         return along / length if length > 0 else along
 
     def _slope(self, t: float, y: Array) -> Array:
-        s, n = self.system, self.size
+        """Right-hand side of the equations."""
+        s = self.system
+        n = self.size
         self.evaluations += 1
         if self.evaluations > self.most:
             raise _TooManyEvaluations
@@ -508,7 +539,8 @@ class SceneIVP(SceneMethod):
         depth = free[:p] - R @ force[:p]
         stiff = np.zeros(p)
         for other in self.contacts.active:
-            law, state = self.laws[other], self.contacts.state(other)
+            law = self.laws[other]
+            state = self.contacts.state(other)
             stiff[other] = law.tangent(float(depth[other]), 0.0, state)[0]
         # F' = k (delta' - R F') of all contacts
         rising = np.linalg.solve(np.eye(p) + stiff[:, None] * R, stiff * rate[:p])
@@ -517,7 +549,9 @@ class SceneIVP(SceneMethod):
         return speed - mu / stiffness * float(rising[c])
 
     def _clipped(self, t: float, y: Array) -> Array:
-        """Put the springs of sliding contacts on their friction cones, and open ones at rest."""
+        """Put the springs of sliding contacts on their friction cones, and set those of open ones
+        to 0.
+        """
         _, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             z, (mu, stiffness) = self._elongation(c, y), self.system.slip[c]
@@ -533,7 +567,8 @@ class SceneIVP(SceneMethod):
         """Event functions: touch or parting, reversal of a law with memory, change of stick and
         slip.
         """
-        closed, rubs = bool(self.contacts.closed[c]), self.system.tangents[c, 1] > 0
+        closed = bool(self.contacts.closed[c])
+        rubs = self.system.tangents[c, 1] > 0
 
         def beyond(t: float, y: Array) -> float:
             free, _, force = self._contact_state(t, y)
@@ -588,7 +623,8 @@ class SceneIVP(SceneMethod):
         s = self.system
         reach = np.abs(s.beta[: self.p]).max(axis=1)
         reach = np.where(reach > 0, reach, 1.0)
-        q, v = float(np.max(s.depth / reach)), float(np.max(s.speed / reach))
+        q = float(np.max(s.depth / reach))
+        v = float(np.max(s.speed / reach))
         parts = (
             np.full(self.size, q),
             np.full(self.size, v),
@@ -597,7 +633,7 @@ class SceneIVP(SceneMethod):
         return np.asarray(np.maximum(1e-3 * self.rtol * np.concatenate(parts), 1e-300))
 
     def _recorded(self, ends: Array, at: Callable[[Array], Array]) -> Segment:
-        """Times, forces and indentations at 0, h/2, h of parts of steps; states at ends."""
+        """Times, forces and indentations at 0, h/2, h of parts of steps; states at the ends."""
         fraction = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
         t = (ends[:-1, None] + np.diff(ends)[:, None] * fraction).ravel()
         t = np.append(t, ends[-1])

@@ -139,7 +139,8 @@ class Scene(SceneParts):
         """
         duration = checks.positive("duration", duration, "s")
         settings = Settings(tol, method, step, max_contacts, max_steps)
-        bodies, motions = list(self.bodies.values()), list(self.motion.values())
+        bodies = list(self.bodies.values())
+        motions = list(self.motion.values())
         blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
         doubts = [*plausible.of_model(*bodies), *plausible.warn_each(blows)]
         assembly = assemble_scene(self, duration, stretch=True)
@@ -173,6 +174,7 @@ def integrate(
     checked = {id(linear.run): check}
 
     def again(other: Assembly) -> H:
+        """The history of another assembly."""
         found, own = _integrate(kind, other, duration, settings)
         checked[id(found.run)] = own
         return found
@@ -184,13 +186,16 @@ def integrate(
 def _integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """Integrate an assembly without looking for stretching."""
-    step, tol, limits = settings.step, settings.tol, settings.limits
+    """Integrate an assembly without a test for stretching."""
+    step = settings.step
+    tol = settings.tol
+    limits = settings.limits
     step = None if step is None else checked_step(step, duration)
     if settings.method == "exact":
         found, failure = integrate_exact(assembly, duration, tol, step, *limits)
     else:
-        found, failure = integrate_reference(assembly, duration, settings), ""
+        found = integrate_reference(assembly, duration, settings)
+        failure = ""
     run = found.run
     still_open = open_contacts(run, assembly.system)
     errors = found.force, found.peak, found.certain
@@ -218,10 +223,13 @@ def set_initial_forces(
 ) -> None:
     """Set the forces of the contacts that are closed at the start.
 
-    Without preload only a load on a site without mass closes a contact at once, or a run before.
-    cut : states of contacts that go on from that run (`Run.kept`), and their forces (p,) [N].
+    Without preload, a contact is closed at the start only by a load on a site without mass, or by
+    an
+    earlier run. cut : states of contacts at the end of that run (`Run.kept`), and their forces
+    (p,) [N].
     """
-    system, laws = assembly.system, assembly.laws
+    system = assembly.system
+    laws = assembly.laws
     system.kept = None if cut is None else cut[0]
     if assembly.scene.preload:
         system.q, system.pressed = settle(system, laws)
@@ -257,13 +265,15 @@ def integrate_exact(
     max_contacts: int,
     max_steps: int,
 ) -> tuple[Converged, str]:
-    """Run the exact method; returns the run and why a given step [s] failed."""
-    system, laws = assembly.system, assembly.laws
+    """Run the exact method; returns (run, reason why a given step [s] failed)."""
+    system = assembly.system
+    laws = assembly.laws
     if step is None:
         limits = max_contacts, max_steps
         return converge(system, assembly.contact_time_estimate, duration, tol, *limits), ""
 
     def stiffness() -> Array:
+        """Stiffness of each contact at its depth [N/m]."""
         return np.array(
             [
                 stiffness_at(law, float(depth), law.touch(float(speed)))
@@ -305,7 +315,8 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
         for end in (contact.a, contact.b) if one.contacts else ():
             name = end.partition(":")[0]
             begin = assembly.spans[name].start if name in assembly.spans else 0
-            body, site = scene.bodies.get(name), end.partition(":")[2]
+            body = scene.bodies.get(name)
+            site = end.partition(":")[2]
             for sentence in (
                 truncation_warning(body, assembly, c, begin),
                 coarse_cell(body, site, assembly.contact_time_estimate),

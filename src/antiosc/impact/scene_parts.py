@@ -41,7 +41,9 @@ SAME_PLACE = 0.01
 
 
 def _checked_law(name: str, law: object) -> object:
-    return law if is_auto(law) else checks.instance(name, law, ContactLaw, LAW)
+    if is_auto(law):
+        return law
+    return checks.instance(name, law, ContactLaw, LAW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,14 +243,17 @@ class SceneParts(FieldsRepr):
     def _site_of(self, end: str) -> str:
         """An end in normal form: for a body with one site, "body" alone."""
         name = end.partition(":")[0]
-        return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
+        if len(getattr(self.bodies.get(name), "sites", ())) > 1:
+            return end
+        return name
 
 
 def two_body_parts(
     model: object, impactor: object, law: ContactLaw, gap: float, gravity: float | Sequence[float]
 ) -> SceneParts:
     """The scene "structure" and "impactor" of `simulate`, from checked arguments."""
-    parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
+    parts = SceneParts.__new__(SceneParts)
+    contact = Contact.__new__(Contact)
     checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
     bodies = {"structure": model, "impactor": impactor}
     checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
@@ -274,7 +279,8 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     sites = side_by_side([body.B.shape[1] for body in bodies.values()])
     spans, columns = (dict(zip(bodies, each, strict=True)) for each in (modes, sites))
     total = sites[-1].stop
-    B, r = np.zeros((modes[-1].stop, total)), np.zeros((total, total))
+    B = np.zeros((modes[-1].stop, total))
+    r = np.zeros((total, total))
     for name, body in bodies.items():
         B[spans[name], columns[name]] = body.B
         r[columns[name], columns[name]] = body.r
@@ -379,7 +385,8 @@ def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -
     notes = []
     for contact in contacts:
         (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
-        push, other = a.pushes.get(at), b.pushes.get(bt)
+        push = a.pushes.get(at)
+        other = b.pushes.get(bt)
         if other is not None and (push is None or push @ other > 0):
             notes.append(
                 f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
@@ -406,7 +413,8 @@ def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) ->
 
 def _distance(contact: Contact, ends: tuple[End, End]) -> str:
     """Words on the distance between the ends of a contact; "" if patches and cells allow it."""
-    direction, points = contact_direction(*ends), [_point(*end) for end in ends]
+    direction = contact_direction(*ends)
+    points = [_point(*end) for end in ends]
     a, b = points
     if a is None or b is None or direction is None:
         return ""
@@ -414,7 +422,8 @@ def _distance(contact: Contact, ends: tuple[End, End]) -> str:
     along = (a - b) @ direction
     # drawn in contact, or at the distance of the gap
     apart = a - b - np.clip(along, 0.0, gap) * direction
-    distance, allowed = float(np.linalg.norm(apart)), sum(_reach(*end) for end in ends)
+    distance = float(np.linalg.norm(apart))
+    allowed = sum(_reach(*end) for end in ends)
     if distance <= max(allowed, SAME_PLACE):
         return ""
     return (
@@ -428,7 +437,9 @@ def _point(body: SceneBody, site: str) -> Array | None:
     if isinstance(body.body, RigidBody):
         return np.asarray(body.body.sites[site][0])
     point = site_points(body.body).get(site)
-    return None if point is None else np.asarray(point, dtype=float)
+    if point is None:
+        return None
+    return np.asarray(point, dtype=float)
 
 
 def _reach(body: SceneBody, site: str) -> float:
@@ -481,7 +492,9 @@ def tangential_rows(
 def _axis(body: SceneBody) -> Array | None:
     """Direction in space of a body with one coordinate; None for other bodies."""
     if body.directions is not None and len(body.directions):
-        return body.directions[0] if body.inertia is None else None
+        if body.inertia is None:
+            return body.directions[0]
+        return None
     return next(iter(body.axes.values()), None)
 
 
@@ -559,7 +572,8 @@ def _check_ground_direction(body: SceneBody, moved: Array) -> None:
     axis = _axis(body)
     if axis is None or moved.shape[1] != 3:
         return
-    across, size = np.abs(moved - np.outer(moved @ axis, axis)).max(), np.abs(moved).max()
+    across = np.abs(moved - np.outer(moved @ axis, axis)).max()
+    size = np.abs(moved).max()
     if across > 1e-6 * size:
         raise InputError(
             f"the ground moves with {across:.3g} m/s² across the direction of the site of "

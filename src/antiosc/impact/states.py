@@ -43,7 +43,8 @@ def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void
     Intervals of zero length do not count.
     """
     record, _ = record_of(run)
-    found, goes_on = np.empty(len(run.events) + 1, library.TOUCH), c_int()
+    found = np.empty(len(run.events) + 1, library.TOUCH)
+    goes_on = c_int()
     closed = bool(system.closed[c])
     count = library.library.aom_touches(
         byref(record), c, closed, library.address(found), byref(goes_on)
@@ -112,7 +113,9 @@ def integrated_states(run: Run, system: System, step: Index, since: Array) -> tu
 
 def _free_modes(system: System, q: Array, v: Array) -> tuple[Array, Array]:
     """Displacements and velocities of the free modes from states of the integrated modes."""
-    return (q, v) if system.first is None else system.first.motion(q, v)[:2]
+    if system.first is None:
+        return (q, v)
+    return system.first.motion(q, v)[:2]
 
 
 def damping_states(
@@ -171,14 +174,16 @@ def _advanced(
     whole, system = system, system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
-    start, middle = run.time[2 * step], run.time[2 * step + 1]
+    start = run.time[2 * step]
+    middle = run.time[2 * step + 1]
     h = run.time[2 * step + 2] - start
     long = np.where(h > 0, h, 1.0)[:, None]
     at = modal_loads(whole, start)
     slope = (modal_loads(whole, middle) - at) / (0.5 * long)
     bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
     if whole.first is not None:
-        at, slope = whole.first.rows(at), whole.first.rows(slope)
+        at = whole.first.rows(at)
+        slope = whole.first.rows(slope)
     size = system.omega.size
     a = bends[0] @ system.beta - at[:, :size]
     b = bends[1] @ system.beta - slope[:, :size]
@@ -188,8 +193,10 @@ def _advanced(
     if system.gamma is None:
         return moved, sped
     x, y, z = (each @ system.gamma for each in bends)
-    x, y = x - at[:, size:], y - slope[:, size:]
-    way, rate = x * J0 + y * J1 + z * J2, x * S + y * J0 + z * J1
+    x = x - at[:, size:]
+    y = y - slope[:, size:]
+    way = x * J0 + y * J1 + z * J2
+    rate = x * S + y * J0 + z * J1
     return moved - rate, sped + system.omega**2 * way + 2 * system.decay * rate
 
 
@@ -223,14 +230,17 @@ def node_states(
 
 def blocks(run: Run, size: int) -> list[tuple[int, int]]:
     """First and last steps of blocks of a run whose states of `size` modes fit in memory."""
-    steps, most = run.time.size // 2, max(STATES_AT_ONCE // max(size, 1), 1)
+    steps = run.time.size // 2
+    most = max(STATES_AT_ONCE // max(size, 1), 1)
     return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
 
 
 def run_slice(run: Run, first: int, last: int) -> Run:
     """Return the steps `first` to `last` of a run, without states and events."""
     nodes = slice(2 * first, 2 * last + 1)
-    time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
+    time = run.time[nodes]
+    force = run.force[nodes]
+    depth = run.depth[nodes]
     return replace(run, time=time, force=force, depth=depth, states=None)
 
 
@@ -238,7 +248,8 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     """Return the run with more nodes in its flights, for pictures."""
     if run.time.size < 3:
         return run
-    h, pressed = run.time[2::2] - run.time[:-2:2], run.force.any(axis=1)
+    h = run.time[2::2] - run.time[:-2:2]
+    pressed = run.force.any(axis=1)
     flight = ~(pressed[:-2:2] | pressed[1::2] | pressed[2::2])
     count = np.where(flight, 1 + (FLIGHT_STEPS * h / run.time[-1]).astype(int), 1)
     step = np.repeat(np.arange(h.size), count)
@@ -247,13 +258,17 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     length = (h / count)[step]
     since = length * (np.arange(step.size) - np.repeat(np.cumsum(count) - count, count))
     kept = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
-    time, force, depth = run.time[kept], run.force[kept], run.depth[kept]
+    time = run.time[kept]
+    force = run.force[kept]
+    depth = run.depth[kept]
     new = np.flatnonzero(np.repeat(count[step] > 1, 2))
-    at, within = step[new // 2], since[new // 2] + new % 2 * 0.5 * length[new // 2]
+    at = step[new // 2]
+    within = since[new // 2] + new % 2 * 0.5 * length[new // 2]
     time[new] = run.time[2 * at] + within
     moved, _ = states(run, system, at, within)
     depth[new] = moved @ system.beta.T - interpolated(time[new], system.breaks, system.offsets)
-    begins, beyond = np.append(step, h.size)[:: run.every], np.append(since, 0.0)[:: run.every]
+    begins = np.append(step, h.size)[:: run.every]
+    beyond = np.append(since, 0.0)[:: run.every]
     q, v = integrated_starts(run, system, begins)
     on = np.flatnonzero(beyond)
     q[on], v[on] = _advanced(run, system, begins[on], beyond[on], q[on], v[on])

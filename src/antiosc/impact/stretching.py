@@ -46,10 +46,12 @@ def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
     system = a.system
     count = sum(one.size for one in taken.values())
     rows = np.zeros((count, system.omega.size))
-    quadratic, cubic = np.zeros((count,) * 3), np.zeros((count,) * 4)
+    quadratic = np.zeros((count,) * 3)
+    cubic = np.zeros((count,) * 4)
     begin = 0
     for name, one in taken.items():
-        part, own = np.arange(begin, begin + one.size), a.spans[name]
+        part = np.arange(begin, begin + one.size)
+        own = a.spans[name]
         scale = float(np.abs(system.beta[: len(a.laws), own] @ one.modes).max(initial=0.0)) or 1.0
         rows[part, own] = scale * one.modes.T
         quadratic[np.ix_(part, part, part)] = one.quadratic / scale**3
@@ -82,11 +84,13 @@ class Motion:
 
 def motion_of(history: History, name: str) -> Motion | None:
     """The motion of a body in a linear run; None for a body without second-order forces."""
-    a, body = history.assembly, history.assembly.bodies[name]
+    a = history.assembly
+    body = history.assembly.bodies[name]
     forces = stretch_of(body.body)
     if forces is None:
         return None
-    own, columns = a.spans[name], a.columns[name]
+    own = a.spans[name]
+    columns = a.columns[name]
     sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
     q = sampled_motion(history, body.omega)[:, own]
     amplitude = q @ forces.modes
@@ -119,7 +123,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
         return linear
     for name in moves:
         check_body(a.bodies[name])
-    aim, before = max(tol, LEAST_TOL), None
+    aim = max(tol, LEAST_TOL)
+    before = None
     changes: list[dict[str, float]] = []
     most = min(max(one.forces.size for one in moves.values()), MOST)
     count = min(FIRST, most)
@@ -133,7 +138,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
         worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
         if (worst <= aim and len(changes) >= AGREE) or count >= most:
             break
-        before, count = now, min(count + 2, most)
+        before = now
+        count = min(count + 2, most)
     now.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, TOLD):
         return told(now, _not_enough(count, worst))

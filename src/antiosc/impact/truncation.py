@@ -66,9 +66,11 @@ def truncation_share(
         return 0.0
     if not model.sites and model.m0 == 0:
         return 0.0
-    system, law = assembly.system, assembly.laws[contact]
+    system = assembly.system
+    law = assembly.laws[contact]
     s = np.pi / assembly.contact_time_estimate * RAY
-    depth, speed = float(system.depth[contact]), float(system.speed[contact])
+    depth = float(system.depth[contact])
+    speed = float(system.speed[contact])
     stiffness = stiffness_at(law, depth, law.touch(speed))
     if not stiffness > 0:
         return 0.0
@@ -82,7 +84,8 @@ def truncation_share(
         D = _stiffness_deficit(model, s)
         more = D * site**2 / (1 - D * site)
     weight = 1 / abs(s)
-    off, force = abs(more / (C * (C + more))) ** 2, abs(C) ** -2.0
+    off = abs(more / (C * (C + more))) ** 2
+    force = abs(C) ** -2.0
     return float(np.sqrt((off @ weight) / (force @ weight)))
 
 
@@ -94,7 +97,8 @@ def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> 
     known = _blocks.get(model)
     if known is None:
         known = _blocks[model] = _block_gauss(np.asarray(model.m0), model.omega**-2.0, model.P)
-    square, zero = s[:, None, None] ** 2, np.zeros_like(model.m0)
+    square = s[:, None, None] ** 2
+    zero = np.zeros_like(model.m0)
     site = []
     for lam, P, m0 in ((model.omega**-2.0, model.P, model.m0), (*known, zero)):
         moved = (P[None] / (1 + lam * square)) @ P.T
@@ -111,7 +115,8 @@ def _block_gauss(m0: Array, lam: Array, P: Array) -> tuple[Array, Array]:
     values, vectors = np.linalg.eigh(m0)
     start = np.vstack((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, P.T))
     nodes = np.append(np.zeros(len(m0)), lam / lam[0])
-    basis, block = np.zeros((len(start), 0)), start
+    basis = np.zeros((len(start), 0))
+    block = start
     while True:
         size = np.linalg.norm(block)
         for _ in range(2):
@@ -143,7 +148,8 @@ def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
 
 def _rule(model: AntiOscillators) -> tuple[Array, Array]:
     """Nodes λ_i of the Gauss–Radau rule, and the logarithms of m_i Π_(j≠i) (λ_i - λ_j)²."""
-    lam, masses = np.append(0.0, model.omega**-2.0), np.append(model.m0, model.m)
+    lam = np.append(0.0, model.omega**-2.0)
+    masses = np.append(model.m0, model.m)
     apart = abs(lam[:, None] - lam)
     apart.flat[:: lam.size + 1] = 1.0
     return lam, 2 * np.log(np.maximum(apart, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
@@ -267,9 +273,11 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
         return known[n]
 
     # double until it is enough, then bisect between the last two
-    low, high = 0, min(1, model.n)
+    low = 0
+    high = min(1, model.n)
     while error(high).worst > tol and high < model.n:
-        low, high = high, min(2 * high, model.n)
+        low = high
+        high = min(2 * high, model.n)
     if error(high).worst > tol:
         return Choice(model.n, error(high), _missing(known, tol))
     while high - low > 1:
@@ -294,9 +302,12 @@ def softest_model(model: AntiOscillators, next_omega: float | None = None) -> An
         if next_omega is None:
             spacing = model.omega[-1] - model.omega[-2] if n > 1 else model.omega[-1]
             next_omega = float(model.omega[-1] + spacing)
-        masses, omega = np.append(model.m, model.m0), np.append(model.omega, next_omega)
+        masses = np.append(model.m, model.m0)
+        omega = np.append(model.omega, next_omega)
         psi = np.roll(psi, -1, axis=0)
-    p, inertia, damping = model.participation, model.inertia, model.damping
+    p = model.participation
+    inertia = model.inertia
+    damping = model.damping
     if isinstance(damping, DampingMatrix):
         damping = in_coordinates(damping, _softest_coordinates(model, masses, psi))
     if inertia is not None:

@@ -77,7 +77,9 @@ class Pair:
 
     def gap(self, given: float | None) -> float:
         """Distance [m] at the start; None: that of the obstacle."""
-        return self.checked[1].gap if given is None else checks.nonnegative("gap", given, "m")
+        if given is None:
+            return self.checked[1].gap
+        return checks.nonnegative("gap", given, "m")
 
     def posed(self, law: ContactLaw, gap: float) -> System:
         """The system of both with a contact."""
@@ -144,16 +146,19 @@ class Impact(NamedTuple):
 def modal_pair(impact: Impact) -> Pair:
     """Two bodies in their modes, with start velocities and gravity."""
     model, impactor, _, _, initial, gravity, _ = impact
-    one, other = checked_body("model", model), checked_body("impactor", impactor)
+    one = checked_body("model", model)
+    other = checked_body("impactor", impactor)
     if one.velocity != 0.0:
         raise InputError(
             f"the model has a velocity of {one.velocity:g} m/s, which only the impactor may have: "
             "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
         )
-    structure, striker = one.modal(), other.modal()
+    structure = one.modal()
+    striker = other.modal()
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
-    start, strike = structure.rigid_motion(initial), striker.rigid_motion(other.velocity)
+    start = structure.rigid_motion(initial)
+    strike = striker.rigid_motion(other.velocity)
     return Pair(
         given=(model, impactor),
         checked=(one, other),
@@ -181,7 +186,8 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     check_span(system, duration)
     contact_time = system.expect_contact(pair.mass, duration)
     parts, (one, other) = partial(_parts, contact, gap, gravity, pair), pair.modes
-    turns, thin = may_rotate(one) or may_rotate(other), is_thin(model) or is_thin(impactor)
+    turns = may_rotate(one) or may_rotate(other)
+    thin = is_thin(model) or is_thin(impactor)
     return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin, stretches)
 
 
@@ -233,7 +239,9 @@ def _free_body_load(body: ModalBody, load: Array) -> Array:
     Displacements of such a body are measured from its equilibrium.
     """
     rigid = body.omega == 0
-    return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
+    if np.any(rigid & (body.b != 0)):
+        return load
+    return np.where(rigid, load, 0.0)
 
 
 #: The band of an impact over the frequency 1/(2T) of its contact time T: a half-sine of length T
@@ -322,7 +330,8 @@ class ImpactRows:
         one = library.Impact(system.packed.system, options, *turns)
         self.given = _copies(one, IMPACT, count)
         self.given["options"]["duration"] = durations
-        bodies, number = self.given["system"], np.arange(count)
+        bodies = self.given["system"]
+        number = np.arange(count)
         for name, values in rows.items():
             bodies[name] = library.address(values) + values.strides[0] * number
         self._held = system, turning, rows
@@ -330,7 +339,8 @@ class ImpactRows:
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
         """Of each rigid impactor (`Impact.group`) the displacements and velocities (S, J) of the
         modes, and the inertia (S,) [kg] behind its contact."""
-        count, strikers = len(impacts), [cast("RigidMass", each.impactor) for each in impacts]
+        count = len(impacts)
+        strikers = [cast("RigidMass", each.impactor) for each in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
         b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
         beta[:, -1] = -b
@@ -344,14 +354,21 @@ class ImpactRows:
 
         `done` is told how many are solved, now and then.
         """
-        given, size = self.given, self._held[0].omega.size
+        given = self.given
+        size = self._held[0].omega.size
         space = _workspace(size)
-        outcomes, count = np.zeros(len(given), OUTCOME), c_int64()
+        outcomes = np.zeros(len(given), OUTCOME)
+        count = c_int64()
         pulses: list[tuple[Array, Array]] = []
         arguments = (
-            space.batch, len(given), library.address(given), library.address(outcomes),
-            byref(space.nodes), max(_WORK_PER_CALL // (size + 20), 16), byref(count),
-        )  # fmt: skip
+            space.batch,
+            len(given),
+            library.address(given),
+            library.address(outcomes),
+            byref(space.nodes),
+            max(_WORK_PER_CALL // (size + 20), 16),
+            byref(count),
+        )
         answer = library.PAUSED
         while answer in (library.PAUSED, library.FULL):
             answer = library.library.aom_batch_solve(*arguments)

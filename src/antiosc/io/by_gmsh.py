@@ -137,7 +137,9 @@ def _bound(gmsh: ModuleType, dim: int, tag: int) -> float:
     """Length, area or volume of an entity; in gmsh's own kernel an upper bound, that of its box."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
-        return _length(gmsh, tag) if mass is None else mass
+        if mass is None:
+            return _length(gmsh, tag)
+        return mass
     box = np.array(gmsh.model.getBoundingBox(dim, tag))
     a, b, c = box[3:] - box[:3]
     return float(a * b * c if dim == 3 else a * b + b * c + c * a)
@@ -161,7 +163,9 @@ def measure_of(gmsh: ModuleType, dim: int, tag: int) -> float:
     """Length, area or volume of an entity; in gmsh's own kernel measured on its boundary mesh."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
-        return _length(gmsh, tag) if mass is None else mass
+        if mass is None:
+            return _length(gmsh, tag)
+        return mass
     sides = gmsh.model.getBoundary([(dim, tag)], oriented=True)
     cells = [_corners(gmsh, dim - 1, abs(s))[:, :: -1 if s < 0 else 1] for _, s in sides]
     if not cells:

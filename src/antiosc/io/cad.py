@@ -45,7 +45,9 @@ class Attempt:
 
     def suits(self, drawn: bool) -> bool:
         """Whether the attempt is for CAD files (`drawn`), or for triangulated surfaces."""
-        return self.options != PATCHES if drawn else not self.curved
+        if drawn:
+            return self.options != PATCHES
+        return not self.curved
 
     def prepare(self, gmsh: ModuleType, scripted: bool = False) -> None:
         """Set the options of gmsh; `scripted`: over those of a script, which may have failed."""
@@ -270,7 +272,8 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
     at = np.array(low) + grid * (np.array(high) - np.array(low))
     most, least, across, along = gmsh.model.getPrincipalCurvatures(tag, at.ravel())
     largest = np.abs(most) > np.abs(least)
-    bent, straight = np.where(largest, most, least), np.where(largest, least, most)
+    bent = np.where(largest, most, least)
+    straight = np.where(largest, least, most)
     axes = np.where(largest[:, None], np.reshape(along, (-1, 3)), np.reshape(across, (-1, 3)))
     curvature = float(np.abs(bent).max())
     flat = not np.isfinite(bent).all() or curvature <= 0

@@ -29,7 +29,8 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
         # a reversed surface has the curvature of the other normal
         turns = np.einsum("nij,nj->ni", tensors, moved[1] - moved[0])[known]
         if np.sum((others[0] - normals)[known] * turns) < 0:
-            tensors, others = -tensors, (others[0], -others[1], others[2])
+            tensors = -tensors
+            others = (others[0], -others[1], others[2])
         poles = ~known & others[2]
         normals[poles], tensors[poles], known[poles] = others[0][poles], others[1][poles], True
         # seams have their nodes twice

@@ -105,7 +105,8 @@ class NodeTable:
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
     def _among(self, ends: IntArray) -> IntArray:
-        around, row = _padded(ends), self._places.find(ends)
+        around = _padded(ends)
+        row = self._places.find(ends)
         if (row >= 0).any():
             around[row >= 0] = np.vstack(self._around)[row[row >= 0]]
         return around
@@ -182,7 +183,8 @@ class PairTable:
         self._values = np.zeros(0, dtype=np.int64)
 
     def _key(self, ends: IntArray) -> IntArray:
-        low, high = ends.min(axis=1), ends.max(axis=1)
+        low = ends.min(axis=1)
+        high = ends.max(axis=1)
         return np.asarray(low * self._n + high)
 
     def add(self, ends: IntArray, values: IntArray) -> None:
@@ -254,7 +256,8 @@ class FixedEntities:
 
 def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
     """Nodes (cells, edges, 8) to be fixed to fix a diagonal; -1 for edges of the deck."""
-    real, diagonals = PairTable(n), PairTable(n)
+    real = PairTable(n)
+    diagonals = PairTable(n)
     around = [np.full((1, 8), -1, dtype=np.int64)]
     for block in blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
@@ -471,7 +474,8 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
     if block.shape == "tetra":
         return block.corners, np.arange(len(block))
     apex = block.corners.min(axis=1)
-    corners, rows = [block.corners[:0, :4]], [NO_CELLS]
+    corners = [block.corners[:0, :4]]
+    rows = [NO_CELLS]
     for face in FACES[block.shape]:
         around = block.corners[:, list(face)]
         across = np.flatnonzero((around != apex[:, None]).all(axis=1))

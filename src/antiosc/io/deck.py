@@ -222,7 +222,9 @@ def real_number(text: str, place: Place) -> float:
         raise place.error(f"{text.strip()[:40]!r} is not a number.")
     if abs(value) > LARGEST_REAL:
         raise place.error(f"the number {text.strip()[:40]} is too large.")
-    return value if abs(value) > 1 / LARGEST_REAL else 0.0
+    if abs(value) > 1 / LARGEST_REAL:
+        return value
+    return 0.0
 
 
 def listed(counts: dict[str, int]) -> str:

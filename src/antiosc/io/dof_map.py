@@ -16,7 +16,8 @@ from antiosc.io.matrices import Labels, Source
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
 LARGEST_DOF = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
-DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
+DISPLACEMENTS = ("x", "y", "z")
+ROTATIONS = ("rx", "ry", "rz")
 COMPONENTS = (*DISPLACEMENTS, *ROTATIONS)
 #: The same in Ansys's mapping files and in Nastran's tables.
 _OTHER_NAMES = {
@@ -64,7 +65,9 @@ class DofMap:
 
 def name_of(component: int) -> str:
     """x, y, z, rx, ry, rz, or the number of another dof."""
-    return COMPONENTS[component - 1] if 1 <= component <= 6 else str(component)
+    if 1 <= component <= 6:
+        return COMPONENTS[component - 1]
+    return str(component)
 
 
 def component_of(dof: object) -> int:
@@ -121,9 +124,11 @@ def dof_map(given: object, labels: Labels | None, size: int) -> DofMap | None:
     if isinstance(given, str | os.PathLike):
         name, table = _table(Source(given))
     elif isinstance(given, tuple) and 2 <= len(given) <= 3 and size > 3:
-        name, table = "map", _of_columns(given, size)
+        name = "map"
+        table = _of_columns(given, size)
     else:
-        name, table = "map", checks.array("map", given, (None, None))
+        name = "map"
+        table = checks.array("map", given, (None, None))
     if table.shape[1] == 4:
         return _with_nodes(name, table, labels)
     if table.shape[1] == 3:  # row, node, dof

@@ -164,7 +164,8 @@ def _add_block(deck: Deck, name: str, kind: str, table: IntArray, number: int) -
         deck.left[kind or f"block {number}"] += len(table)
         return
     _within(table, len(deck.points), f"block {number}", deck.name)
-    corners, edges = CORNERS[shape], len(EDGES[shape])
+    corners = CORNERS[shape]
+    edges = len(EDGES[shape])
     mids = table[:, :0]
     if width >= corners + edges:
         mids = table[:, MIDDLES.get(shape, tuple(range(corners, corners + edges)))]
@@ -180,7 +181,8 @@ def _add_sides(deck: Deck, name: str, cells: list[tuple[Block, int]], sides: lis
         found.setdefault(len(corners), []).append(corners)
     rows = []
     for width, some in found.items():
-        table, start = np.array(some), deck.n_elements
+        table = np.array(some)
+        start = deck.n_elements
         none = table[:, :0]
         deck.blocks.append(Block(FACE[width], "side", table, none, none))
         rows.append(np.arange(start, deck.n_elements))

@@ -166,7 +166,8 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
 def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
     """The used points, with points closer than a distance merged."""
     used, triangles = np.unique(triangles, return_inverse=True)
-    points, triangles = points[used], triangles.reshape(-1, 3)
+    points = points[used]
+    triangles = triangles.reshape(-1, 3)
     from scipy.spatial import cKDTree
 
     pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
@@ -318,7 +319,8 @@ def fill(
         )
     bodies = _bodies(skin, ask.name, alone=ask.piece is not None)
     if ask.piece is not None:
-        count, bodies = len(bodies), [_by_volume(skin, bodies, ask.piece, ask.name)]
+        count = len(bodies)
+        bodies = [_by_volume(skin, bodies, ask.piece, ask.name)]
         if count > 1:
             message = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
             skin.told.append(message)
@@ -346,7 +348,9 @@ def _finer(skin: Skin, size: float) -> Skin:
     gmsh finds no parameters of a side that is one triangle, and keeps triangles that it cannot
     mesh anew.
     """
-    points, triangles, piece = skin.points, skin.triangles, skin.piece
+    points = skin.points
+    triangles = skin.triangles
+    piece = skin.piece
     while 4 * len(triangles) <= MOST_CUT:
         ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
         if np.linalg.norm(np.diff(points[ends], axis=1), axis=2).max() <= size:
@@ -429,7 +433,8 @@ def _inside(skin: Skin, count: int) -> Array:
     rows = np.split(order, np.flatnonzero(np.diff(skin.piece[order])) + 1)
     for m in range(count) if count > 1 else ():
         corners = skin.points[skin.triangles[rows[m]]].reshape(-1, 3)
-        low, high = corners.min(axis=0), corners.max(axis=0)
+        low = corners.min(axis=0)
+        high = corners.max(axis=0)
         for k in range(count):
             some = middles[rows[k][:: max(1, len(rows[k]) // MOST_LOOKED_AT)]]
             near = some[((some > low) & (some < high)).all(axis=1)]

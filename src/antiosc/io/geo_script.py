@@ -29,7 +29,8 @@ FILE_COMMANDS = {
     *("Include", "Merge", "MergeWithBoundingBox", "Print", "Save", "SendToServer", "CreateDir"),
 }
 #: Those that only write a file, and those that take in a script.
-WRITING, INCLUDING = ("Save", "Print"), ("Include", "Merge")
+WRITING = ("Save", "Print")
+INCLUDING = ("Include", "Merge")
 #: Scripts that include each other, at most.
 DEEPEST = 8
 #: Reserved words of that kind, and those that turn a string into a name.
@@ -113,7 +114,8 @@ def _included(
     places = [k for k, t in enumerate(tokens) if t.kind not in ("blank", "comment")]
     done = 0
     for k, file, end in zip(places, places[1:], places[2:], strict=False):
-        word, argument = tokens[k].text, tokens[file]
+        word = tokens[k].text
+        argument = tokens[file]
         if k < done or argument.kind != "string" or tokens[end].text != ";":
             continue
         if word in WRITING or (word in INCLUDING and _is_beside(argument, (".geo",))):
@@ -174,7 +176,9 @@ def _check(tokens: list[Token], k: int, name: str) -> str | None:
 
 
 def _at(tokens: list[Token], k: int) -> Token:
-    return tokens[k] if 0 <= k < len(tokens) else Token("end", "", 0)
+    if 0 <= k < len(tokens):
+        return tokens[k]
+    return Token("end", "", 0)
 
 
 def _is_beside(token: Token, endings: tuple[str, ...]) -> bool:
@@ -198,7 +202,9 @@ def _written(token: Token) -> str:
     """The token as text for gmsh, with its line break kept."""
     if token.kind == "comment":
         return " " + "\n" * token.text.count("\n")
-    return f" {token.text} " if token.kind in ("name", "string") else token.text
+    if token.kind in ("name", "string"):
+        return f" {token.text} "
+    return token.text
 
 
 def _refusal(name: str, token: Token, what: str) -> MeshError:

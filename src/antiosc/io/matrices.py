@@ -136,7 +136,9 @@ class Entries:
 
     def matrix(self) -> scipy.sparse.csr_matrix:
         """The sparse matrix; repeated entries are added."""
-        row, column, value = self.row, self.column, self.value
+        row = self.row
+        column = self.column
+        value = self.value
         if self.triangle:
             off = row != column
             row, column = np.append(row, column[off]), np.append(column, row[off])
@@ -182,7 +184,8 @@ def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> boo
 
 def checked(entries: Entries) -> Entries:
     """The entries; InputError if they are not those of a matrix."""
-    source, size = entries.source, entries.size
+    source = entries.source
+    size = entries.size
     bad = ~np.isfinite(entries.value)
     if bad.any():
         k = int(np.argmax(bad))
@@ -247,7 +250,8 @@ def read_matrix_market(source: Source) -> Entries:
         raise source.error(
             used[0] + 1, f"the matrix must be square; got {shape[0]} rows and {shape[1]} columns."
         )
-    data, numbers = [lines[k] for k in used[1:]], [k + 1 for k in used[1:]]
+    data = [lines[k] for k in used[1:]]
+    numbers = [k + 1 for k in used[1:]]
     read_as: Callable[..., Entries] = _coordinate if form == "coordinate" else _array
     return read_as(source, shape, data, numbers, symmetry == "symmetric")
 
@@ -262,7 +266,8 @@ def _shape(source: Source, line: bytes, number: int, columns: int) -> list[int]:
 def _coordinate(
     source: Source, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
 ) -> Entries:
-    size, count = shape[0], shape[2]
+    size = shape[0]
+    count = shape[2]
     _complete(source, count, lines)
     table = source.table(lines, numbers, 3)
     index = table[:, :2]
@@ -343,11 +348,14 @@ def read_pair(
         raise InputError("names must be two, of K and of M: names=('KAA', 'MAA').")
     if names is not None:
         pair = checks.text("names", pair[0]), checks.text("names", pair[1])
-    K, M = _one(stiffness, "K", pair[0]), _one(mass, "M", pair[1])
-    labels, most = None, max(K.size, M.size)
+    K = _one(stiffness, "K", pair[0])
+    M = _one(mass, "M", pair[1])
+    labels = None
+    most = max(K.size, M.size)
     K, M = (one if one.counted else replace(one, size=most) for one in (K, M))
     if K.labels is not None and M.labels is not None:
-        labels, M = K.labels, _on(K, M)
+        labels = K.labels
+        M = _on(K, M)
     elif K.size != M.size:
         raise InputError(
             f"K and M must be of one size: {K.source} has {K.size} rows, {M.source} {M.size}."
@@ -422,7 +430,9 @@ def read_abaqus(source: Source) -> Entries:
     first with FORMAT=MATRIX INPUT and LABELS, the second with FORMAT=COORDINATE; of symmetric
     matrices one triangle. Abaqus writes supports as 1e36 on the diagonal.
     """
-    lines, numbers, triangle = [], [], None
+    lines = []
+    numbers = []
+    triangle = None
     for k, line in enumerate(source.lines()):
         text = line.strip().rstrip(b",")
         if text.startswith(b"*"):

@@ -11,7 +11,10 @@ import numpy as np
 from antiosc.io.neutral import IntArray
 
 #: Group of the meshes, group of the results, names of a node's and of a mesh's dimension.
-MESHES, RESULTS, SPACE, DIMENSION = "ENS_MAA", "CHA", "ESP", "DIM"
+MESHES = "ENS_MAA"
+RESULTS = "CHA"
+SPACE = "ESP"
+DIMENSION = "DIM"
 
 
 def of_one_mesh(path: Path, name: str) -> tuple[Path, list[str], IntArray]:
@@ -53,15 +56,21 @@ def _numbers(meshes: Any) -> IntArray:
     """Node numbers of the only mesh: its own, or from 1 as Salome counts."""
     (mesh,) = meshes.values()
     own = _first(mesh)["NOE"].get("NUM")
-    return np.arange(1, _nodes(mesh) + 1) if own is None else np.asarray(own, dtype=np.int64)
+    if own is None:
+        return np.arange(1, _nodes(mesh) + 1)
+    return np.asarray(own, dtype=np.int64)
 
 
 def _first(mesh: Any) -> Any:
     """A mesh at its first time step."""
-    return mesh if "NOE" in mesh else mesh[sorted(mesh)[0]]
+    if "NOE" in mesh:
+        return mesh
+    return mesh[sorted(mesh)[0]]
 
 
 def _nodes(mesh: Any) -> int:
     """Number of nodes of a mesh."""
     step = _first(mesh)
-    return int(step["NOE"]["COO"].attrs["NBR"]) if "NOE" in step else 0
+    if "NOE" in step:
+        return int(step["NOE"]["COO"].attrs["NBR"])
+    return 0

@@ -111,9 +111,11 @@ def _is_mixed(mesh: FileMesh) -> bool:
 
 def _block(label: str, cells: IntArray, convention: str) -> Block:
     shape, nodes, _ = CELLS[label]
-    corners, edges = CORNERS[shape], len(EDGES[shape])
+    corners = CORNERS[shape]
+    edges = len(EDGES[shape])
     has_mids = nodes > corners
-    mids, inner = np.arange(corners, corners + edges * has_mids), np.arange(corners, corners)
+    mids = np.arange(corners, corners + edges * has_mids)
+    inner = np.arange(corners, corners)
     if nodes > corners + edges:
         inner = np.arange(corners + edges, nodes)
     if convention == "gmsh" and has_mids:
@@ -166,7 +168,8 @@ FORMATS = {
 def read_by_meshio(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
-    path, notes = Path(ask.path), list[str]()
+    path = Path(ask.path)
+    notes = list[str]()
     numbers: IntArray = np.zeros(0, dtype=np.int64)
     if path.suffix.lower() == ".med":
         path, notes, numbers = med.of_one_mesh(path, name)
@@ -186,7 +189,8 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
-    result.told, result.labels = notes, numbers
+    result.told = notes
+    result.labels = numbers
     return as_carried(result, name)
 
 
@@ -320,7 +324,8 @@ ELEMENTS = {
     116: ("hexahedron", 20),
 }
 #: Beams, which have a line more.
-WITH_ORIENTATION, ROD = (21, 22, 23, 24), 11
+WITH_ORIENTATION = (21, 22, 23, 24)
+ROD = 11
 #: Places of corners and of middles of edges (in VTK's order) of second-order elements.
 ORDER = {
     "line": ((0, 2), (1,)),
@@ -331,7 +336,10 @@ ORDER = {
     "hexahedron": ((0, 2, 4, 6, 12, 14, 16, 18), (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11)),
 }
 #: Numbers of data sets (SDRC I-DEAS): units, nodes of three ages, elements.
-UNITS_SET, NODES_SET, OLD_NODES_SET, SINGLE_NODES_SET = 164, 2411, 781, 15
+UNITS_SET = 164
+NODES_SET = 2411
+OLD_NODES_SET = 781
+SINGLE_NODES_SET = 15
 ELEMENT_SETS = 2412, 780  # new and old
 #: Groups: with four numbers for each member, and with two.
 GROUPS = {**dict.fromkeys((2435, 2452, 2467, 2477), 4), **dict.fromkeys((2429, 2430, 2432), 2)}
@@ -442,7 +450,9 @@ def _elements(found: _Content, rows: Lines) -> None:
         text, place = rows[k]
         head = [whole_number(word, place) for word in text.split()]
         place.needs(len(head) >= 6, f"the head of an element has six numbers; got {len(head)}.")
-        label, descriptor, count = head[0], head[1], head[-1]
+        label = head[0]
+        descriptor = head[1]
+        count = head[-1]
         following = rows[k + 1][0].split() if k + 1 < len(rows) else []
         # Salome gives rods an orientation too, others do not
         k += (
@@ -460,8 +470,11 @@ def _elements(found: _Content, rows: Lines) -> None:
         if shape == "line" and count in (2, 3):
             wanted = count
         alike = len(nodes) == count == wanted
-        place.needs(alike, f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
-                    f"its head tells {count}; it must have {wanted}.")  # fmt: skip
+        place.needs(
+            alike,
+            f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
+            f"its head tells {count}; it must have {wanted}.",
+        )
         found.elements.setdefault((descriptor, shape, wanted), []).append([label, *nodes])
 
 
@@ -501,7 +514,8 @@ def _deck(found: _Content, asked: Mapping[str, Sequence[int]]) -> Deck:
                 f"element {table[row, 0]} of {found.name} has the node {table[row, k + 1]}, which "
                 "the file does not define."
             )
-        corners, mids = list(range(CORNERS[shape])), list[int]()
+        corners = list(range(CORNERS[shape]))
+        mids = list[int]()
         if count > CORNERS[shape]:
             corners, mids = (list(places) for places in ORDER[shape])
             assert len(mids) == len(EDGES[shape])

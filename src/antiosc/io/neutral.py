@@ -279,7 +279,9 @@ def of_kind(name: str, label: str) -> str:
 
 def kind_of(label: str) -> CellKind:
     """The kind named `label`; KeyError if no element family has such cells."""
-    return KINDS[label] if label in KINDS else SERENDIPITY[label]
+    if label in KINDS:
+        return KINDS[label]
+    return SERENDIPITY[label]
 
 
 def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
@@ -300,7 +302,8 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     }
     none = np.zeros(0, dtype=np.int64)
     nodes += [e.ravel() for _, _, e in spans]
-    rows, nodes = [none, *rows], [none, *nodes]
+    rows = [none, *rows]
+    nodes = [none, *nodes]
     arrays = [np.concatenate(rows), np.concatenate(nodes), mesh.points, mesh.labels]
     cad = [] if mesh.cad is None else list(vars(mesh.cad).values())
     return head, [*cad, *arrays, *mesh.cells.values()]

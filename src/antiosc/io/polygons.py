@@ -126,7 +126,8 @@ def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
         points = np.frombuffer(data, vertex, count)
         faces = np.frombuffer(data, face, number, count * vertex.itemsize)
         x = np.stack([points[axis] for axis in "xyz"], axis=1).astype(float)
-        sizes, corners = faces[SIZE], faces[CORNERS]
+        sizes = faces[SIZE]
+        corners = faces[CORNERS]
     except (IndexError, KeyError, ValueError):
         return None
     if (first, second) != ("vertex", "face") or (sizes != 3).any():

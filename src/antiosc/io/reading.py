@@ -137,7 +137,9 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
     construction planes, not beams and shells.
     """
     drawing = name.lower().endswith(CAD)
-    lost, place, left = [], 0, []
+    lost = []
+    place = 0
+    left = []
     for label, block in mesh.cells.items():
         kind = kind_of(label)
         if not 0 < kind.dim < raw.kind.dim:
@@ -315,7 +317,9 @@ def read(
         return sound(one_piece(raw, piece, path.name))
 
     geometry = path.suffix.lower() in GEOMETRY
-    return _meshed(once, path.name, geometry) if geometry or options.get("solid") else once(0)
+    if geometry or options.get("solid"):
+        return _meshed(once, path.name, geometry)
+    return once(0)
 
 
 def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> RawMesh:
@@ -485,7 +489,8 @@ def _content(
 ) -> FileMesh:
     """The content of a file; `options` are fields of a `Request`."""
     suffix = path.suffix.lower()
-    solid, size = options.get("solid", False), options.get("size")
+    solid = options.get("solid", False)
+    size = options.get("size")
     geometry = suffix in GEOMETRY or solid
     if solid and suffix not in SURFACES:
         raise MeshError(
@@ -533,7 +538,9 @@ def _content(
         )
     content.points = content.points * unit.length
     content.cad = content.cad and content.cad.scaled(unit.length)
-    return content if merge is None else merged(content, merge)
+    if merge is None:
+        return content
+    return merged(content, merge)
 
 
 # --- Coincident nodes -----------------------------------------------------------------------------

@@ -196,8 +196,11 @@ class AntiOscillators(ReprMixin, Parameters):
         if isinstance(damping, DampingMatrix):
             kept = np.delete(np.arange(damping.n), left_out)
             damping = in_coordinates(damping, np.eye(damping.n)[:, kept])
-        p, shapes, inertia = self.participation, self.shapes, self.inertia
-        E, misfit = self.strain_error, self.strain_misfit
+        p = self.participation
+        shapes = self.shapes
+        inertia = self.inertia
+        E = self.strain_error
+        misfit = self.strain_misfit
         if p is not None:
             added = 0.0 if self.sites else p[left_out].sum()
             p = np.delete(p, left_out, axis=0)
@@ -310,7 +313,9 @@ class AntiOscillators(ReprMixin, Parameters):
     @cached_property
     def free_modes(self) -> ModalBody | SiteModes:
         """The model in its free modes: `modal()` of one site, `site_modes()` of several."""
-        return reduced_modes.site_modes(self) if self.sites else reduced_modes.modal(self)
+        if self.sites:
+            return reduced_modes.site_modes(self)
+        return reduced_modes.modal(self)
 
     def to_matrices(
         self,
@@ -345,7 +350,8 @@ class AntiOscillators(ReprMixin, Parameters):
             )
         P = np.sqrt(self.m)[None, :] if self.P is None else self.P
         slide = None if self.slide is None else self.slide[:, self.slide.any(axis=0)]
-        k0, m_st = np.atleast_2d(self.k0), np.atleast_2d(self.m_st)
+        k0 = np.atleast_2d(self.k0)
+        m_st = np.atleast_2d(self.m_st)
         return reduced_matrices(k0, m_st, P, self.omega, slide, nodes, dofs, first)
 
     def save(self, path: str | os.PathLike[str]) -> None:

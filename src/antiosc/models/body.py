@@ -250,7 +250,9 @@ UNKNOWN = ModelInfo()
 def info_of(body: object) -> ModelInfo:
     """The record of a body; an empty record if the body has none."""
     info = getattr(body, "info", None)
-    return info if isinstance(info, ModelInfo) else UNKNOWN
+    if isinstance(info, ModelInfo):
+        return info
+    return UNKNOWN
 
 
 def is_thin(body: object) -> bool:
@@ -295,7 +297,9 @@ def resolved_frequency(source: Any) -> float:
         return float("inf")
     omega = np.sort(np.asarray(model.omega, dtype=float))
     count = min(info.converged, omega.size)
-    return float(omega[count - 1]) / (2 * np.pi) if count else 0.0
+    if count:
+        return float(omega[count - 1]) / (2 * np.pi)
+    return 0.0
 
 
 def strip_bending_frequency(
@@ -343,7 +347,9 @@ class Body:
 
     def surface(self, site: str = "") -> Surface | None:
         """The surface at a site, which determines the law of a contact; None if unknown."""
-        return info_of(self).known_surfaces.get(site) if isinstance(site, str) else None
+        if isinstance(site, str):
+            return info_of(self).known_surfaces.get(site)
+        return None
 
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""

@@ -48,7 +48,8 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
     written with m0, not m_st = m0 + sum(m_i), whose -x m_st would cancel the term of a large m_i.
     """
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
-    weight, poles = np.where(m > 0, m * poles, 0.0), np.where(m > 0, poles, -1.0)
+    weight = np.where(m > 0, m * poles, 0.0)
+    poles = np.where(m > 0, poles, -1.0)
     share = np.zeros(m.shape)
     for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
         pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
@@ -60,7 +61,8 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
 
 def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
     """|change of H|/|H| (J,) at each damped pole without its mode: H = sum b^2/(poles - x)."""
-    weight, poles = np.asarray(b, dtype=float) ** 2, np.asarray(poles, dtype=float)
+    weight = np.asarray(b, dtype=float) ** 2
+    poles = np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
     for i in np.flatnonzero(poles > 0):
         parts = weight / (poles - poles[i] * (1 + 1j * DAMPING) ** 2)

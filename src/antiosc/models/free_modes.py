@@ -200,7 +200,8 @@ def residual(
     s = 0 where they have no mass, r = 0 where no mode is left out.
     """
     x = omega**2 + shift
-    modal, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
+    modal = b**2 @ (1 / x)
+    heavy = b**2 @ (1 / x**2)
     r = C - modal
     if np.any(r < -RESIDUAL_ROUNDING * C):
         worst = int(np.argmin(r / C))
@@ -251,7 +252,8 @@ def error_bound(
     z = x + shift
     far = np.abs(1 - z / (omega[-1] ** 2 + shift))
     modal = 1 / (omega[:, None] ** 2 - x)
-    left_out, reduction = np.zeros(len(b)), np.zeros(len(b))
+    left_out = np.zeros(len(b))
+    reduction = np.zeros(len(b))
     for i in range(0, len(b), SITES_AT_ONCE):
         part = slice(i, i + SITES_AT_ONCE)
         one = r[part] / (1 - z * theta[part])
@@ -311,7 +313,8 @@ def parameters(
     m_st = np.sum(phi**2, axis=1)
     solve = _lanczos if method == "krylov" else _eigenpairs
     theta, c, left = solve(A, b, bAb, massless, phi, n)
-    k0, m = np.where(free, 0.0, 1 / C), c**2
+    k0 = np.where(free, 0.0, 1 / C)
+    m = c**2
     with np.errstate(divide="ignore"):
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
     real = np.isfinite(x) & (x > 0)
@@ -361,7 +364,8 @@ def _lanczos(
         return np.asarray(A * v + b * (stiff * np.sum(b * v, axis=1))[:, None])
 
     sites, size = phi.shape
-    V, F = np.zeros((sites, n, size)), np.zeros((sites, n, size))
+    V = np.zeros((sites, n, size))
+    F = np.zeros((sites, n, size))
     H = np.zeros((sites, n, n))
     w = flexed(phi)
     for k in range(n):
@@ -382,8 +386,10 @@ def _lanczos(
     theta = np.where(theta > 0, theta, 0.0)
     scale = np.where(theta > 0, 1 / np.sqrt(np.where(theta > 0, theta, 1.0)), 0.0)
     shapes = np.einsum("skj,ski->sji", V, turn) * scale[:, None]
-    left, c = phi, np.zeros_like(theta)
+    left = phi
+    c = np.zeros_like(theta)
     for _ in range(2):  # twice is enough (Kahan)
         part = np.einsum("sji,sj->si", shapes, left)
-        c, left = c + part, left - np.einsum("sji,si->sj", shapes, part)
+        c = c + part
+        left = left - np.einsum("sji,si->sj", shapes, part)
     return theta, c, np.sum(left**2, axis=1)

@@ -164,22 +164,30 @@ class FreeModes(ReprMixin):
     @cached_property
     def first_order(self) -> FirstOrder | None:
         """The body in first-order modes, if its damping couples its free modes."""
-        return None if self.damping is None else first_order(self.omega, self.damping)
+        if self.damping is None:
+            return None
+        return first_order(self.omega, self.damping)
 
     @property
     def _size(self) -> int:
         """Number of the body's coordinates."""
-        return len(self.omega) if self.shape is None else len(self.shape)
+        if self.shape is None:
+            return len(self.omega)
+        return len(self.shape)
 
     @property
     def B(self) -> Array:
         """Displacements (J, P) of all columns in the modes."""
-        return self.b if self.b.ndim > 1 else self.b[:, None]
+        if self.b.ndim > 1:
+            return self.b
+        return self.b[:, None]
 
     @property
     def R(self) -> Array:
         """Residual compliance (P, P) of all columns."""
-        return np.asarray(self.r) if self.b.ndim > 1 else np.array([[self.r]])
+        if self.b.ndim > 1:
+            return np.asarray(self.r)
+        return np.array([[self.r]])
 
     @property
     def columns(self) -> dict[str, tuple[int, ...]]:
@@ -218,7 +226,9 @@ class FreeModes(ReprMixin):
         x = checks.array("coordinates", coordinates, None)
         if x.ndim == 0 or x.shape[-1] != self._size:
             raise InputError(f"coordinates must have shape (..., {self._size}); got {x.shape}.")
-        return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
+        if self.amplitude is None:
+            return x
+        return np.asarray(x @ self.amplitude.T)
 
     def field(self, coordinates: ArrayLike) -> Array:
         """Displacements (..., n) of the whole body for coordinates (..., C)."""
@@ -355,7 +365,9 @@ class ModalBody(FreeModes):
     @property
     def axes(self) -> Array | None:
         """The direction of the contact point, (1, 3)."""
-        return None if self.direction is None else self.direction[None]
+        if self.direction is None:
+            return None
+        return self.direction[None]
 
     @cached_property
     def mobility(self) -> float:
@@ -364,9 +376,12 @@ class ModalBody(FreeModes):
         b = self.b[rigid]
         if b.any():
             return float((b**2).sum())
-        x, b = self.omega[~rigid] ** 2, self.b[~rigid]
+        x = self.omega[~rigid] ** 2
+        b = self.b[~rigid]
         inertia = float(((b / x) ** 2).sum())
-        return (float((b**2 / x).sum()) + self.r) ** 2 / inertia if inertia > 0 else 0.0
+        if inertia > 0:
+            return (float((b**2 / x).sum()) + self.r) ** 2 / inertia
+        return 0.0
 
     @cached_property
     def closing(self) -> Array:

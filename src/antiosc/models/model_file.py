@@ -250,12 +250,16 @@ def _damping(given: Named | None) -> Damping | DampingMatrix | None:
 
 def _plain(value: object) -> object:
     """A value, or one for each of several sites, as JSON."""
-    return value.tolist() if isinstance(value, np.ndarray) else value
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value
 
 
 def _inertia(arrays: Arrays) -> Inertia | None:
     """The inertia in a model file; None if it has none."""
-    return Inertia(*map(arrays.__getitem__, _INERTIA)) if arrays.keys() >= _INERTIA.keys() else None
+    if arrays.keys() >= _INERTIA.keys():
+        return Inertia(*map(arrays.__getitem__, _INERTIA))
+    return None
 
 
 #: Names of K and M in OP4 and DMIG files.
@@ -313,7 +317,9 @@ class ReducedMatrices(FieldsRepr):
         if (form := formats.get(ending)) and form.write:
             with files.atomic_file(target, "the matrices") as part:
                 form.write(part, matrices, self.labels)
-            return [target] if form.labelled else [target, self._map(target)]
+            if form.labelled:
+                return [target]
+            return [target, self._map(target)]
         if ending != ".mtx":
             raise InputError(
                 f"matrices are written to {', '.join(['.mtx', *formats])}; got {target.name!r}."
@@ -353,10 +359,12 @@ def reduced_matrices(
     M = np.block([[static_mass, P], [P.T, np.eye(len(omega))]])
     if slide is not None and slide.size:
         rigid = slide.shape[1]
-        K, M = block_diag(K, np.zeros((rigid, rigid))), block_diag(M, np.eye(rigid))
+        K = block_diag(K, np.zeros((rigid, rigid)))
+        M = block_diag(M, np.eye(rigid))
         T = np.eye(len(K))
         T[:count, -rigid:] = -slide
-        K, M = T.T @ K @ T, T.T @ M @ T
+        K = T.T @ K @ T
+        M = T.T @ M @ T
     return ReducedMatrices(K, M, _labels(count, len(K), nodes, dofs, first))
 
 
@@ -391,4 +399,6 @@ def _labels(
 
 def _as_list(value: object) -> list[object]:
     """A list, tuple or range as a list; any other value as its only element."""
-    return list(value) if isinstance(value, list | tuple | range) else [value]
+    if isinstance(value, list | tuple | range):
+        return list(value)
+    return [value]

@@ -92,7 +92,8 @@ class Inertia(ReprMixin):
         axes without inertia.
         """
         amplitudes = checks.array("amplitudes", amplitudes, (None, len(self.momentum)))
-        centre, spins = self.centre, np.eye(3)
+        centre = self.centre
+        spins = np.eye(3)
         motions = np.concatenate((np.cross(spins, self.point - centre), spins), axis=1)
         tensor = self.moved(motions @ self.matrix, centre)[:, 3:]
         turning = self.moved(self.momentum, centre)[:, 3:]
@@ -100,10 +101,12 @@ class Inertia(ReprMixin):
 
     def moved(self, momenta: Array, about: Array) -> Array:
         """(P, L) about the point `about` (3,) from `momenta` (..., 6) about the reference point."""
-        momenta, about = checks.array("momenta", momenta, None), checks.array("about", about, (3,))
+        momenta = checks.array("momenta", momenta, None)
+        about = checks.array("about", about, (3,))
         if momenta.ndim == 0 or momenta.shape[-1] != 6:
             raise InputError(f"momenta must have shape (..., 6); got {momenta.shape}.")
-        P, L = momenta[..., :3], momenta[..., 3:]
+        P = momenta[..., :3]
+        L = momenta[..., 3:]
         return np.concatenate((P, L + np.cross(self.point - about, P)), axis=-1)
 
 
@@ -212,7 +215,9 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
             return np.zeros(0), np.zeros((1, 0))
         return np.array([k0 / m0]), np.array([[1 / np.sqrt(m0)]])
     size = n + (m0 > 0)
-    given, x, shape = np.array([m, poles], dtype=float), np.empty(size), np.empty((n + 1, size))
+    given = np.array([m, poles], dtype=float)
+    x = np.empty(size)
+    shape = np.empty((n + 1, size))
     at, to_x, to_shape = map(library.address, (given, x, shape))
     lost = library.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
     if lost or not (np.isfinite(x).all() and np.isfinite(shape).all()):

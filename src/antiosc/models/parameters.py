@@ -82,14 +82,18 @@ class Parameters(Body):
     @property
     def n_sites(self) -> int:
         """Number of leading shapes, those of unit displacements of sites."""
-        return len(self.k0) if self.sites else 1
+        if self.sites:
+            return len(self.k0)
+        return 1
 
     @property
     def hidden_count(self) -> int:
         """Number of hidden rigid-body motions, which do not move the site."""
         if self.slide is not None:
             return int(self.slide.shape[1])
-        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
+        if self.inertia is None:
+            return 0
+        return len(self.inertia.momentum) - self.n - 1
 
     @property
     def k(self) -> Array:
@@ -142,7 +146,8 @@ def checked_at_one_site(model: Parameters) -> Stored:
                 f"{name} belongs to a model of several sites: give its P and the names of its "
                 "sites too."
             )
-    m, omega = checks.positives("m", model.m, "kg"), checks.positives("omega", model.omega, "rad/s")
+    m = checks.positives("m", model.m, "kg")
+    omega = checks.positives("omega", model.omega, "rad/s")
     if m.shape != omega.shape:
         raise InputError(
             f"m and omega must have one entry per anti-oscillator;"
@@ -212,7 +217,8 @@ def checked_at_sites(model: Parameters) -> Stored:
     omega = checks.positives("omega", model.omega, "rad/s")
     P = checks.array("P", model.P, (p, omega.size))
     order = np.argsort(omega, kind="stable")
-    omega, P = omega[order], P[:, order]
+    omega = omega[order]
+    P = P[:, order]
     m0 = _semidefinite("m0", m0, np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1)))
     k0 = _semidefinite("k0", k0, 1 / stiffness_scale(k0, m0 + P @ P.T, omega))
     if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
@@ -306,7 +312,8 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
 
 def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     """1/sqrt (p,) of the diagonal of k0 + s m_st, s the lowest omega^2 of the model."""
-    mass, stiffness = np.abs(m_st.diagonal()), np.abs(k0.diagonal())
+    mass = np.abs(m_st.diagonal())
+    stiffness = np.abs(k0.diagonal())
     s = float(omega[0]) ** 2 if omega.size else 0.0
     if s == 0.0 and np.any(mass > 0):
         s = float(np.max(stiffness[mass > 0] / mass[mass > 0]))
@@ -345,7 +352,8 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
 
 def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:
     """The damping of a model in the order of its sorted frequencies."""
-    n_sites, hidden = model.n_sites, model.hidden_count
+    n_sites = model.n_sites
+    hidden = model.hidden_count
     size = n_sites + model.n + hidden
     if damping.n != size:
         raise InputError(
@@ -398,7 +406,8 @@ def corrected(model: ModelType) -> ModelType:
     transform[0, 0], transform[1:, 0], transform[1:, 1:] = 1.0, static - 1, unit * c
     kept = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
     transform = transform[:, np.append(True, kept)]
-    p, inertia = model.participation, model.inertia
+    p = model.participation
+    inertia = model.inertia
     if p is not None:  # psi_0 is what moves with m0 and all psi_i
         p = transform.T @ np.append(p.sum(), p[1:])
         p[0] -= p[1:].sum()
@@ -432,7 +441,8 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
     # the error relative to the energy
     grown = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
     F = scale[:, None] * (np.eye(len(scale)) + grown) * scale
-    static, held = np.zeros(len(m)), F[1:, 1:]
+    static = np.zeros(len(m))
+    held = F[1:, 1:]
     if k0 > 0:
         static = F[1:, 0] / F[0, 0]
         held = held - np.outer(F[1:, 0], static)
@@ -448,4 +458,6 @@ def energy_error(model: Parameters, E: Array, weights: Array) -> float:
     weights : (N + 1, N + 1), sum of a aᵀ of the amplitudes a of psi_0 ... psi_N.
     """
     energy = float(np.diag(weights) @ np.append(model.k0, model.k))
-    return float(np.sum(weights * E)) / energy if energy > 0 else 0.0
+    if energy > 0:
+        return float(np.sum(weights * E)) / energy
+    return 0.0

@@ -40,7 +40,9 @@ def modal(model: Parameters) -> ModalBody:
     """The free modes of a model of one site, hidden rigid motions first."""
     if isinstance(model.damping, DampingMatrix):
         return _coupled_modes(model)
-    poles, mass, group = model.omega**2, model.m, None
+    poles = model.omega**2
+    mass = model.m
+    group = None
     stiffness = model.k0 + float((poles * mass).sum())
     massless = model.m0 == 0
     if model.n:
@@ -61,16 +63,20 @@ def modal(model: Parameters) -> ModalBody:
 
 def _coupled_modes(model: Parameters) -> ModalBody:
     """The free modes of a model with coupled damping; none of them are merged."""
-    k0, m0, root = np.array([[model.k0]]), np.array([[model.m0]]), np.sqrt(model.m)
+    k0 = np.array([[model.k0]])
+    m0 = np.array([[model.m0]])
+    root = np.sqrt(model.m)
     rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
     damped = damped_modes(model, k0, m0, root[None], rigid)
     transform = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
     transform[1:, 0], transform[1:, 1:] = 1.0, np.diag(1 / root)
-    size, hidden = len(transform), model.hidden_count
+    size = len(transform)
+    hidden = model.hidden_count
     shapes = np.zeros((size + hidden, hidden + damped.omega.size))
     shapes[:size, hidden:], shapes[size:, :hidden] = damped.shape, np.eye(hidden)
     omega = np.concatenate((np.zeros(hidden), damped.omega))
-    shape, residual = transform @ damped.shape, transform @ damped.residual[:, 0]
+    shape = transform @ damped.shape
+    residual = transform @ damped.residual[:, 0]
     body = _in_free_modes(model, damped.omega, shape, residual)
     decay, damping = damping_of(model, omega, shapes)
     return replace(body, decay=decay, damping=damping)
@@ -82,10 +88,14 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
     Their coordinates follow lambda.
     """
     weight = None if model.participation is None else shape.T @ model.participation
-    b, amplitude, hidden = shape[0], _relative(model.n), model.hidden_count
+    b = shape[0]
+    amplitude = _relative(model.n)
+    hidden = model.hidden_count
     if hidden:
-        none, own = np.zeros(hidden), np.eye(hidden)
-        omega, b = np.concatenate((none, omega)), np.concatenate((none, b))
+        none = np.zeros(hidden)
+        own = np.eye(hidden)
+        omega = np.concatenate((none, omega))
+        b = np.concatenate((none, b))
         residual = np.concatenate((residual, none))
         shape = np.roll(block_diag(shape, own), hidden, axis=1)
         amplitude = block_diag(amplitude, own)
@@ -115,7 +125,9 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
     """The shapes, then the hidden motions; None if any is unknown."""
     blocks = (model.shapes, model.hidden) if model.hidden_count else (model.shapes,)
     known = tuple(block for block in blocks if block is not None)
-    return known if len(known) == len(blocks) else None
+    if len(known) == len(blocks):
+        return known
+    return None
 
 
 def _relative(n: int) -> Array:
@@ -210,7 +222,8 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     """
     p, q = rigid.shape
     size = p + omega.size
-    K, M = np.diag(np.append(np.zeros(p), omega**2)), np.eye(size)
+    K = np.diag(np.append(np.zeros(p), omega**2))
+    M = np.eye(size)
     K[:p, :p], M[:p, :p], M[:p, p:], M[p:, :p] = k0, m0 + P @ P.T, P, P.T
     rigid_shapes = np.zeros((size, q))
     rigid_shapes[:p] = rigid
@@ -225,7 +238,8 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     basis = scipy.linalg.null_space((L.T @ rigid_shapes).T) if q else np.eye(size)
     transformed = scipy.linalg.solve_triangular(L, basis, lower=True, trans="T")
     theta, vectors = np.linalg.eigh(transformed.T @ M @ transformed)
-    theta, vectors = theta[::-1], vectors[:, ::-1]
+    theta = theta[::-1]
+    vectors = vectors[:, ::-1]
     heavy = theta > INERTIALESS * theta.max(initial=0.0)
     shape = transformed @ vectors
     own = np.sqrt(theta[heavy])

@@ -158,7 +158,9 @@ def stretch_of(body: object) -> Stretch | None:
     stretch = getattr(body, "stretch", None) or getattr(
         getattr(body, "body", None), "stretch", None
     )
-    return stretch if isinstance(stretch, Stretch) else None
+    if isinstance(stretch, Stretch):
+        return stretch
+    return None
 
 
 def refuse_stretch(bodies: Mapping[str, object]) -> None:

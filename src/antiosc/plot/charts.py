@@ -39,7 +39,8 @@ def panels(
 
     With `shown`, pyplot knows the figure, so that `pyplot.show()` and notebooks display it.
     """
-    rows, columns = checks.whole("rows", rows, most=20), checks.whole("columns", columns, most=20)
+    rows = checks.whole("rows", rows, most=20)
+    columns = checks.whole("columns", columns, most=20)
     width, height = checks.array("size", size, (2,))
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
         raise InputError(
@@ -198,12 +199,15 @@ def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
 
 def widths(named: Mapping[str, object]) -> Array:
     """Line widths in points, decreasing, so that no curve hides another."""
-    return np.linspace(2.6, 1.0, len(named)) if len(named) > 1 else np.array([1.5])
+    if len(named) > 1:
+        return np.linspace(2.6, 1.0, len(named))
+    return np.array([1.5])
 
 
 def padded_range(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
     """The range of `values`, extended by these shares of it below and above."""
-    low, high = float(np.min(values)), float(np.max(values))
+    low = float(np.min(values))
+    high = float(np.max(values))
     size = (high - low) or max(abs(high), 1.0)
     return low - below * size, high + above * size
 
@@ -263,7 +267,8 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     named = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
     spans = [_contact_span(hit) for hit in named.values()]
-    start, end = min(s for s, _ in spans), max(e for _, e in spans)
+    start = min(s for s, _ in spans)
+    end = max(e for _, e in spans)
     factor, unit = prefixed(end, "s")
     for (name, hit), width in zip(named.items(), widths(named), strict=True):
         many = len(hit.contacts) >= MANY_CONTACTS
@@ -298,7 +303,9 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
         _mark_yield(ax, hit)
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
-    return legend(ax) if len(named) > 1 or means else legend_above(ax)
+    if len(named) > 1 or means:
+        return legend(ax)
+    return legend_above(ax)
 
 
 def _mark_yield(ax: Axes, hit: HistoryLike) -> None:
@@ -369,13 +376,15 @@ def plot_history(
 
 def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Array, Array]:
     """Mean of a piecewise linear signal over `window` (s) about each of 400 times."""
-    t, y = checks.column("time", time), checks.column("value", value)
+    t = checks.column("time", time)
+    y = checks.column("value", value)
     if t.size != y.size or t.size < 2 or np.any(np.diff(t) < 0):
         raise InputError("time must ascend, with one value for each of at least two times.")
     window = checks.positive("window", window, "s")
     area = np.concatenate(([0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)))
     at = np.linspace(t[0], t[-1], 400)
-    low, high = np.maximum(at - window / 2, t[0]), np.minimum(at + window / 2, t[-1])
+    low = np.maximum(at - window / 2, t[0])
+    high = np.minimum(at + window / 2, t[-1])
 
     def until(x: Array) -> Array:
         k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
@@ -396,7 +405,8 @@ def _contact_span(hit: HistoryLike) -> tuple[float, float]:
     """Time of the first touch, and of the release after which < LATE_IMPULSE of the impulse
     remains.
     """
-    contacts, given = np.reshape(hit.contacts, (-1, 2)), hit.cumulative_impulse
+    contacts = np.reshape(hit.contacts, (-1, 2))
+    given = hit.cumulative_impulse
     if not contacts.size or given[-1] <= 0:
         return float(hit.time[0]), float(hit.time[-1])
     so_far = np.interp(contacts[:, 1], hit.time, given) / given[-1]
@@ -459,7 +469,8 @@ def plot_dynamic_stiffness(
 
 def _entries(model: ModelLike, omega: Array) -> list[tuple[str, Array]]:
     """Names and absolute values (n,) of the entries of Z on and above the diagonal."""
-    Z, names = np.abs(model.dynamic_stiffness(omega)), model.labels
+    Z = np.abs(model.dynamic_stiffness(omega))
+    names = model.labels
     if Z.ndim == 1:
         return [("", Z)]
     rows, columns = np.triu_indices(len(names))

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 #: Colour of what has no value to be trusted.
 GREY = "0.75"
 #: Direction of the light, and the darkest shade.
-LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
+LIGHT = np.array([0.5, -0.4, 0.77])
+DARK = 0.62
 
 #: Share of the axes that a part may fill, whose edge would cut it.
 LARGEST_EXTENT = 0.97
@@ -84,7 +85,8 @@ def colour_scale(value: Array) -> ScalarMappable:
 
 def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
-    low, high = x.min(axis=0), x.max(axis=0)
+    low = x.min(axis=0)
+    high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
     for name, middle, length in zip("xyz", (low + high) / 2, side, strict=True):
         getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
@@ -133,7 +135,8 @@ class Deformed:
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
         """The surface with displacements (P, 3) [m], magnified according to the largest one [m]."""
-        shown, factor = largest or 1.0, magnification(points, largest)
+        shown = largest or 1.0
+        factor = magnification(points, largest)
         micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)
         label = f"displacement ({unit}), drawn × {factor:g}"

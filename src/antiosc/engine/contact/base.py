@@ -165,9 +165,12 @@ class ContactLaw(ABC):
         high = self.force(delta, rate, state)
         if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):
             return max(high, 0.0)
-        low, trial, step = 0.0, min(max(guess, 0.0), high), high
+        low = 0.0
+        trial = min(max(guess, 0.0), high)
+        step = high
         for _ in range(200):
-            d, r = delta - alpha * trial, rate - alpha_rate * trial
+            d = delta - alpha * trial
+            r = rate - alpha_rate * trial
             excess = trial - self.force(d, r, state)
             if excess == 0.0:
                 return trial
@@ -181,7 +184,8 @@ class ContactLaw(ABC):
                 new = 0.5 * (low + high)
             if abs(new - trial) <= 2e-15 * abs(new) or new in (low, high):
                 return new
-            step, trial = abs(new - trial), new
+            step = abs(new - trial)
+            trial = new
         if step > FORCE_ROUNDING * abs(trial):
             raise NotConvergedError(
                 f"the force at the indentation {delta:g} m has not converged after 200 steps:"
@@ -201,7 +205,8 @@ class Without(ContactLaw):
     """
 
     def __init__(self, law: ContactLaw, compliance: float) -> None:
-        self.law, self.compliance = law, compliance
+        self.law = law
+        self.compliance = compliance
         self.rate_dependent, self.has_memory = law.rate_dependent, law.has_memory  # type: ignore[misc]
 
     def __repr__(self) -> str:
@@ -213,7 +218,8 @@ class Without(ContactLaw):
 
     @cached_property
     def valid_force(self) -> float:
-        law, state = self.law, self.law.touch(0.0)
+        law = self.law
+        state = self.law.touch(0.0)
         low, high = 1e-30, 1e30
         for _ in range(80):
             middle = (low * high) ** 0.5
@@ -292,7 +298,9 @@ class Compiled(Checked, ContactLaw):
 
     @cached_property
     def valid_force(self) -> float:
-        return float(library.library.aom_law_reach(self._at)) if self.compliance else float("inf")
+        if self.compliance:
+            return float(library.library.aom_law_reach(self._at))
+        return float("inf")
 
     @cached_property
     def kernel(self) -> tuple[library.Law, Array]:
@@ -324,10 +332,13 @@ class Compiled(Checked, ContactLaw):
         return out.value
 
     def potential(self, delta: float, state: State) -> float:
-        return super().potential(delta, state) if self.has_memory else self.energy(delta, state)
+        if self.has_memory:
+            return super().potential(delta, state)
+        return self.energy(delta, state)
 
     def energies(self, delta: Array, state: State) -> Array:
-        depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
+        depth = np.ascontiguousarray(delta, dtype=float)
+        out = np.empty(len(delta))
         library.library.aom_law_energies(
             self._at,
             depth.size,
@@ -339,7 +350,8 @@ class Compiled(Checked, ContactLaw):
 
     def forces_at_rest(self, delta: Array, state: State) -> Array:
         """Forces (n,) [N] at constant indentations (n,) [m]."""
-        depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
+        depth = np.ascontiguousarray(delta, dtype=float)
+        out = np.empty(len(delta))
         library.library.aom_law_forces(
             self._at,
             depth.size,
@@ -373,7 +385,9 @@ class Compiled(Checked, ContactLaw):
         return float(library.library.aom_law_origin(self._at, _ThreeDoubles(*state[:3])))
 
     def lost(self, state: State) -> float:
-        return state[2] if self.has_memory else 0.0
+        if self.has_memory:
+            return state[2]
+        return 0.0
 
     def damping(self, delta: float, rate: float, state: State) -> float:
         if not self.rate_dependent:

@@ -83,7 +83,8 @@ class Choice:
         """The reason for this law, without a full stop."""
         if self.soft is None or self.soft.yield_strength is None:
             return self.kind
-        name, strength = self.soft.name or "the weaker side", self.soft.yield_strength
+        name = self.soft.name or "the weaker side"
+        strength = self.soft.yield_strength
         return f"{self.kind}: {name} has a yield strength of {engineering(strength, 'Pa')}"
 
 
@@ -150,7 +151,9 @@ def _modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
 
 
 def _strength(matter: Matter) -> float:
-    return inf if matter.yield_strength is None else matter.yield_strength
+    if matter.yield_strength is None:
+        return inf
+    return matter.yield_strength
 
 
 def _elastic_share(

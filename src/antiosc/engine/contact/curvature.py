@@ -11,7 +11,11 @@ from antiosc.base._types import Array
 from antiosc.base.texts import ReprMixin
 
 #: Kinds of places on a surface.
-PLANE, LINE, CURVED, EDGE, CORNER = "plane", "line", "curved", "edge", "corner"
+PLANE = "plane"
+LINE = "line"
+CURVED = "curved"
+EDGE = "edge"
+CORNER = "corner"
 #: Kinds without a curvature, whose radius must be given.
 SHARP = EDGE, CORNER
 #: Share of the larger curvature below which a sum of two is none.
@@ -56,7 +60,8 @@ class Curvature(ReprMixin):
         """Curvature of the parallel surface at this distance [m] outward, as a face of a shell."""
         stretch = 1 + self.values * distance
         change = 1 / float(np.min(np.abs(stretch))) ** 2 if np.isfinite(stretch).all() else 1.0
-        values, point = self.values / stretch, self.point + distance * self.normal
+        values = self.values / stretch
+        point = self.point + distance * self.normal
         return replace(self, values=values, error=self.error * change, point=point)
 
     def against(self, other: Curvature) -> Curvature:

@@ -18,7 +18,8 @@ from antiosc.base.texts import ReprMixin
 
 Radii = float | tuple[float, float]
 #: Of log (b/a)^2 by log B/A: within 0.006 to B/A = 300. A change that is none.
-SLENDER, SETTLED = (-1.3498, 0.01943), 1e-12
+SLENDER = (-1.3498, 0.01943)
+SETTLED = 1e-12
 #: Plastic pressure of a line over that of a ball, less 1.
 LINES = 0.06
 
@@ -39,7 +40,8 @@ def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[flo
 
     `angle` [degree] lies between the planes of the first radii of both bodies.
     """
-    first, second = _curvatures("radii1", radii1), _curvatures("radii2", radii2)
+    first = _curvatures("radii1", radii1)
+    second = _curvatures("radii2", radii2)
     A, B = relative_of_curvatures(first, second, angle)
     if A <= 1e-12 * B or B <= 0:
         raise InputError(
@@ -55,7 +57,8 @@ def relative_of_curvatures(
 ) -> tuple[float, float]:
     """As `relative_curvatures`, from principal curvatures [1/m]; A may be 0 or less."""
     total = sum(first) + sum(second)
-    c1, c2 = first[0] - first[1], second[0] - second[1]
+    c1 = first[0] - first[1]
+    c2 = second[0] - second[1]
     spread = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
     return (total - spread) / 4, (total + spread) / 4
 
@@ -116,7 +119,9 @@ def _integrals(m1: float) -> tuple[float, float, float]:
 
     B/A = (K - D)/(m1 D).
     """
-    a, b, m = 1.0, sqrt(m1), 1 - m1
+    a = 1.0
+    b = sqrt(m1)
+    m = 1 - m1
     half, weight = 0.5 / (1 + b), 1.0  # half of a - b, over m
     part = 0.5 + m * half * half
     while m * half > 1e-8 * a:  # the next one is its square
@@ -199,7 +204,8 @@ def contact_stress(
         An impactor without a radius and constants; a hollow that fits the impactor.
     """
     tip = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
-    own_E, own_nu = getattr(impactor, "E", None), getattr(impactor, "nu", None)
+    own_E = getattr(impactor, "E", None)
+    own_nu = getattr(impactor, "nu", None)
     if isinstance(impactor, type) or tip is None or own_E is None or own_nu is None:
         raise InputError(
             "contact_stress needs a Sphere, or RigidMass(mass, tip_radius=…, E=…, nu=…); got "

@@ -120,7 +120,9 @@ class Linear(Patched):
             )
 
     def without(self, compliance: float) -> Self:
-        return self if compliance * self.stiffness > TAKEN else super().without(compliance)
+        if compliance * self.stiffness > TAKEN:
+            return self
+        return super().without(compliance)
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,8 @@ class Hertz(Compiled):
     def __post_init__(self) -> None:
         super().__post_init__()
         # with s = F^(1/3): delta = a s^2 - c s^3 up to s = end, a straight line beyond
-        k, c = self.stiffness, self.compliance
+        k = self.stiffness
+        c = self.compliance
         a = k ** (-2 / 3)
         end = self.END * 2 * a / (3 * c) if c > 0 else inf
         slope = (2 / 3) * a / end - c if c > 0 else 0.0
@@ -603,12 +606,16 @@ class Tabulated(Hysteretic):
         self._end = float(F[-1])
         self._points = len(x)
         self._reach = f"{engineering(x[-1], 'm')} and {engineering(F[-1], 'N')}"
-        remains, xu, Fu = 0.0, x, F
+        remains = 0.0
+        xu = x
+        Fu = F
         if unloading is not None:
             xu, Fu = _unloading(unloading, x, F)
             remains = float(xu[0] / xu[-1])
-            xu, Fu = (xu - xu[0]) / (xu[-1] - xu[0]), Fu / Fu[-1]
-        first, second = _knots(x, F), _knots(xu, Fu)
+            xu = (xu - xu[0]) / (xu[-1] - xu[0])
+            Fu = Fu / Fu[-1]
+        first = _knots(x, F)
+        second = _knots(xu, Fu)
         head = [float(self.elastic), remains, float(x.size), float(xu.size), 5.0 + len(first)]
         self._parameters = [*head, *first, *second]
         if unloading is not None:
@@ -626,7 +633,9 @@ class Tabulated(Hysteretic):
 
     def _changed_fields(self) -> list[tuple[str, str]]:
         facts = [("points", str(self._points)), ("up to", self._reach)]
-        return facts if self.elastic else [*facts, ("unloading", "given")]
+        if self.elastic:
+            return facts
+        return [*facts, ("unloading", "given")]
 
     def __repr__(self) -> str:
         return f"Tabulated({', '.join(' '.join(fact) for fact in self._changed_fields())})"
@@ -640,7 +649,9 @@ class Tabulated(Hysteretic):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        return super().enough_radius(peak, radius) if peak <= self._end else None
+        if peak <= self._end:
+            return super().enough_radius(peak, radius)
+        return None
 
     def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:

@@ -15,7 +15,9 @@ TABOR = 0.2
 #: range in which it is taken: a rigid sphere on an elastic half-space (nu = 0.3) has 3.8, 5.4, 6.7,
 #: 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by the grid
 #: (benchmarks/elastoplastic/finite_strain.py elastic).
-STRAINED, LEAST_STRAIN, LARGEST_STRAIN = 0.38, 0.01, 0.1
+STRAINED = 0.38
+LEAST_STRAIN = 0.01
+LARGEST_STRAIN = 0.1
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
@@ -24,12 +26,14 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
     Where the contact yields, the measured error of the law and of an ellipse, and what the least
     and the largest yield strength make of the force at equal work; elsewhere what large strains do.
     """
-    law, soft = choice.law, choice.soft
+    law = choice.law
+    soft = choice.soft
     elastic = None if choice.unknown else _elastic_error(choice, peak)
     if elastic is None or not isinstance(law, ElasticPlastic) or soft is None:
         return elastic
     depth = _depth(law, "force", peak)
-    work, rate = law.loading_work(depth), mean_strain_rate(law, depth, contact_time)
+    work = law.loading_work(depth)
+    rate = mean_strain_rate(law, depth, contact_time)
     others = other_strengths(law, soft, peak, rate)
     peaks = [_force(other, _depth(other, "work", work)) for other in others]
     by_strength = max((abs(one / peak - 1) for one in peaks), default=0.0)
@@ -57,7 +61,9 @@ def elastic_strain(choice: Choice, peak: float, depth: float) -> float:
 
 def strain_share(strain: float) -> float:
     """Share of the force that large strains may change at an indentation over the radius."""
-    return STRAINED * sqrt(strain) if strain >= LEAST_STRAIN else 0.0
+    if strain >= LEAST_STRAIN:
+        return STRAINED * sqrt(strain)
+    return 0.0
 
 
 def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> float:
@@ -74,7 +80,9 @@ def _elastic_error(choice: Choice, peak: float) -> float | None:
     if not isinstance(law, ElasticPlastic | Hertz | Gonthier):
         return 0.0
     strain = elastic_strain(choice, peak, (peak / law.stiffness) ** (2 / 3))
-    return None if strain > LARGEST_STRAIN else 1 - (1 - strain_share(strain)) ** 0.4
+    if strain > LARGEST_STRAIN:
+        return None
+    return 1 - (1 - strain_share(strain)) ** 0.4
 
 
 def _force(law: ElasticPlastic, depth: float) -> float:

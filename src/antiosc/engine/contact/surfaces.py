@@ -95,7 +95,8 @@ class Surface:
 
     def as_dict(self) -> dict[str, Any]:
         """The surface as JSON values."""
-        matter, fields_of_surface = asdict(self.matter), asdict(self)
+        matter = asdict(self.matter)
+        fields_of_surface = asdict(self)
         fields_of_surface["matter"] = {
             key: value for key, value in matter.items() if value is not None
         }
@@ -151,7 +152,9 @@ def matter_of(
         if strength != matter.yield_strength:
             changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
             changed["rate"] = matter.rate and matter.rate[:2]
-    return replace(matter, **changed) if changed else matter
+    if changed:
+        return replace(matter, **changed)
+    return matter
 
 
 def density_of(material: object) -> float:
@@ -171,7 +174,8 @@ def _named(name: str) -> Matter:
 
 def _of_object(material: object) -> Matter:
     """The constants of a `Solid`, a `Shell`, a `Beam` or a record."""
-    E, nu = getattr(material, "E", None), getattr(material, "nu", None)
+    E = getattr(material, "E", None)
+    nu = getattr(material, "nu", None)
     if not isinstance(E, int | float) or not isinstance(nu, int | float):
         shown = getattr(material, "name", "") or checks.shown(material)
         raise InputError(
@@ -195,4 +199,6 @@ def _checked(matter: Matter) -> Matter:
 
 
 def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+    if isinstance(value, list):
+        return tuple(value)
+    return value

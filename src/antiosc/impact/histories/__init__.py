@@ -209,7 +209,9 @@ class History(RunHistory, Results):
     def force_text(self) -> str:
         """Peak force of a contact as text, with its error once the error budget is known."""
         budget = vars(self).get("error_budget")
-        return budget.shown("peak_force") if budget else engineering(self.peak_force, "N", 4)
+        if budget:
+            return budget.shown("peak_force")
+        return engineering(self.peak_force, "N", 4)
 
     def _facts(self) -> list[tuple[str, str]]:
         contacts = self.contact_histories

@@ -73,7 +73,9 @@ class ErrorBar:
     @property
     def total(self) -> float | None:
         """Sum of all causes; None where the error of the contact's law is not known."""
-        return None if self.law is None else self.without_law + self.law
+        if self.law is None:
+            return None
+        return self.without_law + self.law
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def causes(self) -> tuple[str, ...]:
         """Causes of error to print; noise, band and stretch if present, the law if known."""
-        bars, without = self.bars.values(), (*self.unknown, *(("law",) if self.law else ()))
+        bars = self.bars.values()
+        without = (*self.unknown, *(("law",) if self.law else ()))
         known = (c for c in CAUSES if c not in without)
         return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
 
@@ -131,7 +134,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def worst(self) -> float | None:
         """Largest total of the three quantities; None if the error of the law is unknown."""
         totals = [bar.total for bar in self.bars.values()]
-        return None if None in totals else max(filter(None, totals), default=0.0)
+        if None in totals:
+            return None
+        return max(filter(None, totals), default=0.0)
 
     @property
     def without_law(self) -> float:
@@ -179,4 +184,6 @@ def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
 
 
 def _relative(a: float, b: float) -> float:
-    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
+    if a != b:
+        return abs(a - b) / max(abs(a), abs(b))
+    return 0.0

@@ -47,7 +47,9 @@ class Energy(ReprMixin):
     def drift(self) -> float:
         total = self.total
         scale = float(np.max(self.kinetic + self.strain + self.contact))
-        return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
+        if scale > 0:
+            return float(np.max(np.abs(total - total[0]))) / scale
+        return 0.0
 
 
 def replay(
@@ -105,7 +107,8 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     """
     before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
     deeper = np.append(False, depth[1:] > before)
-    stored, lost = law.energies(depth, state), np.zeros(depth.size)
+    stored = law.energies(depth, state)
+    lost = np.zeros(depth.size)
     at = np.flatnonzero(deeper)
     if not at.size:
         return stored, lost, state
@@ -122,10 +125,16 @@ def path_work(force: Array, displacement: Array) -> Array:
     """Work (n, k) of forces over displacements, at middle and end of every step; both are
     parabolas.
     """
-    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    w0, w1, w2 = displacement[:-2:2], displacement[1:-1:2], displacement[2::2]
-    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
-    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
+    f0 = force[:-2:2]
+    f1 = force[1:-1:2]
+    f2 = force[2::2]
+    w0 = displacement[:-2:2]
+    w1 = displacement[1:-1:2]
+    w2 = displacement[2::2]
+    b = 4 * f1 - 3 * f0 - f2
+    c = 2 * (f0 - 2 * f1 + f2)
+    d = 4 * w1 - 3 * w0 - w2
+    e = 4 * (w0 - 2 * w1 + w2)
 
     def until(u: float) -> Array:
         return np.asarray(
@@ -141,8 +150,11 @@ def path_work(force: Array, displacement: Array) -> Array:
 
 def impulses(time: Array, force: Array) -> Array:
     """Integrals (n - 1, m) from node to node of forces (n, m) that are parabolas over steps."""
-    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    span, found = np.diff(time)[:, None], np.empty((time.size - 1, force.shape[1]))
+    f0 = force[:-2:2]
+    f1 = force[1:-1:2]
+    f2 = force[2::2]
+    span = np.diff(time)[:, None]
+    found = np.empty((time.size - 1, force.shape[1]))
     found[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
     found[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
     return found
@@ -157,11 +169,14 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
     """Energies at the nodes."""
     a = assembly
     stored, lost = contact_energies(a, run)
-    kinetic, modal = np.empty(run.time.size), np.empty(run.time.size)
-    work, braked = np.zeros(run.time.size - 1), np.zeros(run.time.size - 1)
+    kinetic = np.empty(run.time.size)
+    modal = np.empty(run.time.size)
+    work = np.zeros(run.time.size - 1)
+    braked = np.zeros(run.time.size - 1)
     for first, last in blocks(run, a.system.omega.size):
         q, v = node_states(run, a.system, first, last)
-        nodes, between = slice(2 * first, 2 * last + 1), slice(2 * first, 2 * last)
+        nodes = slice(2 * first, 2 * last + 1)
+        between = slice(2 * first, 2 * last)
         kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
         modal[nodes] += a.system.stretch_energy(q)
@@ -203,9 +218,11 @@ def energy_gain(a: Assembly, run: Run) -> float:
         return 0.0
     if system.damped or (a.scene.loads and a.r.any()):
         energy = energy_balance(a, run)
-        held, total = energy.kinetic + energy.strain + energy.contact, energy.total
+        held = energy.kinetic + energy.strain + energy.contact
+        total = energy.total
     else:  # nothing between the ends of the steps is needed
-        force, mechanical = run.force[::2], np.empty(run.time.size // 2 + 1)
+        force = run.force[::2]
+        mechanical = np.empty(run.time.size // 2 + 1)
         work = np.zeros(mechanical.size - 1)
         for first, last in blocks(run, system.omega.size):
             q, v = starts(run, system, np.arange(first, last + 1))
@@ -223,7 +240,9 @@ def energy_gain(a: Assembly, run: Run) -> float:
         if system.loads.any():
             total[1:] -= np.cumsum(work)
     highest = float(held.max())
-    return float(total.max() - total[0]) / highest if highest > 0 else 0.0
+    if highest > 0:
+        return float(total.max() - total[0]) / highest
+    return 0.0
 
 
 def _work_and_losses(
@@ -255,8 +274,11 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     needs the integrals of q and t q, which the equation of motion gives. They cancel for short
     steps, for which the trapezoidal rule serves.
     """
-    system, step = a.system, np.diff(run.time)[:, None]
-    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
+    system = a.system
+    step = np.diff(run.time)[:, None]
+    f0 = run.force[:-2:2]
+    f1 = run.force[1:-1:2]
+    f2 = run.force[2::2]
     h = step[::2] + step[1::2]
     h = np.where(h > 0, h, 1.0)
     slopes, bends = np.empty((2, step.size, run.force.shape[1]))
@@ -268,7 +290,8 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     start = load[:-1] - run.force[:-1] @ system.beta
     end = start + step * (slope + step * bend / 2)
     x = np.where(system.omega > 0, system.omega, 1.0) ** 2
-    moved, sped = np.diff(q, axis=0), np.diff(v, axis=0)
+    moved = np.diff(q, axis=0)
+    sped = np.diff(v, axis=0)
     given = step * (start + step * (slope / 2 + step * bend / 6))
     area = (given - sped - 2 * system.decay * moved) / x
     first = step**2 * (start / 2 + step * (slope / 3 + step * bend / 8))
@@ -287,7 +310,9 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     By parts: a load that is linear in time needs the integral of q, which an elastic mode's
     equation of motion gives.
     """
-    time, force, system = run.time, run.force, a.system
+    time = run.time
+    force = run.force
+    system = a.system
     span = np.diff(time)[:, None]
     load = a.load(time)
     if system.first is not None:
@@ -307,7 +332,9 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
     By parts as in `_work`; the integral of a rigid motion is that of its acceleration, a parabola.
     """
     system = a.system
-    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
+    f0 = run.force[:-2:2]
+    f1 = run.force[1:-1:2]
+    f2 = run.force[2::2]
     time = run.time[::2]
     h = np.diff(time)[:, None]
     load = a.load(time)
@@ -329,13 +356,15 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     """Recoverable energy and losses of all contacts at the nodes."""
-    stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
+    stored = np.zeros(run.time.size)
+    lost = np.zeros(run.time.size)
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
             stored += np.where(run.force[:, c], law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
             continue
-        force, depth = run.force[:, c], run.depth[:, c]
+        force = run.force[:, c]
+        depth = run.depth[:, c]
         closed, _ = contact_intervals(run, system, c)
         nodes = [
             (
@@ -353,7 +382,8 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             lost += path_work(damping[:, None], depth[:, None])[:, 0]
     for c, sides in enumerate(system.sides):
         for i in range(sides.start, sides.stop):
-            T, displacement = run.force[:, i], run.depth[:, i]
+            T = run.force[:, i]
+            displacement = run.depth[:, i]
             spring = 0.5 * T**2 / system.slip[c, 1]
             work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring

@@ -35,7 +35,8 @@ def no_field_message(model: object) -> str:
 def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     if isinstance(history, BodyHistory):
-        model, own = history.placed.body, history.placed.modes
+        model = history.placed.body
+        own = history.placed.modes
     else:
         model, own = history.of(body)
     if own.basis is None:
@@ -74,7 +75,9 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     forces = stretch_in(history, body)
     of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
     given = stretch_of(of_body)
-    return None if forces is None or given is None else given.shapes_in(forces.modes)
+    if forces is None or given is None:
+        return None
+    return given.shapes_in(forces.modes)
 
 
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
@@ -85,7 +88,8 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
     Velocities and accelerations are those of the modes: what a residual compliance adds to the
     displacement has no inertia, and follows the force.
     """
-    own, one = modes_of(history, body), _motion_at(history, times, body)
+    own = modes_of(history, body)
+    one = _motion_at(history, times, body)
     q = (one.q, one.v, one.a)[derivative]
     found = _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
     forces = stretch_in(history, body)
@@ -104,14 +108,16 @@ def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
 
 def stretch_factors(history: AnyHistory, body: str) -> Array:
     """Factors (m, B) of the body's shapes for the modes with second-order forces."""
-    own, forces = modes_of(history, body), stretch_in(history, body)
+    own = modes_of(history, body)
+    forces = stretch_in(history, body)
     assert forces is not None
     return _factors(own, forces.modes.T, np.zeros((forces.size, own.B.shape[1])))
 
 
 def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
     """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
-    own, one = modes_of(history, body), _motion_at(history, times, body)
+    own = modes_of(history, body)
+    one = _motion_at(history, times, body)
     none = np.zeros_like(one.forces)
     return [_factors(own, each, none) for each in one.springs]
 
@@ -140,7 +146,9 @@ def modal_amplitudes(
     forces slowly; 0 of rigid-body modes.
     """
     own = modes_of(history, body)
-    omega, swing, sizes = own.omega, np.zeros(own.omega.size), np.zeros(own.omega.size)
+    omega = own.omega
+    swing = np.zeros(own.omega.size)
+    sizes = np.zeros(own.omega.size)
     for some in np.array_split(times, -(-len(times) // AT_ONCE)):
         one = _motion_at(history, some, body)
         # of the oscillation x: x' = v and x'' = a

@@ -85,7 +85,8 @@ def large_deflection_message(history: RunHistory) -> str:
             continue
         w = deflection(history, name)
         if w > worst * h:
-            worst, message = w / h, (beyond_quartic if stretches else beyond_linear)(name, w, h)
+            worst = w / h
+            message = (beyond_quartic if stretches else beyond_linear)(name, w, h)
     return message
 
 
@@ -120,8 +121,10 @@ def deflection(history: RunHistory, name: str, closely: bool = True) -> float:
 
     closely : at many times, or at the ends of steps alone.
     """
-    a, omega = history.assembly, history.assembly.bodies[name].omega
-    own, columns = a.spans[name], a.columns[name]
+    a = history.assembly
+    omega = history.assembly.bodies[name].omega
+    own = a.spans[name]
+    columns = a.columns[name]
     sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
     q = sampled_motion(history, omega) if closely else free_steps(history.run, a.system)
     return float(np.abs(q[:, own] @ (sites * (omega > 0)[:, None])).max(initial=0.0))
@@ -153,7 +156,8 @@ def _worst_change(name: str, body: SceneBody, history: RunHistory) -> tuple[floa
     changes = info_of(body.body).second_order or {}
     if not changes:
         return 0.0, 0.0
-    motion, found = sampled_motion(history, body.omega)[:, history.assembly.spans[name]], []
+    motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
+    found = []
     for site, share in changes.items():
         u = motion @ body.B[:, body.columns_of(site)[0]]
         k = int(np.argmax(np.abs(u)))

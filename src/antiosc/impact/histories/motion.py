@@ -69,7 +69,8 @@ class RunHistory(OneContact):
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
         """Histories of the bodies by name, at the nodes."""
-        run, a = self._nodes, self.assembly
+        run = self._nodes
+        a = self.assembly
         q, v = node_states(run, a.system)
         return self._bodies(run.time, q, v, run.force)
 
@@ -171,7 +172,9 @@ class RunHistory(OneContact):
         _, own = self.of(body)
         one = self.at(t)[self.name_of(body)]
         found = own.coordinates(one.q, one.forces)
-        return found if np.ndim(t) else found[0]
+        if np.ndim(t):
+            return found
+        return found[0]
 
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
         """(model of a body, its form in free modes).
@@ -252,7 +255,8 @@ class RunHistory(OneContact):
     @cached_property
     def _sites(self) -> Array:
         """Displacements and velocities of both ends of the only contact, along it: (4, n)."""
-        a, run = self.assembly, self._nodes
+        a = self.assembly
+        run = self._nodes
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
             own = a.columns[body.name]
@@ -269,7 +273,8 @@ class RunHistory(OneContact):
         a = self.assembly
         acting = self.assembly.pushes(time) - force @ a.G
         columns = q @ a.B + acting @ a.r
-        kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
+        kinetic = 0.5 * v**2
+        strain = 0.5 * (a.system.omega * q) ** 2
         load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q
         springs: list[list[Array]] = [[] for _ in a.bodies]
@@ -280,7 +285,8 @@ class RunHistory(OneContact):
             accelerations -= 2 * a.system.decay * v
         found = {}
         for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
-            j, k = a.spans[name], a.columns[name]
+            j = a.spans[name]
+            k = a.columns[name]
             stretch = a.stretched.get(name)
             stretching = 0.0 if stretch is None else stretch.energy(q[:, j] @ stretch.modes)
             residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])

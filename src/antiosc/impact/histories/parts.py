@@ -153,11 +153,13 @@ class OneContact:
             posed = replace(system, decay=(~system.undamped).astype(float), first=None)
         if run.states is not None and run.every == 1 and system.first is None:
             held.append(np.ascontiguousarray(run.states))
-            velocities, stride = library.address(held[-1]) + 8 * size, 2 * size
+            velocities = library.address(held[-1]) + 8 * size
+            stride = 2 * size
         else:
             steps = np.column_stack([found["first"], found["last"]]).ravel()
             held.append(starts(run, system, steps)[1])
-            velocities, stride = library.address(held[-1]), 0
+            velocities = library.address(held[-1])
+            stride = 0
         given = self._row, goes_on, found.size, library.address(found), velocities, stride
         bodies = byref(posed.packed.system)
         return library.library.aom_read_contact(bodies, byref(record), *given)

@@ -90,7 +90,9 @@ def check_result(
         return CheckResult(INEXACT, f"{doubt}{steps} {cut}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
-    return CheckResult(TOUCHING, cut) if cut else CheckResult(COMPLETED, "Completed.")
+    if cut:
+        return CheckResult(TOUCHING, cut)
+    return CheckResult(COMPLETED, "Completed.")
 
 
 def inexact_message(
@@ -148,7 +150,8 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
     )
     for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
         c = int(np.argmax(motion))
-        contact, most = assembly.scene.contacts[c], float(motion[c])
+        contact = assembly.scene.contacts[c]
+        most = float(motion[c])
         if most > 0:
             return (
                 f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r} closes at"

@@ -48,7 +48,8 @@ class Results(ReprMixin):
         InputError
             The file cannot be written.
         """
-        target, table = checks.path("path", path), self.columns()
+        target = checks.path("path", path)
+        table = self.columns()
         stream = io.StringIO()
         stream.write(",".join(_quoted(name) for name in table) + "\n")
         np.savetxt(stream, np.column_stack(list(table.values())), fmt="%.17g", delimiter=",")
@@ -97,7 +98,8 @@ class Results(ReprMixin):
         InputError
             The file cannot be written, or has the ending of a table.
         """
-        target, table = checks.path("path", path), self.columns()
+        target = checks.path("path", path)
+        table = self.columns()
         if target.suffix.lower() in TABLES:
             raise InputError(
                 f"save writes a NumPy archive (.npz), not {target.suffix}: use to_csv or to_json "
@@ -124,7 +126,8 @@ class Results(ReprMixin):
         """
         header, arrays = model_file.read(path, {"table"}, FORMAT, LARGEST)
         try:
-            names, numbers = list(map(str, header["names"])), dict(header["numbers"])
+            names = list(map(str, header["names"]))
+            numbers = dict(header["numbers"])
             table = dict(zip(names, checks.array("table", arrays["table"], None), strict=True))
             return SavedHistory(str(header["kind"]), numbers, table)
         except (InputError, KeyError, TypeError, ValueError) as error:
@@ -173,4 +176,6 @@ class SavedHistory(Results):
 def _quoted(name: str) -> str:
     """A column name, quoted for CSV if necessary."""
     name = files.table_text(name)
-    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name
+    if any(c in name for c in ',"\n\r'):
+        return '"' + name.replace('"', '""') + '"'
+    return name

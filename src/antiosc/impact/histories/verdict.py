@@ -36,7 +36,8 @@ def sentence(contact: OneContact) -> str:
     """Whether the contact yields, with its permanent indentation; "" if unknown."""
     if not contact.peak_force > 0:
         return ""
-    choice, law = choice_at(contact), contact.law
+    choice = choice_at(contact)
+    law = contact.law
     unknown = choice is not None and "yield_strength" in choice.unknown
     if isinstance(law, ElasticPlastic) and not (unknown and contact.peak_force <= law.yield_force):
         return _of_law(contact, law)
@@ -54,7 +55,8 @@ def sentence(contact: OneContact) -> str:
 
 def law_text(contact: OneContact) -> str:
     """The law of a contact in words, with the reason for its choice."""
-    choice, law = choice_at(contact), contact.law
+    choice = choice_at(contact)
+    law = contact.law
     name = type(law).__name__
     if choice is None or choice.law != law:
         return f"{name}, as given"
@@ -73,7 +75,8 @@ def law_error_text(contact: OneContact) -> str:
 def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
     """The sentence on a contact with an elastic-plastic law."""
     pressure = elastic_pressure(law, contact.deepest)
-    told, strength = engineering(pressure, "Pa"), engineering(law.yield_strength, "Pa")
+    told = engineering(pressure, "Pa")
+    strength = engineering(law.yield_strength, "Pa")
     if contact.peak_force <= law.yield_force or contact.dent is None:
         share = pressure / elastic_pressure(law, law.yield_indentation)
         return (
@@ -81,7 +84,8 @@ def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
             f" yield (yield strength {strength})."
         )
     mass = float(contact._record.assembly.system.mass[contact._row])
-    speed, e = engineering(law.yield_speed(mass), "m/s"), contact.restitution
+    speed = engineering(law.yield_speed(mass), "m/s")
+    e = contact.restitution
     rebound = "" if e is None else f"; restitution {e:.2f}"
     return (
         f"The contact yields: {contact.dent.text}{rebound}. It yields from {speed} on; Hertz's"

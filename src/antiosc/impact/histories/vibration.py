@@ -51,7 +51,8 @@ def body_energy(history: History, body: str) -> BodyEnergy:
     """
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     one = history.bodies[history.name_of(body)]
-    omega, v = one.placed.omega, one.v
+    omega = one.placed.omega
+    v = one.v
     still = omega == 0
     return BodyEnergy(
         time=history.time,

@@ -72,4 +72,6 @@ def clamped_clamped(beam: UniformBeam, site: float | None = None) -> StruckBeam:
 def _place(beam: UniformBeam, share: float, site: float | None) -> float:
     """`site`, or this share of the length."""
     checks.instance("beam", beam, UniformBeam, "a UniformBeam")
-    return share * beam.length if site is None else site
+    if site is None:
+        return share * beam.length
+    return site

@@ -101,7 +101,8 @@ class UniformBeam:
         shear_coefficient: float = 5 / 6,
     ) -> UniformBeam:
         """With shear and rotary inertia; G = E/2(1 + nu), kGA = shear_coefficient·G·area (SI)."""
-        E, rho = checks.positive("E", E, "Pa"), checks.positive("rho", rho, "kg/m^3")
+        E = checks.positive("E", E, "Pa")
+        rho = checks.positive("rho", rho, "kg/m^3")
         area = checks.positive("area", area, "m^2")
         inertia = checks.positive("inertia", inertia, "m^4")
         G = E / (2 * (1 + checks.poisson(nu)))
@@ -113,7 +114,8 @@ class UniformBeam:
         cls, *, E: float, rho: float, area: float, inertia: float, length: float
     ) -> UniformBeam:
         """The slender limit: rigid in shear, no rotary inertia (SI)."""
-        E, rho = checks.positive("E", E, "Pa"), checks.positive("rho", rho, "kg/m^3")
+        E = checks.positive("E", E, "Pa")
+        rho = checks.positive("rho", rho, "kg/m^3")
         area = checks.positive("area", area, "m^2")
         return cls(E * checks.positive("inertia", inertia, "m^4"), rho * area, length)
 
@@ -135,7 +137,9 @@ class UniformBeam:
     @property
     def cutoff(self) -> float:
         """√(kGA/rhoI) in rad/s: above it waves of the second spectrum travel; inf without shear."""
-        return math.sqrt(self.kGA / self.rhoI) if self.rhoI > 0 else math.inf
+        if self.rhoI > 0:
+            return math.sqrt(self.kGA / self.rhoI)
+        return math.inf
 
     @property
     def omega_unit(self) -> float:
@@ -170,7 +174,8 @@ def even_odd(mu: Array, x: Array | float, half: float) -> tuple[Array, Array]:
     lam = np.sqrt(np.abs(mu))
     wave = mu <= 0
     # np.sinc(z/π) = sin(z)/z is exact at z = 0.
-    cos, sin = np.cos(lam * x), x * np.sinc(lam * x / np.pi)
+    cos = np.cos(lam * x)
+    sin = x * np.sinc(lam * x / np.pi)
     a = np.where(wave, 1.0, lam)
     size = np.abs(x)
     decay = np.exp(-a * np.maximum(half - size, 0)) / (1 + np.exp(-2 * a * half))
@@ -200,7 +205,8 @@ def harmonic_states(Omega: float, alpha: float, eta: float, length: float, x: Ar
 def static_states(eta: float, x: Array) -> Array:
     """As `harmonic_states` at Ω = 0: the cubic with w, θ, M, Q at x = 0 as its coefficients."""
     x = np.asarray(x, dtype=float)
-    o, i = np.zeros_like(x), np.ones_like(x)
+    o = np.zeros_like(x)
+    i = np.ones_like(x)
     w = (i, x, x**2 / 2, eta * x - x**3 / 6)
     theta = (o, i, x, -(x**2) / 2)
     Q = (o, o, o, i)
@@ -311,14 +317,17 @@ class UnitBeam:
             for which in ENDS[support]
             if which < 2
         ]
-        return null_space(np.array(rows)) if rows else np.eye(2)
+        if rows:
+            return null_space(np.array(rows))
+        return np.eye(2)
 
     def moved(self, x: Array, w: Array, theta: Array) -> Array:
         """Momentum and angular momentum about mid-span of shapes at points x: (n, 2)."""
         return np.column_stack((w, w * (x - 0.5) + self.alpha * theta))
 
     def _states(self, Omega: float, length: float, x: Array) -> Array:
-        alpha, eta = self.alpha, self.eta
+        alpha = self.alpha
+        eta = self.eta
         if Omega == 0:
             return static_states(eta, x)
         return harmonic_states(Omega, alpha, eta, length, x)
@@ -341,7 +350,8 @@ class UnitBeam:
         last = len(segments) - 1
         # The force at the site: Q jumps down by F there, beyond an end Q is zero.
         jump = np.zeros(size)
-        at_left, at_right = self.site == 0, self.site == 1
+        at_left = self.site == 0
+        at_right = self.site == 1
         if not at_left:
             jump[:4] += ends[0][2, 1]
         if not at_right:
@@ -374,7 +384,8 @@ class UnitBeam:
 
     def state(self, Omega: float, c: list[Array], x: Array) -> tuple[Array, Array]:
         """w and θ at points x of the solution with coefficients c."""
-        w, theta = np.empty_like(x), np.empty_like(x)
+        w = np.empty_like(x)
+        theta = np.empty_like(x)
         for (start, length), coefficients in zip(self.segments, c, strict=True):
             here = (x >= start) & (x <= start + length)
             states = self._states(Omega, length, x[here] - start)
@@ -387,7 +398,8 @@ class UnitBeam:
         (mu1, _), (mu2, _) = wave_roots(Omega, self.alpha, self.eta)
         shortest = float(np.sqrt(max(abs(mu1), abs(mu2))))
         nodes, weights = np.polynomial.legendre.leggauss(12)
-        mass, moved = 0.0, np.zeros(2)
+        mass = 0.0
+        moved = np.zeros(2)
         for start, length in self.segments:
             panels = int(np.ceil(shortest * length / 2)) + 1
             h = length / panels
@@ -402,7 +414,8 @@ class UnitBeam:
 
     def _count(self, Omega: Array, *, constrained: bool) -> NDArray[np.int64]:
         """Number of eigenvalues below Ω, rigid-body ones included (Wittrick-Williams)."""
-        alpha, eta = self.alpha, self.eta
+        alpha = self.alpha
+        eta = self.eta
         segments = self.segments
         nodes = len(segments) + 1
         K = np.zeros((len(Omega), 2 * nodes, 2 * nodes))
@@ -438,12 +451,14 @@ class UnitBeam:
         while self._count(np.array([high]), constrained=constrained)[0] < n + rigid:
             high *= 4
         # Bisection in Ω^(1/4), in which the spectrum is evenly spread.
-        lo, hi = np.full(n, low**0.25), np.full(n, high**0.25)
+        lo = np.full(n, low**0.25)
+        hi = np.full(n, high**0.25)
         wanted = rigid + 1 + np.arange(n)
         while np.any(hi - lo > 1e-12 * hi):
             middle = (lo + hi) / 2
             enough = self._count(middle**4, constrained=constrained) >= wanted
-            lo, hi = np.where(enough, lo, middle), np.where(enough, middle, hi)
+            lo = np.where(enough, lo, middle)
+            hi = np.where(enough, middle, hi)
         return ((lo + hi) / 2) ** 4
 
     def spectra(self, n: int) -> tuple[Array, Array]:
@@ -460,12 +475,14 @@ class UnitBeam:
 
 def _unmatched(a: Array, b: Array) -> tuple[Array, Array]:
     """Two ascending lists without the values that both contain (each value cancels one)."""
-    keep_a, keep_b = np.ones(len(a), dtype=bool), np.ones(len(b), dtype=bool)
+    keep_a = np.ones(len(a), dtype=bool)
+    keep_b = np.ones(len(b), dtype=bool)
     i = j = 0
     while i < len(a) and j < len(b):
         if abs(a[i] - b[j]) <= 2 * SAME_ROOT * b[j]:
             keep_a[i] = keep_b[j] = False
-            i, j = i + 1, j + 1
+            i = i + 1
+            j = j + 1
         elif a[i] < b[j]:
             i += 1
         else:

@@ -125,7 +125,8 @@ class SupportedPlate:
     @checks.within_range
     def wave_number_squared(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
         """π²(m²/a² + n²/b²), 1/m²."""
-        m, n = checks.array("m", m, None), checks.array("n", n, None)
+        m = checks.array("m", m, None)
+        n = checks.array("n", n, None)
         if m.ndim and n.ndim and not checks.can_broadcast(m, n):
             raise InputError(
                 f"m and n must be numbers, or arrays of shapes that fit; got {m.shape}, {n.shape}."
@@ -142,7 +143,8 @@ class SupportedPlate:
         """As `kirchhoff`, with shear deformation and rotary inertia (lowest, flexural branch)."""
         q = self.wave_number_squared(m, n)
         G = self.E / (2 * (1 + self.nu))
-        shear, inertia = SHEAR * G * self.thickness, self.rho * self.thickness**3 / 12
+        shear = SHEAR * G * self.thickness
+        inertia = self.rho * self.thickness**3 / 12
         half = (self.surface_density * (self.D * q + shear) + shear * q * inertia) / 2
         product = self.surface_density * inertia
         constant = shear * q * self.D * q
@@ -182,7 +184,8 @@ class SupportedPlate:
             b2 = (4 / (self.surface_density * self.a * self.b) * sines**2).ravel()
             keep = omega < limit
             order = np.argsort(omega[keep], kind="stable")
-            omega, b2 = omega[keep][order], b2[keep][order]
+            omega = omega[keep][order]
+            b2 = b2[keep][order]
             start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > SAME_FREQUENCY * omega)
             sums = np.add.reduceat(b2, start)
             moving = b2 > UNOBSERVABLE_SHARE * b2.max()
@@ -250,7 +253,8 @@ class SupportedPlate:
         def value(omega2: float) -> float:
             return float(self.receptance(x, y, omega2).real)
 
-        low, high = low * (1 + 1e-10), high * (1 - 1e-10)
+        low = low * (1 + 1e-10)
+        high = high * (1 - 1e-10)
         if not value(low) < 0 < value(high):
             raise AccuracyError(
                 f"no zero of the receptance between {np.sqrt(low):g} and {np.sqrt(high):g} rad/s: "
@@ -270,7 +274,8 @@ class SupportedPlate:
         return float((self.a / np.pi) ** 3 / 8 / (2 * (TERMS + 0.5) ** 2))
 
     def _checked_point(self, x: object, y: object) -> tuple[float, float]:
-        x, y = checks.number("x", x, "m"), checks.number("y", y, "m")
+        x = checks.number("x", x, "m")
+        y = checks.number("y", y, "m")
         if not (0 < x < self.a and 0 < y < self.b):
             raise InputError(
                 f"the point must lie inside the plate, 0 < x < {self.a:g} m and 0 < y < "
@@ -418,7 +423,8 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 
     Source: the integral above, of Love's solution for a layer and of Reissner's plate.
     """
-    E, thickness = checks.positive("E", E, "Pa"), checks.positive("thickness", thickness, "m")
+    E = checks.positive("E", E, "Pa")
+    thickness = checks.positive("thickness", thickness, "m")
     nu = checks.poisson(nu)
     if nu < LEAST_NU:
         raise InputError(
@@ -431,16 +437,20 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 @lru_cache(maxsize=64)
 def _compliance(nu: float) -> float:
     """The compliance integral for E = h = 1: of the plate minus that of the layer."""
-    G, D, a = 1 / (2 * (1 + nu)), 1 / (12 * (1 - nu**2)), sqrt(nu / (1 - nu))
+    G = 1 / (2 * (1 + nu))
+    D = 1 / (12 * (1 - nu**2))
+    a = sqrt(nu / (1 - nu))
 
     def difference(k: float) -> float:
         """k times (plate minus layer)/2π."""
-        z, x = k * a, k / 2
+        z = k * a
+        x = k / 2
         P = 3 * (sin(z) - z * cos(z)) / z**3 if z > NARROW else 1 - z**2 / 10
         plate = P**2 * (1 / (D * k**4) + 6 / (5 * G * k**2))
         layer = 0.0
         if k < HALF_SPACE:
-            bent, squeezed = sinh(2 * x) - 2 * x, sinh(2 * x) + 2 * x
+            bent = sinh(2 * x) - 2 * x
+            squeezed = sinh(2 * x) + 2 * x
             layer = (1 - nu) / (G * k) * (cosh(x) ** 2 / bent + sinh(x) ** 2 / squeezed - 1)
         return k * (plate - layer) / (2 * pi)
 

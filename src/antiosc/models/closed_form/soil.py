@@ -89,12 +89,17 @@ def soil_cone(
     InputError
         For values outside their range.
     """
-    radius, G = checks.positive("radius", radius, "m"), checks.positive("G", G, "Pa")
-    rho, nu = checks.positive("rho", rho, "kg/m^3"), checks.nonnegative("nu", checks.poisson(nu))
+    radius = checks.positive("radius", radius, "m")
+    G = checks.positive("G", G, "Pa")
+    rho = checks.positive("rho", rho, "kg/m^3")
+    nu = checks.nonnegative("nu", checks.poisson(nu))
     checks.choice("motion", motion, ("vertical", "horizontal"))
-    area, shear = pi * radius**2, sqrt(G / rho)
+    area = pi * radius**2
+    shear = sqrt(G / rho)
     if motion == "horizontal":
-        height, speed, mass = pi / 8 * (2 - nu) * radius, shear, 0.0
+        height = pi / 8 * (2 - nu) * radius
+        speed = shear
+        mass = 0.0
     else:
         dense = nu > NEARLY_INCOMPRESSIBLE
         speed = 2 * shear if dense else shear * sqrt(2 * (1 - nu) / (1 - 2 * nu))

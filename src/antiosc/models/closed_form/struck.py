@@ -117,7 +117,8 @@ class StruckBeam:
         checks.instance("beam", self.beam, UniformBeam, "a UniformBeam")
         for name in ("left", "right"):
             checks.choice(name, getattr(self, name), tuple(ENDS))
-        site, length = checks.number("site", self.site, "m"), self.beam.length
+        site = checks.number("site", self.site, "m")
+        length = self.beam.length
         if not 0 <= site <= length:
             raise InputError(f"site must lie on the beam, 0 to {length:g} m; got {site:g} m.")
         if (site == 0 and 0 in ENDS[self.left]) or (site == length and 0 in ENDS[self.right]):
@@ -184,7 +185,8 @@ class StruckBeam:
         omega, m, psi, moved = self._constraint_modes(
             checks.whole("n", n, most=MOST_FREQUENCIES), points
         )
-        psi0, moved0 = self._static_shape(points), self._static.moved
+        psi0 = self._static_shape(points)
+        moved0 = self._static.moved
         hidden, carried = self._hidden_motions(points)
         inertia = self._inertia(np.vstack((moved0, moved, carried)))
         return AntiOscillators(
@@ -210,7 +212,9 @@ class StruckBeam:
         rigid = min(self.rigid_modes, 1)
         n = checks.whole("n", n, most=MOST_FREQUENCIES)
         checks.flag("static_correction", static_correction)
-        omega, b, moved = np.zeros(n), np.empty(n), np.empty((n, 2))
+        omega = np.zeros(n)
+        b = np.empty(n)
+        moved = np.empty((n, 2))
         shapes = np.empty((n, len(points)))
         if rigid:
             b[0] = 1 / np.sqrt(self.static_mass)
@@ -224,11 +228,13 @@ class StruckBeam:
             b[j] = 1 / np.sqrt(response.mass * self.beam.mass)
             moved[j] = b[j] * response.moved * self.beam.mass
             shapes[j] = b[j] * response.w
-        r, residual = 0.0, np.zeros(len(points))
+        r = 0.0
+        residual = np.zeros(len(points))
         if static_correction:
             r, residual = self._compliance(points)
             modal = b[rigid:] / omega[rigid:] ** 2
-            r, residual = r - modal @ b[rigid:], residual - modal @ shapes[rigid:]
+            r = r - modal @ b[rigid:]
+            residual = residual - modal @ shapes[rigid:]
         hidden, carried = self._hidden_motions(points)
         inertia = self._inertia(np.vstack((carried, moved)))
         return BeamModes(
@@ -245,7 +251,10 @@ class StruckBeam:
 
     def _constraint_modes(self, n: int, x: Array) -> tuple[Array, Array, Array, Array]:
         """ω_i (rad/s), m_i (kg), rows ψ_i at x (m), and momenta (n, 2) (kg) of ψ_i."""
-        omega, m, psi, moved = np.empty(n), np.empty(n), np.empty((n, len(x))), np.empty((n, 2))
+        omega = np.empty(n)
+        m = np.empty(n)
+        psi = np.empty((n, len(x)))
+        moved = np.empty((n, 2))
         for i, pole in enumerate(self._unit.spectra(n)[0]):
             rough = self._unit.respond(pole, force=True)
             pole -= rough.value / rough.mass
@@ -278,7 +287,8 @@ class StruckBeam:
     @cached_property
     def _static(self) -> _Static:
         nodes, weights = np.polynomial.legendre.leggauss(4)  # exact: w² has degree 6
-        mass, moved = 0.0, np.zeros(2)
+        mass = 0.0
+        moved = np.zeros(2)
         for start, length in self._unit.segments:
             points = start + length * (nodes + 1) / 2
             w, theta = self._static_state(points)
@@ -304,7 +314,9 @@ class StruckBeam:
         """
         if not self.rigid_modes:
             return None
-        length, momentum, matrix = self.beam.length, np.zeros((len(moved), 6)), np.zeros((6, 6))
+        length = self.beam.length
+        momentum = np.zeros((len(moved), 6))
+        matrix = np.zeros((6, 6))
         momentum[:, [1, 5]] = moved * [1, length]
         matrix[1, 1] = self.beam.mass
         matrix[5, 5] = self.beam.mass * length**2 * (1 / 12 + self.beam.alpha)

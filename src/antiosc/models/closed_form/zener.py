@@ -31,7 +31,8 @@ def inelasticity(
 
     `D`: the plate's bending stiffness, N m; `surface_density`: its mass per area, kg/m².
     """
-    mass, velocity = checks.positive("mass", mass, "kg"), checks.positive("velocity", velocity)
+    mass = checks.positive("mass", mass, "kg")
+    velocity = checks.positive("velocity", velocity)
     stiffness = checks.positive("stiffness", stiffness)
     impedance = 8 * sqrt(
         checks.positive("D", D) * checks.positive("surface_density", surface_density)
@@ -42,7 +43,8 @@ def inelasticity(
 @checks.within_range
 def time_unit(mass: float, velocity: float, stiffness: float) -> float:
     """(mv²/k)^{2/5}/v in s: with λ = 0 contact lasts 3.218 of it."""
-    mass, velocity = checks.positive("mass", mass, "kg"), checks.positive("velocity", velocity)
+    mass = checks.positive("mass", mass, "kg")
+    velocity = checks.positive("velocity", velocity)
     stiffness = checks.positive("stiffness", stiffness, "N m^-3/2")
     return float((mass * velocity**2 / stiffness) ** 0.4 / velocity)
 

@@ -41,17 +41,17 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-#: Relative error in energy of the static solve beside rigid-body modes: wanted, and taken where
-#: rounding leaves no less (the error of the compliance is the square of it).
+#: Relative error in energy of the static solve beside rigid-body modes: the goal, and the largest
+#: accepted if rounding allows no less (the error of the compliance is its square).
 STATIC_TOL, STATIC_SOUND = 1e-13, 1e-8
-#: Most steps of that solve, and how many without progress are rounding.
+#: Most steps of that solve, and steps without progress after which only rounding is left.
 STATIC_STEPS, STATIC_IDLE = 200, 5
 #: Rounding of the terms of RᵀB: those of R, and their sum.
 SUM_ROUNDING = 4 * float(np.finfo(float).eps)
-#: A site whose load has less than this share of its compliance outside the span of the others
-#: follows their motion: its own would make Z = H⁻¹ lose the square of it.
+#: A site follows the motion of others if less than this share of its compliance is independent of
+#: them; otherwise Z = H⁻¹ would lose digits by the square of the share.
 FOLLOWS = 1e-10
-#: Share of the largest pivot from which a pivot is as good.
+#: Pivots above this share of the largest one are equally good.
 AS_GOOD = 0.5
 
 
@@ -61,19 +61,19 @@ class SiteShapes:
 
     Attributes
     ----------
-    kept : columns of B that are independent, (p,).
-    dependence : (c, p) displacements of all columns for unit displacements of those.
-    W : (p, p) as above.
+    kept : (p,) numbers of the independent columns of B.
+    dependence : (c, p) displacements at all columns for unit displacements at the independent ones.
+    W : (p, p) transformation to the basis (see the module).
     load : (rows, p) reactions that hold the sites: BW without its load on the rigid modes `nodal`.
     phi, m_phi : (rows, p) the shapes, and M times them.
     k0 : (p, p) ΦᵀKΦ.
     mass : (p, p) ΦᵀMΦ.
     moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
         0: none.
-    nodal : (rows, h) M-orthonormal rigid-body modes from which the constraint modes are kept free.
-    weak : (h, p) displacements of the sites in those of them that hardly move the sites and are
-        modelled separately; usually 0.
-    missed : (h, p) what of them is left out.
+    nodal : (rows, h) M-orthonormal rigid-body modes to which the constraint modes are orthogonal.
+    weak : (h, p) displacements of the sites in those modes of `nodal` that hardly move the sites
+        and are modelled separately; usually 0.
+    missed : (h, p) displacements of the sites in these modes that the model omits.
     uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
@@ -100,10 +100,11 @@ class SiteShapes:
 
     @cached_property
     def _pin(self) -> Array:
+        """Inverse of `bAb`."""
         return np.linalg.inv(self.bAb)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
-        """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""
+        """x − Y (BᵀY)⁻¹Bᵀx, the part of x that vanishes at the sites."""
         return np.asarray(x - self.y @ (self._pin @ dot(comm, self.load, x)))
 
     @property
@@ -130,7 +131,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
 
 
 def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteShapes]:
-    """As `site_shapes` for several models, by one block of right-hand sides."""
+    """As `site_shapes` for several models, with one block of right-hand sides."""
     solver = structure.factorize()
     solved = solver.solve_checked(np.hstack(loads))
     parts = np.split(solved, np.cumsum([B.shape[1] for B in loads])[:-1], axis=1)
@@ -138,6 +139,7 @@ def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteS
 
 
 def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
+    """`SiteShapes` of the loads B, with Y = A⁻¹B."""
     comm = structure.comm
     kept, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
     given = B[:, kept]
@@ -220,10 +222,10 @@ def _basis(
 
 
 def independent(C: Array) -> tuple[IntArray, Array]:
-    """(independent columns (p,), displacements (c, p) of all per unit displacement of these).
+    """(numbers of independent columns (p,), displacements (c, p) of all for unit ones of these).
 
-    By a pivoted Cholesky factorization of the compliances C (c, c), scaled by their diagonal. A
-    column that cannot move has C = 0.
+    This is a pivoted Cholesky factorization of the compliances C (c, c), scaled by their diagonal.
+    A column that cannot move has C = 0.
     """
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -232,7 +234,7 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     chosen = []
     while left.size and left.diagonal().max() > FOLLOWS:
         pivots = left.diagonal()
-        # the first of nearly equal ones: rounding must not decide which of two equal sites is kept
+        # the first of nearly equal pivots, so that rounding does not choose between equal sites
         k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
         chosen.append(k)
         left = left - np.outer(left[k], left[k]) / pivots[k]
@@ -245,11 +247,11 @@ def independent(C: Array) -> tuple[IntArray, Array]:
 
 
 def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
-    """Bound (p,) on displacements of sites due to the error of the rigid-body modes R (rows, r).
+    """Bound (p,) on the displacements of sites due to errors of the rigid-body modes R (rows, r).
 
-    Such an error strains, and moves a site whose deflection under its load is y, a column of
-    Y (rows, p), by yᵀKR. That is known to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
-    bounds its entries, and products by strains have a rounding of their own.
+    Such an error strains the body. It moves a site, whose deflection under its load is the column y
+    of Y (rows, p), by yᵀKR. This is known up to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
+    bounds its entries, and products by strains have their own rounding.
     """
     comm = structure.comm
     K = structure.K
@@ -262,9 +264,9 @@ def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
-    """Solve K y = b for y M-orthogonal to the rigid modes: conjugate gradients with A's factor.
+    """Solve K y = b for y M-orthogonal to the rigid modes by conjugate gradients with A's factor.
 
-    A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
+    A = K + shift·M is close to K on the elastic space, so that a few steps reach rounding.
     """
     comm = structure.comm
     K = structure.K
@@ -272,9 +274,11 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
     MR = multiply(structure.M, R)
 
     def load(r: Array) -> Array:  # without its part on the rigid motions
+        """A load without its part on the rigid modes."""
         return np.asarray(r - MR @ dot(comm, R, r))
 
     def shape(z: Array) -> Array:
+        """A shape without its part along the rigid modes."""
         return np.asarray(z - R @ dot(comm, MR, z))
 
     r = load(b)
@@ -303,7 +307,7 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """The inertia of a body that can move rigidly, with momenta of these shapes."""
+    """The inertia of a body that can move rigidly; its momenta are those of these shapes."""
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia

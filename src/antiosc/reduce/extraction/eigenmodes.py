@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 RESIDUAL = 1e-11
-#: Number of additional modes that are computed and dropped: of a repeated frequency the search may
-#: have found only one of the shapes.
+#: Additional modes that are computed and dropped, since the search may find only one shape of a
+#: repeated frequency.
 GUARD = 4
 #: Most restarts of SLEPc.
 RESTARTS = 200
@@ -54,14 +54,14 @@ AS_SITES = 3.0
 
 @dataclass(frozen=True)
 class Search:
-    """A search for the lowest modes, known ones excluded."""
+    """A search for the lowest modes, in which known ones are deflated."""
 
     structure: Structure
     #: the sites that are constrained; None for natural modes
     held: SiteShapes | None
     #: M-orthonormal shapes that are deflated (rows of this rank, k)
     known: Array
-    #: number of modes to find, and the number that there is
+    #: number of modes to find, and number that exist
     wanted: int
     limit: int
 
@@ -73,7 +73,9 @@ class Search:
     def inverse(self, r: Array) -> Array:
         """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; for natural modes A⁻¹r."""
         x = self.structure.factorize().solve(r)
-        return x if self.held is None else self.held.constrained(self.structure.comm, x)
+        if self.held is None:
+            return x
+        return self.held.constrained(self.structure.comm, x)
 
     def start(self) -> Array:
         """A random vector in the range of A⁻¹M."""
@@ -83,17 +85,21 @@ class Search:
 
 
 def lowest(search: Search) -> tuple[Array, Array]:
-    """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the modes wanted, in any order."""
+    """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the wanted modes, in any order."""
     with search.structure.factorize(AS_SITES).accurately():
-        return _by_arpack(search) if by_scipy(search.structure.K) else _by_slepc(search)
+        if by_scipy(search.structure.K):
+            return _by_arpack(search)
+        return _by_slepc(search)
 
 
 def _by_arpack(search: Search) -> tuple[Array, Array]:
     """The search by ARPACK, for SciPy matrices."""
-    structure, known = search.structure, search.known
+    structure = search.structure
+    known = search.known
     known_loads = multiply(structure.M, known)
 
     def inverse(r: Array) -> Array:
+        """The operator of ARPACK: `search.inverse`."""
         x = search.inverse(r)
         return np.asarray(x - known @ (known_loads.T @ x))
 
@@ -157,7 +163,8 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
             f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
         )
     x = structure.K.createVecRight()
-    values, shapes = np.zeros(found), np.zeros((structure.rows, found))
+    values = np.zeros(found)
+    shapes = np.zeros((structure.rows, found))
     for k in range(found):
         values[k] = eps.getEigenpair(k, x).real
         shapes[:, k] = x.array_r
@@ -166,6 +173,7 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
 
 
 def _vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
+    """A PETSc vector with these values on this rank."""
     x = K.createVecRight()
     x.setArray(values)
     return x
@@ -181,19 +189,19 @@ class _Inverse:
         x.setArray(self._search.inverse(r.array_r))
 
 
-#: LAPACK computes all modes of structures with at most this many rows, on one rank for all …
+#: LAPACK computes all modes of structures with at most this many rows, on one rank, …
 DENSE = 600
 #: … and with at most this many rows if more than a fifth of all modes is wanted: Krylov methods are
 #: efficient only at the ends of a spectrum.
 DENSE_MANY = 5000
-#: Lowest ω² over the mean of all above which LAPACK, whose errors are 1e-16 of the highest,
-#: resolves it.
+#: LAPACK, with errors of 1e-16 of the highest ω², resolves the lowest ω² if it is above this share
+#: of the mean.
 EVEN = 1e-7
-#: The least number of modes by which a search goes on that has not reached its frequency.
+#: Fewest additional modes of the next search if one has not reached its frequency.
 FEWEST_MORE = 8
-#: φᵀMφ over the sum of the absolute values of its terms below which a shape has no mass.
+#: A shape has no mass if φᵀMφ over the sum of the absolute values of its terms is below this.
 NO_MASS = 1e-12
-#: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
+#: Modes are not orthogonalised further if their ω² differ by less than this, relative.
 CLOSE_MODES = 1e-8
 #: Residuals (of forces, relative) above which natural and constraint modes are searched again.
 LOST_NATURAL, LOST_CONSTRAINT = 1e-6, 1e-3
@@ -228,18 +236,19 @@ class ModeSolver:
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
     def lowest(self, count: int, reach: float = 0.0, most: float = math.inf) -> Modes:
-        """At least the `count` lowest modes and all up to `reach` rad/s, or all that exist.
+        """At least the `count` lowest modes, and all modes up to `reach` rad/s or all that exist.
 
         The search up to `reach` ends at about `most` modes.
         """
-        found = self._at_least(count)
-        while not found.complete and found.omega.max(initial=0.0) < reach:
-            if len(found.omega) >= most:
+        modes = self._at_least(count)
+        while not modes.complete and modes.omega.max(initial=0.0) < reach:
+            if len(modes.omega) >= most:
                 break
-            found = self._at_least(int(min(_expected(found.omega, reach), most)))
-        return found
+            modes = self._at_least(int(min(_expected(modes.omega, reach), most)))
+        return modes
 
     def _at_least(self, count: int) -> Modes:
+        """At least `count` modes."""
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
@@ -259,12 +268,13 @@ class ModeSolver:
     def _by_krylov(self, count: int) -> Modes:
         """One more round: modes found before are deflated, not computed again.
 
-        A Krylov space holds each frequency once. Where equal parts repeat all of them it ends
-        early, and what the library goes on with is rounding, by its own estimate converged: shapes
-        with a large measured residual are not taken. LAPACK computes those of a small structure;
-        of a large one they are searched again beside those that are right.
+        A Krylov space contains each frequency once. If equal parts repeat all frequencies, it ends
+        early, and the library continues with rounding errors that seem converged. Therefore shapes
+        with a large measured residual are rejected. LAPACK then computes the modes of a small
+        structure; those of a large one are searched again with the accepted ones deflated.
         """
-        structure, known = self._structure, self._found
+        structure = self._structure
+        known = self._found
         before = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
         search = Search(structure, self._held, shapes, count - before, self.limit - before)
@@ -273,7 +283,8 @@ class ModeSolver:
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
         massive = values > -structure.shift
-        values, found = values[massive], found[:, massive]
+        values = values[massive]
+        found = found[:, massive]
         omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
         # the solve amplifies the rigid-body modes in their rounding
         found = found - self._rigid @ dot(structure.comm, multiply(structure.M, self._rigid), found)
@@ -294,7 +305,8 @@ class ModeSolver:
 
     def _uneven(self) -> bool:
         """Whether rounding of K's entries spoils the lowest modes; products by strains avoid it."""
-        K, M = self._structure.K, self._structure.M
+        K = self._structure.K
+        M = self._structure.M
         if not by_strains(K):
             return False
         return self._lowest() < EVEN * frequency(K, M)
@@ -305,17 +317,19 @@ class ModeSolver:
         The rounding error of 1/(ω² + σ) is ε/σ. With σ equal to the geometric mean of the lowest
         and the highest ω² it is small at both ends of the spectrum.
         """
-        structure, comm = self._structure, self._structure.comm
+        structure = self._structure
+        comm = self._structure.comm
         conditions = multiply(structure.M, self._rigid)
         if self._held is not None:
             conditions = np.column_stack([self._held.load, conditions])
         first = row_range(structure.K)[0]
-        own = np.setdiff1d(np.arange(self._rows), structure.fixed)
-        parts = comm.gather((first + own, conditions[own])) or []
+        free_rows = np.setdiff1d(np.arange(self._rows), structure.fixed)
+        parts = comm.gather((first + free_rows, conditions[free_rows])) or []
         K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
         sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
 
         def all_modes() -> tuple[Array, Array]:
+            """The modes from the gathered matrices, on one rank."""
             free, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
             return _dense_modes(K, M, free, rows, sigma)
 
@@ -339,8 +353,8 @@ class ModeSolver:
 def _expected(omega: Array, reach: float) -> int:
     """Number of modes expected up to `reach`, by a power law through the known ones.
 
-    Modes are dense as ω^-1/2 in beams, ω^0 in plates and ω² in solids; each round of a search
-    begins anew, and few of them are wanted.
+    The modal density grows as ω^-1/2 in beams, ω^0 in plates and ω² in solids. A good estimate
+    saves rounds of the search, each of which starts from the beginning.
     """
     known = len(omega)
     more = max(FEWEST_MORE, known // 2)
@@ -373,12 +387,18 @@ def _dense_modes(
 
 
 def residuals(structure: Structure, modes: Modes, held: SiteShapes | None = None) -> Array:
-    """‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the forces that constrain the sites."""
+    """Relative residual ‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the constraint forces of the
+    sites.
+    """
     forces = multiply(structure.K, modes.phi)
-    rest = forces - multiply(structure.M, modes.phi) * modes.omega**2
+    residual_forces = forces - multiply(structure.M, modes.phi) * modes.omega**2
     if held is not None:  # loadᵀΦ = 1 gives the reactions
-        rest = rest - held.load @ dot(structure.comm, held.phi, rest)
-    left, size = np.split(structure.factorize().force_sizes(np.hstack([rest, forces])), 2)
+        residual_forces = residual_forces - held.load @ dot(
+            structure.comm, held.phi, residual_forces
+        )
+    left, size = np.split(
+        structure.factorize().force_sizes(np.hstack([residual_forces, forces])), 2
+    )
     return np.asarray(left / np.maximum(size, np.finfo(float).tiny))
 
 
@@ -386,6 +406,7 @@ def _polished(structure: Structure, modes: Modes) -> Modes:
     """The modes with improved orthogonality in M and in K (`polish`)."""
 
     def gram(matrix: Matrix, phi: Array) -> Array:
+        """φᵀ matrix φ."""
         return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
 
     poles, phi = polish(modes.phi, lambda x: gram(structure.K, x), lambda x: gram(structure.M, x))
@@ -404,18 +425,24 @@ def polish(
     measured by `strains` and `masses`, are diagonal up to the square of their previous error (Japan
     J. Indust. Appl. Math. 35 (2018) 1007).
     """
-    one = np.eye(phi.shape[1])
+    identity = np.eye(phi.shape[1])
     poles = np.zeros(phi.shape[1])
     for _ in range(2):
-        own, strain = masses(phi) - one, strains(phi)
-        poles = np.diag(strain) / (1 + np.diag(own))
+        mass_error = masses(phi) - identity
+        strain = strains(phi)
+        poles = np.diag(strain) / (1 + np.diag(mass_error))
         gap = poles[:, None] - poles
-        apart = np.abs(gap) > CLOSE_MODES * np.maximum(poles[:, None], poles)
-        step = np.where(apart, (poles * own - strain) / np.where(apart, gap, 1.0), -own / 2)
+        separated = np.abs(gap) > CLOSE_MODES * np.maximum(poles[:, None], poles)
+        step = np.where(
+            separated,
+            (poles * mass_error - strain) / np.where(separated, gap, 1.0),
+            -mass_error / 2,
+        )
         phi = phi + phi @ step
     return poles, phi
 
 
 def _normalised(structure: Structure, phi: Array) -> Array:
+    """Shapes scaled to unit mass."""
     masses = structure.comm.allreduce(np.einsum("ij,ij->j", phi, multiply(structure.M, phi)))
     return phi / np.sqrt(masses)

@@ -70,16 +70,17 @@ if TYPE_CHECKING:
 
 #: Largest number of anti-oscillators with a band.
 MOST_FOR_BAND = 400
-#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
-#: more finely and includes the dropped modes.
+#: Goal of the Krylov steps over the required accuracy. It is below 1, since the bound of the final
+#: model is sampled more finely and includes the dropped modes.
 STEP_AIM = 0.6
-#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
+#: From this number of Krylov anti-oscillators on, the lowest must have converged to an
+#: antiresonance.
 SETTLED_FROM = 10
 
 Method = Literal["krylov", "modes"]
 ErrorOption = Literal["estimate"] | None
 
-#: The functionals of the columns of each site of a model, the normal first.
+#: Load vectors of each site of a model: the normal one first, then the tangential ones.
 Columns = Mapping[str, Sequence[Functional]]
 #: The name of the site of a model of one site without a name.
 UNNAMED = ""
@@ -104,17 +105,17 @@ def models_of(
     spent: float,
     errors: ModelErrors | None,
 ) -> list[AntiOscillators]:
-    """The models of groups of sites; `spent`: seconds of the factorization."""
+    """The models of groups of sites; `spent`: seconds that the factorization took."""
     started = time.perf_counter()
     terms = structure.matrices.dissipation()
     if terms and (options.method == "modes" or errors is not None):
         what = 'method="modes"' if options.method == "modes" else 'error="estimate"'
         raise InputError(f"{what} does not take dampers, nor layers that relax: leave it out.")
-    loads = [np.column_stack([c.b for own in each.values() for c in own]) for each in groups]
+    loads = [np.column_stack([c.b for own in group.values() for c in own]) for group in groups]
     statics = shapes_of_models(structure, loads)
     counts = [
-        elastic_count(static, options.n) if UNNAMED in each else options.n
-        for each, static in zip(groups, statics, strict=True)
+        elastic_count(static, options.n) if UNNAMED in group else options.n
+        for group, static in zip(groups, statics, strict=True)
     ]
     if options.method == "krylov":
         found = by_krylov(
@@ -131,11 +132,11 @@ def models_of(
         pairs = zip(statics, counts, strict=True)
         found = [by_modes(structure, static, n, *limits) for static, n in pairs]
     models: list[AntiOscillators] = []
-    for each, static, n in zip(groups, statics, counts, strict=True):
+    for group, static, n in zip(groups, statics, counts, strict=True):
         modes, remainder = found.pop(0)
         known = lumped(structure, static, modes)
         kept = every_mode(known, n) if terms else oscillators(known, n, options.tol)
-        one = at_one_site(static, kept, options.n) if UNNAMED in each else None
+        one = at_one_site(static, kept, options.n) if UNNAMED in group else None
         band: Band | None = None
         if options.band is not None and isinstance(remainder, Reached):
             band = _band(remainder.bottom, options.band, remainder.error)
@@ -143,7 +144,7 @@ def models_of(
             omega = kept.omega if one is None else one.omega
             bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
             band = _band(lowest, options.band, bound)
-        firsts = {name: columns[0] for name, columns in each.items()}
+        firsts = {name: columns[0] for name, columns in group.items()}
         cells = {name: first.cell for name, first in firsts.items() if first.cell is not None}
         info = replace(
             _info(structure, known, kept, options),
@@ -156,12 +157,13 @@ def models_of(
             cells=cells or None,
             surfaces=surfaces(structure, firsts),
         )
-        elastic, complete = len(kept.omega), modes.complete
+        elastic = len(kept.omega)
+        complete = modes.complete
         del known, modes  # as large as the shapes
         if one is None:
-            model = _at_named_sites(structure, each, static, kept, info)
+            model = _at_named_sites(structure, group, static, kept, info)
         else:
-            (target,) = each[UNNAMED]
+            (target,) = group[UNNAMED]
             del kept
             model = _at_one_site(structure, target, one, elastic, info)
             if errors is not None:
@@ -177,6 +179,7 @@ def models_of(
 def _info(
     structure: Structure, known: ConstraintModes, kept: Selection, options: ExtractOptions
 ) -> ModelInfo:
+    """The record of an extraction."""
     measured, converged = checked_modes(structure, known, options.method)
     return ModelInfo(
         structure=structure.describe(),
@@ -195,34 +198,38 @@ def _info(
 
 
 def _at_one_site(
-    structure: Structure, target: Functional, one: OneSite, elastic: int, info: ModelInfo
+    structure: Structure, target: Functional, parameters: OneSite, elastic: int, info: ModelInfo
 ) -> AntiOscillators:
     """The model of a single unnamed site."""
     info = replace(
         info,
         meshed=structure.matrices.meshed,
-        converged=(info.converged or 0) + len(one.m) - elastic,  # the weak rigid-body mode is one
+        converged=(info.converged or 0)
+        + len(parameters.m)
+        - elastic,  # the weak rigid-body mode is one
     )
     if target.point is not None and target.direction is not None:
         info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
     weight = uniform_inertia(structure, target)
-    shapes = np.column_stack([one.residual + one.psi.sum(axis=1), one.psi])
+    shapes = np.column_stack([parameters.residual + parameters.psi.sum(axis=1), parameters.psi])
     participation: Array | None = None
     if weight is not None:
-        own = (dot(structure.comm, part, weight) for part in (one.residual, one.psi))
-        participation = np.hstack(list(own))
+        weights = (
+            dot(structure.comm, part, weight) for part in (parameters.residual, parameters.psi)
+        )
+        participation = np.hstack(list(weights))
     return AntiOscillators(
-        m0=one.m0,
-        k0=one.k0,
-        m=one.m,
-        omega=one.omega,
+        m0=parameters.m0,
+        k0=parameters.k0,
+        m=parameters.m,
+        omega=parameters.omega,
         local_compliance=target.local_compliance,
         radius=target.radius,
         participation=participation,
         shapes=shapes,
         direction=target.direction,
-        inertia=inertia_of(structure, shapes, one.hidden),
-        hidden=one.hidden if structure.rigid_inertia is not None else None,
+        inertia=inertia_of(structure, shapes, parameters.hidden),
+        hidden=parameters.hidden if structure.rigid_inertia is not None else None,
         info=info,
     )
 
@@ -231,17 +238,17 @@ def _at_named_sites(
     structure: Structure, sites: Columns, static: SiteShapes, kept: Selection, info: ModelInfo
 ) -> AntiOscillators:
     """The model of several sites, or of one site with a name."""
-    ends = np.cumsum([len(own) for own in sites.values()])
+    ends = np.cumsum([len(of_site) for of_site in sites.values()])
     columns = {
-        name: tuple(range(end - len(own), end))
-        for (name, own), end in zip(sites.items(), ends.tolist(), strict=True)
+        name: tuple(range(end - len(of_site), end))
+        for (name, of_site), end in zip(sites.items(), ends.tolist(), strict=True)
     }
-    firsts = [own[0] for own in sites.values()]
-    directions = [column.direction for own in sites.values() for column in own]
+    firsts = [of_site[0] for of_site in sites.values()]
+    directions = [column.direction for of_site in sites.values() for column in of_site]
     placed = all(direction is not None for direction in directions)
     info = replace(info, independent=static.kept.tolist())
     if placed:
-        places = {name: own[0].point for name, own in sites.items()}
+        places = {name: of_site[0].point for name, of_site in sites.items()}
         points = {name: place.tolist() for name, place in places.items() if place is not None}
         info = replace(info, points=points)
     unit = static.phi @ static.W.T
@@ -269,10 +276,11 @@ def _at_named_sites(
 
 def with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     """The model with the second-order change of the force on supported curved sheets."""
-    alone = structure.matrices.meshed and not structure.matrices.assembled
-    held = structure.rigid_modes.shape[1] == 0
-    sites, k0 = model.sites or (UNNAMED,), np.atleast_2d(model.k0)
-    if model.info.thickness is None or not (alone and held) or len(sites) != len(k0):
+    single_mesh = structure.matrices.meshed and not structure.matrices.assembled
+    supported = structure.rigid_modes.shape[1] == 0
+    sites = model.sites or (UNNAMED,)
+    k0 = np.atleast_2d(model.k0)
+    if model.info.thickness is None or not (single_mesh and supported) or len(sites) != len(k0):
         return model
     from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
 
@@ -289,14 +297,14 @@ def with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscil
 
 
 def _turned(W: Array, matrix: Array) -> Array:
-    """W matrix Wᵀ, without negative eigenvalues by rounding."""
+    """W matrix Wᵀ, with negative eigenvalues due to rounding removed."""
     values, vectors = np.linalg.eigh(matrix)
     factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     return np.asarray(factor @ factor.T)
 
 
 def _band(bottom: float, top: float, bound: float) -> Band:
-    """The record of a band from its ends in rad/s."""
+    """The record of a band whose ends are given in rad/s."""
     return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
 
 
@@ -317,7 +325,8 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
         )
     if options.band is None or model.info.band is None:
         return
-    error, top = model.info.band["error_bound"], engineering(model.info.band["top"], "Hz")
+    error = model.info.band["error_bound"]
+    top = engineering(model.info.band["top"], "Hz")
     if not error <= options.accuracy:
         warn(
             f"with {model.n} anti-oscillators the error of Z up to {top} is at most {error:.1e}, "
@@ -333,9 +342,10 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
         )
 
 
-#: Share in |Z| of an observable mode, over the accuracy wanted. Clamped disc struck at its centre,
-#: shell elements of a fifth of the radius: the modes that symmetry hides have up to 0.0094 of the
-#: default accuracy, those of a tenth 0.0001; the others have 500 times the accuracy and more.
+#: Least share in |Z| of an observable mode, over the required accuracy. On a clamped disc struck at
+#: its centre, modes hidden by symmetry have up to 0.0094 of the default accuracy with shell
+#: elements of a fifth of the radius, and 0.0001 with elements of a tenth; other modes have 500 and
+#: more.
 OBSERVABLE = 0.01
 #: Bytes of basis vectors of the sites that are processed at once.
 SLICE = 5e8
@@ -494,7 +504,9 @@ def extract(
         models = [with_stretch(structure, model, stretch) for model in models]
     if given is not None:
         models = [replace(model, damping=given) for model in models]
-    return models if isinstance(site, list | tuple) else models[0]
+    if isinstance(site, list | tuple):
+        return models
+    return models[0]
 
 
 def _models_at_once(structure: Structure, options: ExtractOptions) -> int:
@@ -538,7 +550,8 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
     """(names, sites) of the argument of `extract`; () for sites without names."""
     names: list[str] = []
     if isinstance(site, Mapping):
-        names, site = list(site), list(site.values())
+        names = list(site)
+        site = list(site.values())
         if not names:
             raise InputError("site names no site: give {name: Site(point, direction), ...}.")
         for name in names:

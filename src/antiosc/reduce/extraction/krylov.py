@@ -14,8 +14,8 @@ block: only rounding may introduce it, without mass. The highest Ritz pairs repr
 all higher modes. Directions that the block does not add to the basis are dropped, so that its width
 falls.
 
-What the first n basis vectors V leave out is the residual Q = TΦ - (I - zT)VX of the Galerkin
-solution X,
+The error of the first n basis vectors V follows from the residual Q = TΦ - (I - zT)VX of the
+Galerkin solution X,
 
     G - G_N = QᵀA(I - zT)⁻¹Q,    ‖Z - Z_N‖₂ ≤ |ω|⁴ ‖Q‖²/|sin arg z|,
 
@@ -26,10 +26,10 @@ The shift s is 0 if K is regular. A shift inside the band (s < 0) would save at 
 steps (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for 1e-3),
 but requires a second, indefinite factorization, whose solves are slower.
 
-With dampers, a model's shapes V span what the sites and the ends of the dampers start: the Krylov
-space of A⁻¹M from A⁻¹[MΦ, Gᵀ], into which A⁻¹C leads too; a layer that relaxes adds A⁻¹CV of each
-block. K, M and C are projected on V alike: VᵀCV is semidefinite for every number of shapes, so that
-every model is passive.
+With dampers, the shapes V span the Krylov space of A⁻¹M that starts from A⁻¹[MΦ, Gᵀ], the motions
+of the sites and of the ends of the dampers; A⁻¹C leads into the same space. A relaxing layer adds
+A⁻¹CV of each block. K, M and C are all projected on V: VᵀCV is semidefinite for every number of
+shapes, so that every model is passive.
 
 Bound: the model's displacements Vy under unit forces on the sites at the complex frequency s leave
 the residual ρ, the error of the receptance is ρᵀD⁻¹ρ with D = K + sC + s²M. For Re s > 0
@@ -71,7 +71,7 @@ AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Reached:
-    """The bound that a damped model reaches on the relative error of the receptance in its band."""
+    """The error bound that a damped model reaches for the receptance in its band."""
 
     error: float
     bottom: float
@@ -92,8 +92,8 @@ def with_damping(
         V = np.column_stack([V, model.hidden])
     elif static.nodal.size:
         left = np.trace(projected(structure.comm, terms, static.nodal).matrix)
-        whole = np.trace(projected(structure.comm, terms, V).matrix)
-        if left > UNBRAKED * whole:
+        total_damping = np.trace(projected(structure.comm, terms, V).matrix)
+        if left > UNBRAKED * total_damping:
             raise InputError(
                 "a damper brakes a rigid-body motion that the site does not see, and that matrices "
                 "without coordinates do not tell: give them a map with coordinates."
@@ -141,7 +141,7 @@ def band_error(
     band: float,
     terms: Sequence[Dissipation],
 ) -> Reached:
-    """Error bound of the module for the first n of the vectors V, with H = VᵀMV and c = VᵀMΦ."""
+    """Error bound (see the module) for the first n of the vectors V, with H = VᵀMV and c = VᵀMΦ."""
     p = len(static.kept)
     k = vectors.shape[1]
     shift = structure.shift
@@ -151,7 +151,7 @@ def band_error(
     M[p:, p:] = H
     K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
     damping = projected(structure.comm, terms, np.column_stack([static.phi, vectors]))
-    own = slice(0, p + n)
+    used = slice(0, p + n)
     theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
     poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)
     lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
@@ -160,14 +160,14 @@ def band_error(
     root = np.linalg.cholesky(K + shift * M)
     inverse = np.linalg.inv(root)
     worst = 0.0
-    for at in np.array_split(omega, -(-omega.size // AT_ONCE)):
-        s = 1j * at
-        D = K + s[:, None, None] ** 2 * M + damping.stiffness(at)
-        y = np.linalg.solve(D[:, own, own], load[None, own])
-        rest = driving_point.spectral_norms(inverse @ (load - D[:, :, own] @ y))
+    for frequencies in np.array_split(omega, -(-omega.size // AT_ONCE)):
+        s = 1j * frequencies
+        D = K + s[:, None, None] ** 2 * M + damping.stiffness(frequencies)
+        y = np.linalg.solve(D[:, used, used], load[None, used])
+        residual_norms = driving_point.spectral_norms(inverse @ (load - D[:, :, used] @ y))
         Z = driving_point.spectral_norms(np.linalg.inv(y[:, :p]))
         coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
-        worst = max(worst, float(np.max(coercive * rest**2 * Z)))
+        worst = max(worst, float(np.max(coercive * residual_norms**2 * Z)))
     return Reached(worst, float(abs(omega[0])))
 
 
@@ -191,10 +191,10 @@ class Lanczos:
 
     Attributes
     ----------
-    load : the next right-hand sides (rows, k), whose solutions `advance` takes.
-    steps : number of vectors; there is `room` for so many at first.
-    H : VᵀMV (steps, steps), that is T in the basis.
-    applied : how many of the vectors T has been applied to.
+    load : the next right-hand sides (rows, k); `advance` takes their solutions.
+    steps : number of vectors; `room` is the number for which memory is reserved at first.
+    H : VᵀMV (steps, steps), the operator T in the basis.
+    applied : number of vectors to which T has been applied.
     """
 
     def __init__(
@@ -237,11 +237,11 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Orthogonalise w = A⁻¹ load and add it to the basis, or return the length of what is
-        dropped.
+        """Orthogonalise w = A⁻¹ load and add it to the basis; return the length of the dropped
+        part.
 
-        `size`: what its energy wᵀ load is at least taken to be, where rounding may make it. The
-        length is an upper bound; it is 0 if the space has no more dimensions.
+        `size`: lower limit of the energy wᵀ load, which rounding may reduce. The length is an upper
+        bound; it is 0 if the space has no more dimensions.
         """
         k = self._locked + self.steps
         V = self._V[:, :k]
@@ -266,6 +266,7 @@ class Lanczos:
         return 0.0
 
     def _constrained(self, w: Array) -> Array:
+        """w without its motion at the sites."""
         return self._static.constrained(self._comm, w)
 
     def _project(self) -> Array:
@@ -282,31 +283,31 @@ class Lanczos:
     def ritz(self, n: int) -> tuple[Array, Array]:
         """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.
 
-        At far higher frequencies θ is below the rounding of double precision, and set to 0.
+        θ of very high frequencies is below the rounding of double precision and set to 0.
         """
         H = self.H[:n, :n]
-        theta, turn = np.linalg.eigh(H)
+        theta, eigenvectors = np.linalg.eigh(H)
         noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
-        own = theta[noise:]
-        vectors = turn[:, noise:]
-        if len(own) and own[0] < WIDE_RANGE * own[-1]:
-            poles, x = polish(vectors / np.sqrt(own), lambda x: x.T @ x, lambda x: x.T @ H @ x)
+        resolved = theta[noise:]
+        vectors = eigenvectors[:, noise:]
+        if len(resolved) and resolved[0] < WIDE_RANGE * resolved[-1]:
+            poles, x = polish(vectors / np.sqrt(resolved), lambda x: x.T @ x, lambda x: x.T @ H @ x)
             order = np.argsort(-poles)
-            own = 1 / poles[order]
+            resolved = 1 / poles[order]
             vectors = (x / np.sqrt(poles))[:, order]
-        theta = np.concatenate([np.zeros(noise), own])
-        return theta[::-1], np.column_stack([turn[:, :noise], vectors])[:, ::-1]
+        theta = np.concatenate([np.zeros(noise), resolved])
+        return theta[::-1], np.column_stack([eigenvectors[:, :noise], vectors])[:, ::-1]
 
     def resolved(self, n: int) -> tuple[Array, Array]:
         """The Ritz pairs of `ritz` whose θ is positive."""
-        theta, turn = self.ritz(n)
-        return theta[theta > 0], turn[:, theta > 0]
+        theta, eigenvectors = self.ritz(n)
+        return theta[theta > 0], eigenvectors[:, theta > 0]
 
     def modes(self, n: int) -> Modes:
         """The Ritz pairs of the first n vectors, orthonormalised in M and orthogonal in K."""
-        theta, turn = self.resolved(n)
+        theta, eigenvectors = self.resolved(n)
         omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
-        return Modes(omega, self.vectors[:, :n] @ (turn / np.sqrt(theta)), self.exhausted)
+        return Modes(omega, self.vectors[:, :n] @ (eigenvectors / np.sqrt(theta)), self.exhausted)
 
     def release(self) -> None:
         """Release the memory of the basis."""
@@ -335,23 +336,23 @@ class Lanczos:
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
         """(M0 (p, p), P (n, p), ω² (n,)) of the first n vectors; M0 without cancellation."""
-        theta, turn = self.resolved(n)
-        P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
+        theta, eigenvectors = self.resolved(n)
+        P = eigenvectors.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
         return driving_point.semidefinite(self._static.mass - P.T @ P), P, poles
 
     def observable(self, n: int, tol: float) -> int:
-        """Number of pairs of the first n vectors with a share in Z above `tol`."""
+        """Number of Ritz pairs of the first n vectors whose share in Z is above `tol`."""
         m0, P, poles = self.parameters(n)
         return int(np.sum(driving_point.shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def remainder(self, n: int) -> Remainder:
         """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
-        theta, turn = self.ritz(n)
-        start = turn.T @ self._c[:n]
+        theta, eigenvectors = self.ritz(n)
+        start = eigenvectors.T @ self._c[:n]
         rest = self._c[n:]
         shift = self._shift
-        following = self.H[n:, :n] @ turn
+        following = self.H[n:, :n] @ eigenvectors
         none, beside = self._dropped
 
         def bound(x: ComplexArray) -> Array:
@@ -365,8 +366,8 @@ class Lanczos:
 
     def damped_error(self, n: int, band: float) -> Reached:
         """The bound on the error of the receptance with damping (`dampers.band_error`)."""
-        both = self.vectors, self.H
-        return band_error(self._structure, self._static, *both, self._c, n, band, self._terms)
+        basis = self.vectors, self.H
+        return band_error(self._structure, self._static, *basis, self._c, n, band, self._terms)
 
     def error(self, n: int, band: float) -> float:
         """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors over the band up to `band` [rad/s]."""
