@@ -29,19 +29,19 @@ from antiosc.io.mesh_files import as_carried, known
 from antiosc.io.neutral import CELLS, FileMesh, IntArray, joined
 from antiosc.io.request import Request
 
-#: What gmsh says of a file without shapes, and what that means.
+#: gmsh's message for a file without shapes, and our explanation of it.
 EMPTY_BOX = "Empty bounding box"
 NO_SHAPES = (
     "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
     "write the assembly with its parts in one file"
 )
-#: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
+#: Size requested from gmsh over the required one, since its edges are up to 1.9 times longer.
 SHORTER = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
 MOST_CELLS = 10_000_000
 #: Element sizes below this share of the part are below the resolution of its coordinates.
 RESOLVED_SHARE = 1e-9
-#: Cells that fill a unit of measure with edges of length 1, by dimension: regular simplices.
+#: Number of regular simplices with edges of length 1 per unit of length, area or volume.
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
@@ -77,6 +77,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
 
 
 def _check_sizes(gmsh: ModuleType, ask: Request, scale: float) -> None:
+    """MeshError for sizes larger than the part, or too small for it."""
     extent = _extent(gmsh)
     for size in [ask.size, *(local for _, local in ask.refine)]:
         if size is not None and size < RESOLVED_SHARE * extent:
@@ -146,6 +147,7 @@ def _bound(gmsh: ModuleType, dim: int, tag: int) -> float:
 
 
 def _mass(gmsh: ModuleType, dim: int, tag: int) -> float | None:
+    """Length, area or volume of an entity by OpenCASCADE; None if it fails."""
     try:
         return float(gmsh.model.occ.getMass(dim, tag))
     except Exception:  # not of OpenCASCADE
@@ -153,6 +155,7 @@ def _mass(gmsh: ModuleType, dim: int, tag: int) -> float | None:
 
 
 def _length(gmsh: ModuleType, tag: int) -> float:
+    """Length of a curve."""
     low, high = gmsh.model.getParametrizationBounds(1, tag)
     t = np.linspace(float(low[0]), float(high[0]), 33)
     x = np.reshape(gmsh.model.getValue(1, tag, t), (-1, 3))
@@ -203,12 +206,12 @@ def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: R
 # --- Wanted sizes ---------------------------------------------------------------------------------
 
 
-#: gmsh's edges come out longer than the size asked, in the mean by this factor.
+#: Mean ratio of gmsh's edges to the requested size.
 EDGE_OVER_SIZE = 1.1
-#: Cells that gmsh makes over regular ones with the edges asked, by dimension (measured).
+#: Measured ratio of gmsh's cells to regular ones with the requested edges, by dimension.
 CELLS_MADE = {2: 1.35, 3: 0.95}
-#: Least number of faces around a full turn of a curved surface: of flat faces, and of curved ones,
-#: without which coarse elements cut off parts of a cylinder.
+#: Least number of flat faces, and of curved faces, around a full turn of a curved surface; with
+#: fewer, elements cut off parts of a cylinder.
 AROUND_FLAT, AROUND_CURVED = 12, 6
 #: Gmsh's names of scalars on triangles and on tetrahedra.
 LISTS = {3: "ST", 4: "SS"}
@@ -237,10 +240,9 @@ class SizeField:
         return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
     def lay(self, gmsh: ModuleType, scale: float, flat: bool) -> int:
-        """Make it a size field of the current gmsh model, one unit of which is `scale` m; returns
-        its tag.
+        """Make it a size field of the current gmsh model, whose unit is `scale` m; returns its tag.
 
-        `flat`: the cells have flat faces, of which curved surfaces need more.
+        `flat`: the cells have flat faces, so that curved surfaces need more of them.
         """
         x = np.array(self.points)[np.array(self.cells)] / scale
         sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
@@ -302,11 +304,12 @@ def generate(ask: Request) -> FileMesh:
 
 
 def _text_of(script: Path) -> str:
+    """The text of a script."""
     return script.read_text(encoding="latin-1")
 
 
 def _beside(script: Path, shown: str, name: str) -> str:
-    """The text of a script that another one includes."""
+    """The text of a script that another script includes."""
     return _text_of(_merged(script, shown, name))
 
 
@@ -321,6 +324,7 @@ def _merged(script: Path, shown: str, name: str) -> Path:
 
 
 def _through_gmsh(ask: Request, path: Path) -> FileMesh:
+    """The mesh of a file that gmsh opens."""
     gmsh = _session()
     ask.seal()
     suffix = Path(ask.path).suffix.lower()
@@ -364,7 +368,7 @@ def _as_attempted(ask: Request, attempt: Attempt) -> Request:
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """One line across the box of each solid, or of the model, which belongs to all groups."""
+    """A line across the bounding box of each solid, or of the model; it belongs to all groups."""
     entities = gmsh.model.getEntities(3) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
@@ -377,6 +381,7 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
 
 
 def _session() -> ModuleType:
+    """A gmsh session without output."""
     try:
         import gmsh
     except ImportError as error:
@@ -392,10 +397,10 @@ def _session() -> ModuleType:
 
 
 def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
-    """All cells and groups of the current gmsh model, entity after entity.
+    """All cells and groups of the current gmsh model, entity by entity.
 
-    `names`: of entities that are groups besides the physical ones; `numbered`: whether the
-    numbers of the nodes are those of the file.
+    `names`: names of entities that become groups in addition to the physical ones; `numbered`:
+    whether the node numbers are those of the file.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
@@ -442,6 +447,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
 def _groups(
     gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
 ) -> dict[str, dict[str, IntArray]]:
+    """The named groups of the model as rows of its cells."""
     found: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
     for (dim, tag), blocks in rows.items():
         # the inverse query searches all entities for each group

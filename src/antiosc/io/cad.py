@@ -67,14 +67,14 @@ HEALING = {
 #: Elements around a full turn: without them thin curved walls pierce each other.
 AROUND, CLOSELY = ({"Mesh.MeshSizeFromCurvature": number} for number in (12.0, 20.0))
 HXT = {"Mesh.Algorithm3D": 10.0}
-#: Of scripts: an optimiser that Debian's gmsh has not, and gmsh's usual ways to mesh.
+#: For scripts: an optimiser that Debian's gmsh does not have, and gmsh's default algorithms.
 NETGEN = {"Mesh.OptimizeNetgen": 0.0}
 USUAL = {"Mesh.Algorithm": 6.0, "Mesh.Algorithm3D": 1.0, "Mesh.HighOrderOptimize": 0.0}
-#: Of surfaces of triangles whose sides have no plane parameters: holes that touch the rim.
+#: For triangulated surfaces whose sides cannot be parametrised, such as holes that touch the rim.
 PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
-#: In this order; the first is gmsh's usual one. Of 91 CAD files by others at a twentieth of their
-#: length 78 were meshed by it, 3 by elements that follow the curvature; 8 held no shapes, and 2
-#: took more than 200 s.
+#: The attempts in order; the first is gmsh's default. Of 91 CAD files by others, with elements of a
+#: twentieth of their length, the first meshed 78 and elements that follow the curvature 3; 8 had no
+#: shapes, and 2 took more than 200 s.
 ATTEMPTS = (
     Attempt("as it is"),
     Attempt("with elements that follow the curvature", options=AROUND),
@@ -111,7 +111,7 @@ def opened(gmsh: ModuleType, path: str) -> float:
 FACE = re.compile(r"face \d+")
 #: Labels that programs write by themselves.
 NO_NAME = re.compile(r"Shapes|SOLID|SHELL|COMPOUND|FACE|NONE|=>\[.*\]|Open CASCADE .*|Unnamed.*|")
-#: Points along each parameter at which a face is looked at.
+#: Sample points of a face along each of its parameters.
 GRID = 7
 #: Sectors of a full turn that faces of a hole must cover.
 SECTORS = 12
@@ -177,7 +177,7 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
 
 
 def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
-    """Remove all solids but one, by its rank in volume (1 is the largest)."""
+    """Remove all solids but one, given by its rank in volume (1 is the largest)."""
     solids = gmsh.model.getEntities(3)
     if not solids:  # of sheets: their pieces are those of the mesh
         return names
@@ -234,7 +234,7 @@ class Cylinder:
 def _holes(
     gmsh: ModuleType, faces: Sequence[tuple[int, int]], scale: float
 ) -> Iterator[tuple[str, list[tuple[int, int]]]]:
-    """("hole 6 mm (1)", its faces): cylindrical faces with one axis that enclose empty space."""
+    """Pairs ("hole 6 mm (1)", its faces): coaxial cylindrical faces that enclose empty space."""
     solid = gmsh.model.getDimension() == 3
     hollow = [one for face in faces if solid and (one := _hollow(gmsh, face)) is not None]
     joined: list[list[Cylinder]] = []

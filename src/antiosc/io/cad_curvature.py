@@ -10,7 +10,8 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray
 from antiosc.io.neutral import CadSurface
 
-#: At a pole of its parameters a surface has the curvature of a point this share of them beside it.
+#: At a pole of the parameters, the curvature is taken at a point shifted by this share of their
+#: range.
 BESIDE = 1e-4
 
 
@@ -43,9 +44,8 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
 
 
 def _bent(gmsh: ModuleType, tag: int, at: Array) -> tuple[Array, Array, BoolArray]:
-    """Normals (n, 3) and curvature tensors (n, 3, 3) of a surface at parameters (2 n,).
-
-    Also whether they are known (n,).
+    """(normals (n, 3), curvature tensors (n, 3, 3), mask of the known ones) at parameters (2
+    n,).
     """
     normals = np.reshape(gmsh.model.getNormal(tag, at), (-1, 3))
     high, low, *axes = gmsh.model.getPrincipalCurvatures(tag, at)

@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def _hollow_package(folder: Path) -> None:
-    """An empty package around the readers: the real one would load all public names."""
+    """Make an empty package around the readers, since the real one would load all public names."""
     package = types.ModuleType("antiosc")
     package.__path__ = [str(folder)]
     sys.modules["antiosc"] = package

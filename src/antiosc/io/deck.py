@@ -45,8 +45,9 @@ class Block:
     def __len__(self) -> int:
         return len(self.corners)
 
-    def __getitem__(self, some: BoolArray | IntArray) -> Block:
-        return self.mapped(lambda table: table[some])
+    def __getitem__(self, selection: BoolArray | IntArray) -> Block:
+        """The block with some of its elements."""
+        return self.mapped(lambda table: table[selection])
 
     def mapped(self, new: Callable[[IntArray], IntArray]) -> Block:
         """The block with its node tables transformed by `new`."""
@@ -67,7 +68,7 @@ class Place:
 
     file: str
     line: int
-    #: what is added to the numbers of the part of the deck that the entry belongs to
+    #: offset added to the numbers in the part of the deck with this entry
     scope: int = 0
 
     def __str__(self) -> str:
@@ -78,7 +79,7 @@ class Place:
         return MeshError(f"{self}: {text}")
 
     def needs(self, holds: object, text: str) -> None:
-        """Raise `error(text)` unless `holds`."""
+        """Raise `error(text)` unless the condition `holds` is true."""
         if not holds:
             raise self.error(text)
 
@@ -94,7 +95,7 @@ class Placed:
     place: Place
 
     def needs(self, holds: object, text: str) -> None:
-        """MeshError with its file and line and the sentence `text`, unless `holds`."""
+        """Raise MeshError with file, line and the sentence `text` unless `holds` is true."""
         self.place.needs(holds, text)
 
 
@@ -155,7 +156,7 @@ class Deck:
             start += len(block)
 
     def blocks_of(self, elements: IntArray) -> Iterator[tuple[Block, BoolArray]]:
-        """(block restricted to some elements, which of `elements` it holds) for each block."""
+        """Each block restricted to some elements, with the mask of `elements` that it contains."""
         start = 0
         for block in self.blocks:
             mine = (elements >= start) & (elements < start + len(block))

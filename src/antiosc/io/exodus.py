@@ -21,7 +21,7 @@ from antiosc.io.neutral import CORNERS, EDGES, FileMesh, IntArray
 from antiosc.io.request import Request
 
 ENDINGS = (".e", ".exo", ".ex2", ".g")
-#: First bytes of a file -> that it is HDF5.
+#: First bytes of an HDF5 file.
 HDF5 = b"\x89HDF\r\n\x1a\n"
 #: Beginnings of the names of elements -> shapes.
 SHAPES = {
@@ -33,7 +33,7 @@ SHAPES = {
     **dict.fromkeys(("WEDGE",), "wedge"),
     **dict.fromkeys(("HEX",), "hexahedron"),
 }
-#: Where our middles of edges are in a file, where the order is another.
+#: Shape -> positions of our mid-side nodes in the file, if the order differs.
 MIDDLES = {
     "hexahedron": (8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15),
     "wedge": (6, 7, 8, 12, 13, 14, 9, 10, 11),
@@ -117,6 +117,7 @@ def _variables(path: Path, name: str) -> tuple[Mapping[str, Any], dict[int, str]
 
 
 def _points(variables: Mapping[str, Any], name: str) -> Array:
+    """Coordinates of the nodes."""
     if "coord" in variables:
         rows = np.atleast_2d(variables["coord"])
     else:
@@ -129,6 +130,7 @@ def _points(variables: Mapping[str, Any], name: str) -> Array:
 
 
 def _whole(values: Any) -> IntArray:
+    """Values as 64-bit integers."""
     return np.asarray(values, dtype=np.int64)
 
 
@@ -149,6 +151,7 @@ def _names(variables: Mapping[str, Any], of: str, what: str) -> list[str]:
 
 
 def _within(rows: IntArray, most: int, what: str, name: str) -> IntArray:
+    """MeshError unless all rows are from 0 to `most` − 1."""
     if rows.size and not (rows.min() >= 0 and rows.max() < most):
         raise MeshError(f"{what} of {name} names an entity that the file does not hold.")
     return rows

@@ -1,7 +1,7 @@
 """Surfaces of triangles (`.stl`, `.obj`, `.ply`, `.off`): cleaned, oriented, and filled as solids.
 
-Such files come from scanners, printers and CAD programs: they have triangles without area and
-twice, corners that almost coincide, small holes, and normals to either side.
+Such files come from scanners, printers and CAD programs. They contain degenerate and repeated
+triangles, corners that almost coincide, small holes, and inconsistent normals.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class Skin:
     Attributes
     ----------
     points : (n, 3)
-    triangles : (t, 3) corners; neighbours go around alike, closed pieces outward.
+    triangles : (t, 3) corners, consistently oriented; closed pieces have outward normals.
     piece : (t,) number of the piece of each triangle.
     open_edges : number of edges that do not belong to two triangles.
-    told : what was mended, one sentence each.
+    told : repairs that were made, one sentence each.
     """
 
     points: Array
@@ -68,7 +68,7 @@ class Skin:
 
     @property
     def thick(self) -> bool:
-        """Whether it is closed and encloses a volume that is not that of a sheet."""
+        """Whether it is closed and encloses more volume than a sheet."""
         size = float(np.ptp(self.points, axis=0).max())
         volume = abs(volumes(self.points, self.triangles).sum())
         area = areas(self.points, self.triangles).sum()
@@ -90,8 +90,8 @@ def volumes(points: Array, triangles: IntArray) -> Array:
 def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
     """(triangles with consistent orientation, number of the connected piece of each).
 
-    Pieces that enclose a volume are turned outward. Where a piece has but one side, or more than
-    two triangles meet at an edge, neighbours may differ.
+    Pieces that enclose a volume are oriented outward. If a piece is one-sided, or more than two
+    triangles meet at an edge, neighbours may differ.
     """
     count = len(triangles)
     alike, a, b = _neighbours(triangles)
@@ -119,7 +119,9 @@ def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
 
 
 def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
-    """(whether consistently oriented, one triangle, the other) for edges of two triangles."""
+    """(mask of consistent orientation, first triangle, second triangle) for edges of two
+    triangles.
+    """
     ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
     owner = np.tile(np.arange(len(triangles)), 3)
     _, edge, uses = np.unique(
@@ -184,10 +186,11 @@ def _flat(points: Array, triangles: IntArray) -> BoolArray:
 
 
 def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
-    """(triangles, number of flat ones removed by swapping an edge with a neighbour).
+    """(triangles, number of flat ones that were removed by swapping an edge with a neighbour).
 
-    Left out, such a one leaves a hole without area, where a corner lies within a side. The
-    neighbour across its longest side is cut in two at that corner.
+    Without the swap, removing a flat triangle leaves a hole without area, with a corner within a
+    side.
+    The neighbour across its longest side is therefore divided at that corner.
     """
     triangles, before, flat = triangles.copy(), 0, _flat(points, triangles)
     start = int(flat.sum())
@@ -222,9 +225,9 @@ def _edge_uses(triangles: IntArray) -> IntArray:
 
 
 def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntArray, int]:
-    """(points with the centres of holes, triangles over holes, number of holes closed).
+    """(points with the centres of holes, triangles that close holes, number of closed holes).
 
-    A hole is a closed chain of edges of one triangle each, no longer across than `most`.
+    A hole is a closed chain of edges of one triangle each, at most `most` wide.
     """
     ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
     _, row, uses = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)

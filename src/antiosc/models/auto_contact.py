@@ -1,4 +1,4 @@
-"""`contact="auto"`: the law of a contact from what both bodies carry of their surfaces."""
+"""`contact="auto"`: the contact law that follows from the surfaces of both bodies."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.models.body import Body, checked_body, info_of
 
-#: What chooses the law.
+#: The value of `contact` for which the law is chosen.
 AUTO: Literal["auto"] = "auto"
 #: A law, or "auto".
 AnyLaw: TypeAlias = ContactLaw | Literal["auto"]
@@ -23,15 +23,16 @@ def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
     return isinstance(contact, str) and contact == AUTO
 
 
-def chosen(one: object, other: object, sites: tuple[str, str] = ("", "")) -> Choice:
+def chosen(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
     """The law for the contact of two bodies at their sites, with the reason.
 
-    InputError, in one sentence, for a body that does not know its material and its shape.
+    InputError if the material or the shape of a body is unknown.
     """
-    return choose(_surface(one, sites[0]), _surface(other, sites[1]))
+    return choose(_surface(first, sites[0]), _surface(second, sites[1]))
 
 
 def _surface(body: object, site: str) -> Surface:
+    """The surface of a body at a site; InputError if it is unknown."""
     known = body if isinstance(body, Body) else checked_body("a body in contact", body)
     found = known.surface(site)
     if found is None:
@@ -51,14 +52,14 @@ def _surface(body: object, site: str) -> Surface:
 
 
 def law_of(contact: object, one: object, other: object) -> ContactLaw:
-    """The law itself, or for "auto" the one that the surfaces of two bodies require."""
+    """The given law, or for "auto" the law that the surfaces of two bodies require."""
     if is_auto(contact):
         return chosen(one, other).law
     return checks.instance("contact", contact, ContactLaw, LAW)
 
 
 def choice_of(law: ContactLaw, one: object, other: object) -> Choice | None:
-    """The choice that results in this law; None for a law that the user gave."""
+    """The choice that led to this law; None for a law that the user gave."""
     try:
         found = chosen(one, other)
     except InputError:

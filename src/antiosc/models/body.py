@@ -1,10 +1,9 @@
 """The interface of a body to a simulation, its record `info`, and conversion of foreign bodies.
 
-`ModelInfo` tells where a model comes from, how it was found, and what its errors need to know.
+`ModelInfo` records the origin of a model, its computation, and the data for its error bars.
 
-`LinearBody` is all that a foreign body must have, `Body` is what is read: the bodies of this
-package are `Body`s and answer by themselves, a foreign one is given the defaults where it says
-nothing (`checked_body`).
+`LinearBody` is what a foreign body must implement; `Body` is what the simulations read. The bodies
+of this package are `Body`s; a foreign body gets defaults for missing attributes (`checked_body`).
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from antiosc.models.stretch import Stretch
 
 #: Standard gravity, m/s².
 GRAVITY = 9.80665
-#: Key of `ModelInfo.surfaces` for why the surface of a site is not known.
+#: Key of `ModelInfo.surfaces` under which the reason stands if a surface is unknown.
 NOT_KNOWN = "not known"
 
 
@@ -79,8 +78,10 @@ class BeamSection(TypedDict):
 class MeasuredBand(TypedDict):
     """Bodies consistent with a measurement, in free modes (A bodies, J modes).
 
-    top : of the band [rad/s]; draws : the first bodies differ by the noise, the others by what lies
-    above the band; omega, decay, b : (A, J) as of a `ModalBody`; r : (A,).
+    top : upper end of the band [rad/s]; draws : number of bodies that differ by the noise, which
+        come
+    first; the others differ by the modes above the band; omega, decay, b : (A, J) as in a
+    `ModalBody`; r : (A,).
     """
 
     top: float
@@ -208,7 +209,7 @@ class ModelInfo(ReprMixin):
         return {name: Surface.of(one) for name, one in surfaces if NOT_KNOWN not in one}
 
     def unknown_surface(self, site: str) -> str:
-        """Why the surface of a site is unknown; "" if it is known, or was not asked for."""
+        """Reason why the surface of a site is unknown; "" if it is known or was not requested."""
         return str((self.surfaces or {}).get(site, {}).get(NOT_KNOWN, ""))
 
     def as_dict(self) -> dict[str, object]:
@@ -227,7 +228,7 @@ class ModelInfo(ReprMixin):
         return name in self.as_dict()
 
 
-#: What is read of a file must be of these types, or a model could fail in the midst of a run.
+#: Types of the values in a file; with other types a model could fail during a run.
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
     **dict.fromkeys(
@@ -243,7 +244,7 @@ _RECORDS: dict[str, Any] = {
     "measured": MeasuredBand,
 }  # fmt: skip
 _NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")
-#: The record of a body of which nothing is known.
+#: The record of a body without known data.
 UNKNOWN = ModelInfo()
 
 

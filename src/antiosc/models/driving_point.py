@@ -16,14 +16,14 @@ from antiosc.base._types import Array, ComplexArray, Numbers
 
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01
-#: the band is sampled from its top down to this share of the lowest frequency of the model
+#: lower end of the sampled band, over the lowest frequency of the model
 START = 0.25
 #: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
 #: is below this
 UNOBSERVABLE = 1e-8
-#: number of frequencies at which Z is computed at a time: all at once take N times the memory
+#: number of frequencies at which Z is computed at once, to limit the memory
 AT_ONCE = 500
-#: share of the largest stiffness of several sites, on equal masses, below which one is rounding
+#: a stiffness of several sites, per unit mass, is rounding below this share of the largest
 UNSTRAINED = 1e-10
 
 
@@ -31,7 +31,7 @@ Stiffness = Callable[[ComplexArray], Numbers]
 
 
 def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
-    """Damped circular frequencies up to `top` [rad/s], close enough to meet every peak of Z.
+    """Damped circular frequencies up to `top` [rad/s], dense enough to meet every peak of Z.
 
     `lowest`: the first frequency [rad/s] at which Z varies; below it Z is quasi-static. `step`:
     relative distance of neighbouring samples; a peak has the width of the damping.
@@ -42,10 +42,12 @@ def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
-    """Share |change of Z|/|Z| (..., N) at each damped pole if its mass is added to m0 instead.
+    """Relative change of |Z| (..., N) at each damped pole if the mass of that pole is added to m0
+    instead.
 
-    Of models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
-    written with m0, not m_st = m0 + sum(m_i), whose -x m_st would cancel the term of a large m_i.
+    For models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
+    written with m0, not with m_st = m0 + sum(m_i), since -x m_st would cancel the term of a large
+    m_i.
     """
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     weight = np.where(m > 0, m * poles, 0.0)
@@ -60,7 +62,7 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
 
 
 def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
-    """|change of H|/|H| (J,) at each damped pole without its mode: H = sum b^2/(poles - x)."""
+    """Relative change of |H| (J,) at each damped pole without its mode; H = sum b^2/(poles - x)."""
     weight = np.asarray(b, dtype=float) ** 2
     poles = np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
@@ -98,10 +100,12 @@ def with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
 
 
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
-    """Spectral radius of Z^-1 (change of Z) (N,) at each damped pole if its mass is added to m0.
+    """Spectral radius (N,) of Z^-1 times the change of Z at each damped pole if its mass is added
+    to m0.
 
-    Arguments as of `stiffness_at_sites`; 0 for a pole <= 0. Units and combinations of the sites do
-    not change it.
+    Arguments as for `stiffness_at_sites`; 0 for a pole <= 0. The result does not depend on units
+    and
+    combinations of the sites.
     """
     share = np.zeros(len(poles))
     real = np.flatnonzero(poles > 0)
@@ -135,7 +139,7 @@ def spectral_norms(matrices: Numbers) -> Array:
 
 
 def semidefinite(matrix: Array) -> Array:
-    """The symmetric matrix (p, p) without the negative eigenvalues that rounding makes."""
+    """The symmetric matrix (p, p) without negative eigenvalues due to rounding."""
     scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
     unit = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
     unit[scale == 0], unit[:, scale == 0] = 0.0, 0.0

@@ -11,12 +11,12 @@ frequency is w_r^2 = r/s and its weight b_r^2 = r w_r^2. (Without G it has no ma
 are rigid-body modes and hence no static deflection, C and G are those of K + shift M, and the
 expansion is about x = -shift.
 
-The modes left out have 0 < 1/w^2 <= 1/w_J^2, so at real x the value of h lies between that of the
-one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r: an error bound at every site
-(the little damping with which Z is compared moves it by its own share, a per cent; between two
-samples it may rise by a quarter).
+The truncated modes have 0 < 1/w^2 <= 1/w_J^2. At real x, h therefore lies between the value of the
+one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r, which gives an error bound at
+every site. (The small damping at which Z is compared changes it by one per cent; between two
+samples it may rise by a quarter.)
 
-Rigid-body modes that hardly move a site are left out of this and added to its anti-oscillators
+Rigid-body modes that hardly move a site are treated separately and added to its anti-oscillators
 (`antiosc.models.motion`), as in `antiosc.extract`.
 
 In these J + 1 coordinates the stiffness is diagonal, D = diag(w_j^2). The flexibility with the site
@@ -181,7 +181,9 @@ def site_models(
 
 
 def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
-    """Join the elastic parameters of sites with a rigid-body mode that moves them slightly."""
+    """Parameters of sites with a rigid-body mode that hardly moves them, joined with the elastic
+    ones.
+    """
     k0, m0, _, omega, m = found
     wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
     masses_left = np.zeros_like(m0)
@@ -197,7 +199,7 @@ def residual(
 ) -> tuple[Array, Array]:
     """Compliances r and inertias s (S,) of the truncated modes.
 
-    s = 0 where they have no mass, r = 0 where no mode is left out.
+    s = 0 if they have no mass, r = 0 if no mode is truncated.
     """
     x = omega**2 + shift
     modal = b**2 @ (1 / x)
@@ -284,7 +286,7 @@ def bodies(
 EXHAUSTED = 1e-10
 #: An eigenvalue of T below this share of the largest is rounding error.
 NULL_SHARE = 1e-13
-#: Sqrt of the share of m_st at the site that is rounding.
+#: Square root of the share of m_st at the site below which it is rounding.
 MASSLESS = 1e-12
 
 
@@ -358,9 +360,11 @@ def _lanczos(
     pin = np.where(soft, 0.0, 1 / np.where(soft, 1.0, np.sum(b * y, axis=1)))
 
     def flexed(v: Array) -> Array:
+        """T v, the constrained flexibility applied to v."""
         return np.asarray(v / A - y * (np.sum(y * v, axis=1) / bAb)[:, None])
 
     def force(v: Array) -> Array:
+        """A v, with the stiffness of the site."""
         return np.asarray(A * v + b * (stiff * np.sum(b * v, axis=1))[:, None])
 
     sites, size = phi.shape
