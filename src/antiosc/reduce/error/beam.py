@@ -1,12 +1,12 @@
 """Errors of beams, by a mesh of half the size.
 
-The strains of beams are most accurate at the very points where the element takes them, so that
-their recovery says nothing. A second mesh with two elements in place of each costs next to nothing:
-the loads of the shapes (the site's load, and inertia forces ω² M ψ with their reaction at the site)
-are put on both meshes, and the difference of the flexibilities under them is that which the coarse
-mesh lacks, times 1/(1 - 4^-p) for all finer meshes (the flexibility of elements of degree p
-converges with the power 2p of the size). A site inside an element is a node of the second mesh: the
-kink there is an error that halving alone would change but little.
+The strains of beams are most accurate at the points where the element evaluates them, so that a
+recovery of strains shows no error. Instead each element is divided into two, which costs little.
+The loads of the shapes (the site's load, and inertia forces ω² M ψ with their reaction at the site)
+act on both meshes. The difference of the flexibilities, times 1/(1 - 4^-p), is the error of the
+coarse mesh (the flexibility of elements of degree p converges with the power 2p of their size). A
+site inside an element becomes a node of the second mesh, since halving alone would hardly reduce
+the error of the kink there.
 """
 
 from __future__ import annotations
@@ -77,11 +77,11 @@ class HalvedBeams(MeshErrors):
 
 
 def excess(lacks: Array) -> Array:
-    """Excess energies E of shapes ψ whose loads Kψ have flexibilities `lacks` too small.
+    """Excess energies E of shapes ψ whose loads Kψ have flexibilities too small by `lacks`.
 
-    These are E itself where a mesh lacks flexibility for every pattern of loads. Elements that are
-    integrated with few points can have too much for some: the products of different shapes are then
-    reduced, all by one factor.
+    `lacks` are E itself if a mesh lacks flexibility for every pattern of loads. Elements with few
+    integration points can be too flexible for some patterns: the products of different shapes are
+    then all reduced by one factor.
     """
     size = np.sqrt(np.maximum(np.diag(lacks), 0.0))
     over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -128,10 +128,10 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
     return scipy.sparse.csr_matrix(entries, shape=shape)
 
 
-#: Share of an element within which a site is taken to be at its node.
+#: A site closer to a node than this share of the element is at the node.
 AT_NODE = 1e-3
-#: Angles in degrees between the two cells at a node of a polygon that stands for a curve: above
-#: rounding, and up to those of a circle of 16 cells.
+#: Range of angles in degrees between two cells of a polygon that approximates a curve: above
+#: rounding, and at most that of a circle of 16 cells.
 LEAST_ANGLE, MOST_ANGLE = 0.2, 23.0
 
 
@@ -188,7 +188,9 @@ def _largest_angle(pieces: Pieces) -> float:
 
 
 def _divided(mesh: Mesh, usual: float, point: Array | None) -> Mesh:
-    """The mesh with each cell cut at the share `usual` of its length (NaN: whole) or at `point`."""
+    """The mesh with each cell cut at the share `usual` of its length (NaN: not cut), or at
+    `point`.
+    """
     pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
     raw: RawMesh | InputError | None = None
     if pieces is not None:
@@ -238,7 +240,7 @@ def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
 
 
 def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
-    """The parts of cells `which`, in order; `middle` is -1 for whole cells."""
+    """The parts of the cells `which`, in order; `middle` is the new node, -1 for uncut cells."""
     ends = cells[which]
     between = middle[which]
     pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)

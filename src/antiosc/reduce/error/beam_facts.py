@@ -1,6 +1,6 @@
-"""Facts of a struck beam for the share "model" of an error budget.
+"""Data of a struck beam for the share "model" of an error budget.
 
-It is known for straight bars of full rectangular section with a site away from their ends
+They exist for straight bars of full rectangular section with a site away from the ends
 (`antiosc.impact.error_budget`), since only these were measured against solids.
 """
 
@@ -25,8 +25,8 @@ LENGTH = 5.0
 FROM_ENDS = 2.0
 SIDES = 2.5
 NU = (0.2, 0.4)
-#: Largest share of a direction across the one that is meant, and deviation from a straight line
-#: over the length.
+#: Largest component of a direction across the required one, and largest deviation from a straight
+#: line over the length.
 ALONG, STRAIGHT = 0.02, 1e-6
 #: Message where there is no figure.
 UNKNOWN = "Not included: the error of the beam model itself, for {}."
@@ -49,6 +49,7 @@ class _Unknown(Exception):
 
 
 def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
+    """The data for the error of beam theory; `_Unknown` if there are none."""
     assert site.point is not None
     assert site.direction is not None  # or HalvedBeams refuses it
     beam = part.parts[0][0]
@@ -88,6 +89,7 @@ def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
 
 
 def _need(fact: bool, otherwise: str) -> None:
+    """Raise `_Unknown` with the reason `otherwise` unless `fact` is true."""
     if not fact:
         raise _Unknown(otherwise)
 

@@ -1,7 +1,7 @@
-"""Wanted sizes of cells, and their bisection.
+"""Required sizes of cells, and their bisection.
 
-A cell of size h and error η² has the error s^(2p) η² if its size becomes s h, and 1/s^d cells
-stand in its place (p the order of the elements, d the dimension). Of all sizes with the same total
+If the size of a cell with error η² becomes s h, its error becomes s^(2p) η², and 1/s^d cells
+replace it (p the order of the elements, d the dimension). Of all sizes with the same total
 error those with s = λ (η²)^(-1/(q + d)), q = 2p, take the fewest cells (Ladevèze, Coffignal and
 Pelle, 1986). But the largest errors are those at inner edges, where q is that of the singularity,
 whatever p is: 1.09 at a right angle (Williams, J. Appl. Mech. 19 (1952) 526). In space, where such
@@ -26,23 +26,23 @@ from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.reading import keys
 
-#: Least and largest change of a size at once: what is coarse already does not become much coarser,
-#: for its errors would grow by more than is expected.
+#: Least and largest ratio of sizes in one step: coarse cells do not become much coarser, since
+#: their errors would grow by more than expected.
 FINEST, COARSEST = 0.15, 1.3
 #: q by dimension: power of the size by which the energy of errors falls where it is largest.
 POWER = {1: 4.0, 2: 2.0, 3: 1.0}
-#: log λ is sought within this of that of cells with the mean error.
+#: The search for log λ covers this range about the value for cells with the mean error.
 WIDEST = 50.0
 
 
 def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -> Array:
-    """New over old size of each cell of this rank (cells,).
+    """New size over old size of each cell of this rank (cells,).
 
     Parameters
     ----------
     energies : (cells,) errors η² of the cells of this rank.
-    goal : wanted total over the present one; less is not reached with sizes above `FINEST`.
-    order, dim : of the elements, of the mesh.
+    goal : required total error over the present one; not reached if it needs sizes below `FINEST`.
+    order, dim : order of the elements, dimension of the mesh.
     """
     total, count = comm.allreduce(np.array([energies.sum(), float(len(energies))]))
     if total == 0:
@@ -51,6 +51,7 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
     wanted = share ** (-1 / (POWER[dim] + dim))
 
     def sizes(scale: float) -> Array:
+        """Size ratios for this log λ."""
         return np.asarray(np.clip(exp(scale) * wanted, FINEST, COARSEST))
 
     def beyond(scale: float) -> float:
@@ -65,7 +66,7 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
 
 
 def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
-    """Ratio of the number of cells after a change of sizes by these ratios to the present one."""
+    """Number of cells after a change of sizes by these ratios, over the present number."""
     new, old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
     return float(new / old)
 
@@ -79,7 +80,7 @@ def edge_lengths(mesh: Mesh) -> Array:
     return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
 
 
-#: A cell is divided if its new size over its own is below this, in at most so many rounds.
+#: A cell is divided if the ratio of its sizes is below DIVIDED; most rounds of division.
 DIVIDED, ROUNDS = 0.75, 3
 #: Kinds of cells that can be divided, by dolfinx's names.
 KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
@@ -94,7 +95,7 @@ class Pieces:
     points : (n, gdim) m.
     cells : (c, dim + 1) numbers of points.
     groups : name -> {dimension: (entities, vertices of one) numbers of points}.
-    values : (c,)
+    values : (c,) one for each cell.
     """
 
     points: Array
@@ -161,7 +162,7 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
 
 
 def divided(pieces: Pieces, cell: str) -> Pieces:
-    """One round: all edges of the cells with small values are halved.
+    """Halve all edges of the cells with small values, once.
 
     The new values are those of the parents times the old size over the new one.
     """
@@ -206,7 +207,9 @@ def _sizes(pieces: Pieces) -> Array:
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:
-    """Pairs (n, 2) of old points between which each new point lies; an old point twice."""
+    """For each new point the two old points (n, 2) between which it lies; an old point is listed
+    twice.
+    """
     one, other = np.triu_indices(pieces.cells.shape[1], 1)
     edges = np.stack([pieces.cells[:, one].ravel(), pieces.cells[:, other].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -219,7 +222,7 @@ def _supports(pieces: Pieces, x: Array) -> IntArray:
 def _carriers(support: IntArray, entities: IntArray) -> IntArray:
     """Old points (n, k) that support each new entity (n, k); -1 if there are more than k.
 
-    An entity lies in an old one of its own dimension exactly if it rests on as many points.
+    An entity lies in an old one of its own dimension if and only if k old points support it.
     """
     k = entities.shape[1]
     rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)

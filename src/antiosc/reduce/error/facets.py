@@ -1,11 +1,10 @@
-"""Whether flat faces approximate a curved surface, an error that no recovery of strains detects.
+"""Gaps between flat faces and the curved surface that they approximate.
 
-Gaps between flat faces and the curved surface that they may stand for: the normals at the corners
-of a face are those of the surface, means over the faces around (weighted as Max, J. Graphics Tools
-4 (1999) 2: exact on spheres, and on circles by the inverse lengths). Along a side of length l with
-the normals n, n' at its ends x, x' the curvature times l² is (n' - n)·(x' - x); a linear face is
-off the surface by a twelfth of that in the mean over a segment, and by a twenty-fourth of its sum
-over the sides of a triangle or a quadrilateral.
+No recovery of strains detects this error. The normal of the surface at a corner is the mean over
+the faces around it (weighted as Max, J. Graphics Tools 4 (1999) 2: exact on spheres, and on circles
+by the inverse lengths). Along a side of length l with the normals n, n' at its ends x, x', the
+curvature times l² is (n' - n)·(x' - x). The mean gap of a segment is a twelfth of that; the mean
+gap of a triangle or a quadrilateral is a twenty-fourth of the sum over its sides.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Angles in degrees between neighbouring faces of a curved surface: above rounding, and up to those
-#: of seven faces around a hole, the fewest that gmsh makes.
+#: Range of angles in degrees between neighbouring faces of a curved surface: above rounding, and at
+#: most that of seven faces around a hole, the fewest that gmsh makes.
 LEAST_ANGLE, MOST_ANGLE = 0.2, 52.0
 #: Sides of an exterior facet as positions of its corners.
 FACET_SIDES: dict[int, list[tuple[int, ...]]] = {
@@ -136,8 +135,9 @@ def _areas(x: Array) -> Array:
 def layers(part: MeshedStructure) -> tuple[Array, float]:
     """The layers between the faces of this rank and the curved surface that they approximate.
 
-    (volumes (F,) [m³], in the plane areas, negative where the mesh has too much; their mass over
-    that of the structure)
+    Returns (volumes (F,) [m³] or, in the plane, areas, negative where the mesh has too much; mass
+    of
+    the layers over that of the structure).
     """
     gap, area = mean_gaps(part.faces)
     volumes = gap * area

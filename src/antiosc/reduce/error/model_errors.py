@@ -1,4 +1,4 @@
-"""What an extraction with error="estimate" adds to its models."""
+"""The error estimates that an extraction with error="estimate" adds to its models."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from antiosc.reduce.site import Functional
 
 #: Message for matrices.
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leave error=None."
-#: Why the recovery of strains does not tell the errors of other families.
+#: Element family -> reason why a recovery of strains does not show its errors.
 WHY = {
     "beam": (
         "which are compared with a finer mesh: leave error=None and compare two element sizes"
@@ -32,6 +32,7 @@ def estimator(structure: Structure) -> StrainErrors:
 
 
 def _of_part(matrices: MeshedStructure) -> StrainErrors:
+    """The estimator for a part."""
     if matrices.kind.name in WHY:
         raise InputError(
             f"error='estimate' holds for solids, beams and shells; {matrices.mesh.name} is made of "

@@ -1,8 +1,8 @@
-"""What another radius of a site's patch would change in the compliance of the part.
+"""Change of a part's compliance with the radius of a site's patch.
 
-The patch's compliance holds that of its half-space, which is subtracted from Hertz's law. What
-remains does not depend on the radius, as long as it is small against the local thickness and
-resolved by the mesh; a second radius measures how far that holds.
+The compliance of a patch contains that of its half-space, which is subtracted from Hertz's law. The
+remainder does not depend on the radius if this is small against the local thickness and resolved by
+the mesh. A second radius measures the dependence.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from antiosc.models.body import Patch
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.sites import located
 
-#: The second radius over the first; the other one where the larger patch leaves the face.
+#: The second radius over the first, and the ratio used instead if the larger patch leaves the face.
 RADII = (np.sqrt(2.0), np.sqrt(0.5))
 #: Least share of the load of the second patch on its face.
 WHOLE_LOAD = 0.99

@@ -1,4 +1,4 @@
-"""The scheme of all estimators of mesh errors: solids, sheets and beams."""
+"""The common base of all estimators of mesh errors: solids, sheets and beams."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from antiosc.reduce.site import Functional
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a mesh leaves out of a model of one site.
+    """Errors of the mesh in a model of one site.
 
     Attributes
     ----------
@@ -48,7 +48,9 @@ class MeshErrors(ABC):
 
     @abstractmethod
     def prepare(self) -> None:
-        """Find what all models share; InputError for a mesh whose errors are not seen."""
+        """Compute the data that all models share; InputError for a mesh whose errors are not
+        detected.
+        """
 
     @abstractmethod
     def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
@@ -69,10 +71,10 @@ class StrainErrors(MeshErrors):
     def of_state(self, structure: Structure, shapes: Array, energies: Array) -> Array:
         """Energies by which the error of a prestress may change those of shapes.
 
-        What the loads add to the stiffness is ∫ N : η(ψ, ψ), a functional of the state q. Its error
-        is that of q times that of its dual solution in energy (Becker and Rannacher, Acta Numerica
-        10 (2001) 1), whose relative errors are taken to be those of q and of the shape, the larger
-        one.
+        The loads add ∫ N : η(ψ, ψ) to the stiffness, a functional of the state q. Its error is the
+        product of the errors in energy of q and of its dual solution (Becker and Rannacher, Acta
+        Numerica 10 (2001) 1). The relative error of the latter is assumed to be the larger of those
+        of q and of the shape.
         """
         preload = structure.matrices.preload
         if preload is None or not preload.q.any():

@@ -2,18 +2,18 @@
 
 The strains of each shape, the interpolated shear strains among them, are projected (L2, consistent
 mass matrix) to continuous functions of degree two, their own degree, on each smooth piece of the
-surface. What is left, recovered minus discontinuous strain e_j, stands for the error; the layers
-along free edges, which neither of them shows, are added.
+surface. The difference e_j of the recovered and the discontinuous strain estimates the error; the
+layers along free edges, which neither of them shows, are added.
 
-It is not all of the error of a flexibility. With the exact section forces σ and the strains s_h of
-the element, which are ε(u_h) + d_h, d_h being what the interpolation changes in the shear strains,
+This is only a part of the error of a flexibility. With the exact section forces σ and the strains
+s_h = ε(u_h) + d_h of the element, where d_h is the change of the shear strains by interpolation,
 
     σ:C⁻¹:σ - σ_h:C⁻¹:σ_h = |σ - σ_h|² + 2 ∫ (σ:s_h - σ_h:s_h) = |σ - σ_h|² + 2 ∫ Q·d_h,
 
 for σ and σ_h are in equilibrium with one load: with the displacements ε(u_h) and with the strains
 s_h. The first term is the energy of the error; the second one, which vanishes in elements without
 interpolation, may have either sign, and can make a coarse mesh softer than the part. The recovered
-shear forces stand for Q. Likewise E_ij = ∫ e_i:C:e_j and the misfit ∫ Q_i·d_j + Q_j·d_i for the
+shear forces approximate Q. Likewise E_ij = ∫ e_i:C:e_j and the misfit ∫ Q_i·d_j + Q_j·d_i for the
 products of all shapes.
 
 Layers: where an edge is free to turn about its normal, its twisting moment m vanishes, but over a
@@ -27,11 +27,11 @@ Where the section changes, m jumps likewise in such a mesh, and both sides have 
 ℓ/D66 of each, their moments are in the ratio that gives them one rotation, and their energy is that
 of the jump with c1 c2/(c1 + c2). At folds and ribs the other sheet, or the rib, holds the rotation.
 
-The strains are those that made the stiffness matrix, with the interpolated shear strain
-(`antiosc.fem.elements.shell`); beside it stands what the interpolation changed in it.
+The strains are those of the stiffness matrix, with the interpolated shear strain
+(`antiosc.fem.elements.shell`); its change by the interpolation is stored too.
 
 A piece ends at folds, where three cells or more meet, at stiffeners, and where the section of the
-sheet changes: there section forces jump, and no continuous function stands for them. Strains are
+sheet changes: there the section forces jump, so that no continuous function fits them. Strains are
 compared in axes that turn with the surface: over a piece they follow one coordinate axis, or those
 of the layers.
 """
@@ -58,8 +58,8 @@ from antiosc.recovery.tensors import PointsInCells, SheetAxes, gauss_points
 from antiosc.reduce.error.scheme import Estimate, StrainErrors, shapes_of
 from antiosc.reduce.site import Functional
 
-#: Angles in degrees between neighbouring cells: from FOLD on the surface has a fold there; above
-#: FLAT the cells stand for a curved surface.
+#: Angles in degrees between neighbouring cells: from FOLD on there is a fold; above FLAT the cells
+#: approximate a curved surface.
 FOLD, FLAT = 20.0, 0.2
 #: Edges of a triangle, and their corners.
 EDGES = 3
@@ -74,9 +74,9 @@ class SmoothPieces:
 
     Attributes
     ----------
-    number : (cells,) of the piece that a cell belongs to.
+    number : (cells,) number of the piece of each cell.
     axes : axes and normals of the cells, which turn continuously over each piece.
-    bent : largest angle between neighbouring cells of one piece [degree].
+    bent : largest angle between neighbouring cells of a piece [degree].
     """
 
     number: IntArray
@@ -153,20 +153,21 @@ def angles(vectors: Array, places: IntArray) -> Array:
 
 
 def _largest(values: Array) -> float:
+    """The largest value; 0 if there is none."""
     return float(values.max(initial=0.0))
 
 
 def _ahead(corners: IntArray, ends: IntArray) -> BoolArray:
-    """Whether cells with these corners traverse an edge from its first end."""
+    """Mask of the cells that traverse an edge from its first end."""
     at = np.argmax(corners == ends[:, :1], axis=1)
     after = (at + 1) % corners.shape[1]
     return np.asarray(corners[np.arange(len(at)), after] == ends[:, 1])
 
 
 def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: str) -> Array:
-    """±1 (cells,): the sign that makes a cell's normal point to the same side of its piece.
+    """±1 (cells,): the sign by which a cell's normal points to the same side of its piece.
 
-    `turned` says of neighbours a and b whether their normals are opposite.
+    `turned`: mask of the neighbours a and b whose normals are opposite.
     """
     count = len(number)
     # each cell twice: with its normal, and with the opposite one
@@ -542,9 +543,11 @@ class ShellErrors(StrainErrors):
         return (E + E.T) / 2, work + work.T
 
     def gram(self, shapes: Array) -> Array:
+        """E_ij = ∫ e_i:C:e_j (k, k)."""
         return self.gram_and_misfit(shapes)[0]
 
     def of_cells(self, shapes: Array) -> Array:
+        """Σ_j ∫ e_j:C:e_j over each cell (cells,)."""
         found = SheetRecovery(self.part, shapes, self._pieces)
         layers = layers_of(self.part, self._pieces, found)
         along = layers.weights * (layers.m**2).sum(axis=1)

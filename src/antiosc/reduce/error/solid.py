@@ -2,9 +2,9 @@
 
 The strain of each shape is projected (L2, consistent mass matrix) to continuous functions of degree
 one, separately on the cells of each stiffness (material and thickness), across which strains jump.
-What is left, recovered minus discontinuous strain, stands for the error (Zienkiewicz and Zhu, Int.
-J. Numer. Meth. Engng 24 (1987) 337). Its energies and products for all shapes of a model are the
-matrix by which the model is softened (`antiosc.models.parameters`).
+The difference of the recovered and the discontinuous strain estimates the error (Zienkiewicz, Zhu,
+Int. J. Numer. Meth. Engng 24 (1987) 337). Its energies and products for all shapes of a model are
+the matrix by which the model is softened (`antiosc.models.parameters`).
 
 The mass matrix of degree one is consistent, and is solved by conjugate gradients: with its diagonal
 as the preconditioner its condition number is at most (d + 2) on simplices and 3^d on products of
