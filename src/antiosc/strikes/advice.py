@@ -57,12 +57,12 @@ class Advice(FieldsRepr):
     Attributes
     ----------
     family : "beam", "shell" or "solid", the smallest that is enough.
-    contact_time : of the impactor on a half-space [s]; the contact time on the part is longer.
-    frequency : highest that the model must carry [Hz].
+    contact_time : contact time of the impactor on a half-space [s]; that on the part is longer.
+    frequency : highest frequency that the model must represent [Hz].
     element_size : largest element of that family [m].
     contact_radius : of Hertz's contact at its peak [m].
     inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
-    limits : family -> frequency [Hz] up to which it holds.
+    limits : family -> highest frequency [Hz] at which it is valid.
     reasons : why the simpler families are not sufficient, and what limits the element size.
     """
 

@@ -19,7 +19,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.reduce.site.map_sites import MapSites, sites_of
 
-#: Free modes where neither `modes` nor a band says how many.
+#: Number of free modes if neither `modes` nor a band is given.
 FREE_MODES = 20
 #: Frequency of the last free mode over the band.
 ABOVE = 1.5
@@ -40,7 +40,7 @@ class FreeSites:
     omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
     b : (P, J) displacement of each site in each mode [kg^-1/2].
     compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
-    seconds : what each step took.
+    seconds : step -> its time [s].
     """
 
     found: MapSites

@@ -5,10 +5,9 @@ free modes at the site and two numbers of its static deflection y: the complianc
 inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site; if the bound
 is too large, the site is extracted separately.
 
-The largest stress anywhere in a part, for the blow at each site of a map.
-
-Struck at the site i by the force F(t), the part moves in the free modes of the map, and in all
-modes above them as if F stood still:
+The largest stress anywhere in a part is computed for the impact at each site of a map. Under the
+force F(t) at site i, the part moves in the free modes of the map, and quasi-statically in all
+higher modes:
 
     u(t) = sum_j phi_j q_j(t) + [y_i - sum_j phi_j b_ij / (omega_j^2 + s)] F(t)
 
@@ -85,14 +84,14 @@ STRETCH_MODES = 60
 log = logging.getLogger(__name__)
 
 
-#: The band where neither it nor a blow is given, over the last free mode.
+#: Default band over the last free frequency, if neither a band nor an impactor is given.
 WITHIN = 0.5
-#: Free modes at most, where the blow says the band.
+#: Most free modes if the impact determines the band.
 MOST_MODES = 100
-#: Anti-oscillators of a site that are tried where none are asked for.
+#: Numbers of anti-oscillators that are tried if `n` is not given.
 COUNTS = (12, 25, 50, 100)
-#: Share by which a force exceeds that on a rigid wall from which a site is doubtful, and the
-#: tolerance of the impact there.
+#: A site is doubtful if its force exceeds that on a rigid wall by this share; tolerance of the
+#: impact on the wall.
 BEYOND, COARSE = 0.003, 1e-3
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
@@ -197,12 +196,20 @@ def impact_map(
     if n is not None:
         counts = (whole("n", n),)
     seen = free_sites(
-        structure, matrices, where, direction, radius, modes, band or excited,
+        structure,
+        matrices,
+        where,
+        direction,
+        radius,
+        modes,
+        band or excited,
         math.inf if excited is None else MOST_MODES,
         FREE_MODES if stretch is False else STRETCH_MODES,
-    )  # fmt: skip
-    found, omega = seen.found, seen.omega
-    sites, moved = found.sites, time.perf_counter()
+    )
+    found = seen.found
+    omega = seen.omega
+    sites = found.sites
+    moved = time.perf_counter()
     if excited is not None:
         band = min(excited, float(omega[-1]) / ABOVE)
     band = WITHIN * float(omega[-1]) if band is None else band
@@ -267,8 +274,9 @@ def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw)
 def _laws(
     structure: Structure, found: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], BoolArray]:
-    """Laws of the sites (P,), masks of sites at edges, and of sites where the impactor fits."""
-    laws, sharp = [], np.zeros(len(found), dtype=bool)
+    """(laws of the sites (P,), mask of sites at edges, mask of sites where the impactor fits)."""
+    laws = []
+    sharp = np.zeros(len(found), dtype=bool)
     radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
     sites = zip(found.points, found.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
@@ -290,7 +298,7 @@ def _laws(
 def _surface(
     structure: Structure, point: Array, direction: Array, radius: float, lengths: bool
 ) -> Surface | None:
-    """The surface at a site whose patch has this radius, NaN without one."""
+    """The surface at a site whose patch has this radius; NaN for a point."""
     patch = None if np.isnan(radius) else radius
     with contextlib.suppress(InputError):
         return surface_at(structure, point, direction, patch, lengths)
@@ -298,7 +306,7 @@ def _surface(
 
 
 def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
-    """Relative error of the largest peak force by its law; None where it is not known."""
+    """Relative error of the largest peak force due to its contact law; None if unknown."""
     assert struck.peak_force is not None
     assert struck.contact_time is not None
     i = hardest(struck)
@@ -308,7 +316,8 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
         choice = chosen(PlaneOf(structure, of_site), struck.impactor)
     except InputError:
         return None
-    peak, contact_time = float(struck.peak_force[i]), float(struck.contact_time[i])
+    peak = float(struck.peak_force[i])
+    contact_time = float(struck.contact_time[i])
     if not (peak > 0 and contact_time > 0):
         return None
     return error_of_peak(choice, peak, contact_time)
@@ -322,15 +331,14 @@ def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float |
 
 
 def _hertz(omega: float) -> str:
+    """A circular frequency [rad/s] as text in Hz."""
     return engineering(omega / (2 * math.pi), "Hz")
 
 
 def _reduced(
     seen: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, tuple[Array, Array]]:
-    """Models of the sites with the fewest sufficient anti-oscillators of `counts`, and their
-    errors.
-    """
+    """(models with the fewest sufficient anti-oscillators of `counts`, their errors)."""
     of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift, "krylov")
@@ -340,7 +348,7 @@ def _reduced(
     return models, (left_out, reduction)
 
 
-# --- What is not good enough --------------------------------------------------------------------
+# --- Warnings -------------------------------------------------------------------------------------
 
 
 def _refined(
@@ -351,14 +359,19 @@ def _refined(
     band: float,
     accuracy: float,
 ) -> tuple[SiteModels, Array, Array]:
-    """Separate extractions for sites with too few free modes; models and errors of all sites."""
-    left_out, error = errors[0], errors[0] + errors[1]
+    """Extract sites with too few free modes separately; (models, errors, mask) of all sites."""
+    left_out = errors[0]
+    error = errors[0] + errors[1]
     direct = np.zeros(len(error), dtype=bool)
     worst = np.flatnonzero(left_out > accuracy)
     if not 0 < len(worst) <= DIRECT:
         return models, error, direct
-    omega, m = models.omega.copy(), models.m.copy()
-    k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
+    omega = models.omega.copy()
+    m = models.m.copy()
+    k0 = models.k0.copy()
+    m0 = models.m0.copy()
+    m_st = models.m_st.copy()
+    error = error.copy()
     n = m.shape[1]
     loads = sites.loads[:, worst].toarray()
     statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
@@ -381,6 +394,7 @@ def _refined(
 
 
 def _tell(result: ImpactMap, accuracy: float) -> None:
+    """Warn of sites without a result, and of errors above `accuracy`."""
     if result.skipped:
         warn(
             f"{result.skipped} of {result.skipped + len(result)} sites are left out: supports fix "
@@ -504,7 +518,8 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     arrays = {name: getattr(struck, name).copy() for name in STRETCHED}
     of_sites = seen.omega, seen.b[deep], seen.compliance[deep], seen.inertia[deep]
     stretched = np.zeros(len(struck), dtype=bool)
-    bodies, notes = free_modes.bodies(*of_sites, structure.shift), list[str]()
+    bodies = free_modes.bodies(*of_sites, structure.shift)
+    notes = list[str]()
     with counting("second-order impacts", len(deep)) as ready, warnings_to(notes.append):
         for done, (i, body) in enumerate(zip(deep, bodies, strict=True)):
             forces = forces_of(seen.b[i : i + 1]) if shared is None else shared
@@ -521,7 +536,7 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     )
 
 
-#: What second-order forces change in a map.
+#: Quantities of a map that second-order forces change.
 STRETCHED = ("peak_force", "contact_time", "restitution", "impulse", "peak_deflection")
 
 

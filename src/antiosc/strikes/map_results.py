@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 
 class MapInfo(TypedDict, total=False):
-    """Data of a map: structure in words, free modes, dimension of the cells, seconds by step."""
+    """Data of a map: description of the structure, free modes, dimension of the cells, seconds by
+    step.
+    """
 
     structure: str
     free_modes: int
@@ -51,9 +53,9 @@ class ImpactMap(Completed):
     direct : (P,) bool, sites that were extracted separately.
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     names : (P,) the group or part of each site, by its name in `where`; "" without a name.
-    doubtful : (P,) bool, sites whose impact is not to be trusted: an edge cuts the patch or
-        supports hold a part of it, so that its half-space compliance does not hold, or the force
-        exceeds that on a rigid wall. `summary` and `plot` leave them out.
+    doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports hold
+        a part of it, so that its half-space compliance is not valid, or the force exceeds that on a
+        rigid wall. `summary` and `plot` omit them.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
@@ -116,9 +118,9 @@ class ImpactMap(Completed):
 
     @property
     def areas(self) -> Array:
-        """(P,) surface of each site: a third of its triangles [m²], half of its segments [m].
+        """(P,) surface area of each site: a third of its triangles [m²], half of its segments [m].
 
-        Of given points, which have no elements, 1 each.
+        For given points, which have no elements, 1 each.
         """
         if not len(self.elements):
             return np.ones(len(self))
@@ -230,17 +232,19 @@ class ImpactMap(Completed):
 
 
 def trusted(found: ImpactMap, own: IntArray | None = None) -> IntArray:
-    """Numbers of the reliable sites among some or all; of all if none is reliable."""
+    """Numbers of the reliable sites among `own` (all if None); if none is reliable, all of
+    these.
+    """
     own = np.arange(len(found)) if own is None else own
     sound = own[~found.doubtful[own]]
     return sound if sound.size else own
 
 
 def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
-    """Number of the site with the largest peak force among the reliable ones of some or all.
+    """Number of the reliable site with the largest peak force among `own` (all if None).
 
-    If none is reliable, among the others. For a map with impacts. `of` (P,): this quantity in place
-    of the force.
+    If none is reliable, among all of these. The map must have impacts. `of` (P,): a quantity used
+    instead of the force.
     """
     of = found.peak_force if of is None else of
     assert of is not None

@@ -1,4 +1,4 @@
-"""The largest stress in the part for the blow at each site of a map."""
+"""The largest stress in the part for the impact at each site of a map."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from antiosc.strikes.free_sites import FreeSites
 
 #: Sites whose static deflections are solved for together.
 AT_ONCE = 64
-#: Phase in rad by which the last mode turns from one time to the next; of so many times one is
-#: looked at in all tensors, and all are in the largest of these.
-PHASE, EVERY, CLOSELY = 0.4, 3, 100
-#: Times over the run, at least and at most.
+#: Phase of the last mode between two sample times [rad]; every EVERY-th time is evaluated in all
+#: tensors, and all times in the CLOSELY largest ones.
+PHASE = 0.4
+EVERY = 3
+CLOSELY = 100
+#: Least and largest number of sample times over the run.
 TIMES = (200, 3000)
 #: Tensors whose stresses at all times fit the cache.
 BLOCK = 512
@@ -37,7 +39,9 @@ class Stresses(NamedTuple):
 
 
 class _Sought(NamedTuple):
-    """Stress tensors of the modes (S, 6, J), points (S, 3), yield strengths (S,) or NaN."""
+    """Stress tensors of the modes (S, 6, J), points (S, 3), and yield strengths (S,), NaN if
+    unknown.
+    """
 
     modes: Array
     points: Array
@@ -96,9 +100,10 @@ def _of_sites(
     own: slice,
     duration: float,
 ) -> list[tuple[float, Array, float]]:
-    """Largest stress, its point, and the exposure, for the impacts at some sites."""
+    """(largest stress, its point, exposure) for the impacts at some sites."""
     steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
-    some, b = forces[own], seen.b[own]
+    some = forces[own]
+    b = seen.b[own]
     omega = np.broadcast_to(seen.omega, b.shape)
     run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))

@@ -1,4 +1,4 @@
-"""Impacts whose second-order forces are found where the linear run says that they may matter."""
+"""Impacts with second-order forces if the linear run shows that they may matter."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with second-order forces, for many impacts, if it is of a supported sheet."""
+    """The model with second-order forces, for many impacts, if it is that of a supported sheet."""
     if model.stretch is not None or info_of(model).thickness is None:
         return model
     try:
@@ -56,7 +56,7 @@ def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H |
 
 @contextmanager
 def _held() -> Iterator[list[str]]:
-    """Context that delays warnings; after an error they are given, since they may explain it."""
+    """Context that delays warnings; after an error they are issued, since they may explain it."""
     warnings: list[str] = []
     try:
         with warnings_to(warnings.append):

@@ -1,13 +1,12 @@
 """`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
 
-The loop is: mesh, extract, simulate, budget. The answer is that of the corrected model. As long as
-the mesh's share of the budget is too large and can be made smaller, the next mesh has the sizes of
-cells that bring it down with few cells (`antiosc.reduce.error.bisection`). From the second mesh on
-the change from one mesh to the next makes its bar smaller where it allows it; on lines it is the
-least bar. The error of a cell counts as it does for this impact: by the mean over the contact of
-the amplitudes of all shapes, so that elements go where the contact force asks for them.
-Anti-oscillators and steps take a small share of the tolerance each, so that none of the three is
-finer than it must be.
+Each round meshes, extracts, simulates and computes the error budget. The answer is that of the
+corrected model. If the mesh error is too large and can be reduced, the next mesh has the cell sizes
+that reduce it with the fewest cells (`antiosc.reduce.error.bisection`). From the second mesh on,
+the change from one mesh to the next may reduce the error bar of the mesh; on lines it is the least
+bar. The errors of cells are weighted for this impact, by the mean over the contact of the
+amplitudes of all shapes, so that cells become small where this impact requires it. Anti-oscillators
+and time steps may each use a small share of the tolerance, so that neither is finer than necessary.
 """
 
 from __future__ import annotations
@@ -53,12 +52,13 @@ from antiosc.reduce.site import Site
 from antiosc.strikes import second_order
 from antiosc.strikes.advice import advise
 
-#: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
+#: Goal of the whole budget over the tolerance; below 1, since estimates of the next mesh may be
+#: low.
 AIM = 0.8
-#: Least share of the tolerance that must be left for the mesh, and the largest part of its present
-#: share that a further mesh aims at.
+#: Least share of the tolerance left for the mesh, and largest goal of a further mesh over its
+#: present error.
 LEAST_ROOM, LEAST_STEP = 0.05, 0.8
-#: Each further mesh aims lower by this factor: what missed before may miss again.
+#: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
 EAGER = 0.6
 #: Size of the cells of the first mesh over the thickness of the part and the degree.
 FIRST_SIZE = 1.5
@@ -70,10 +70,11 @@ MOST_MESHES, GROWTH = 12, 8.0
 SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
 #: and this power; by dimension.
-FACTOR_BYTES, FACTOR_POWER = {1: 200.0, 2: 400.0, 3: 240.0}, {1: 1.0, 2: 1.1, 3: 4 / 3}
+FACTOR_BYTES = {1: 200.0, 2: 400.0, 3: 240.0}
+FACTOR_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
 #: Shares of the tolerance for the truncation and for the time steps.
 TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
-#: Least truncation error that a number of anti-oscillators is chosen for.
+#: Least truncation error for which the number of anti-oscillators is chosen.
 LEAST_TRUNCATION = 1e-7
 #: Bounds of the tolerance of the time integration.
 FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
@@ -86,7 +87,9 @@ RATES = (0.5, 3.0)
 #: Least share of the usual bar of a mesh that a comparison with another mesh leaves; largest ratio
 #: of the bars of both, and least one of their dofs, for which they are compared: another mesh with
 #: as many dofs shows no convergence.
-LEAST_SHARE, CLOSER, FINER = 0.6, 0.8, 1.5
+LEAST_SHARE = 0.6
+CLOSER = 0.8
+FINER = 1.5
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8
 
@@ -192,7 +195,7 @@ def struck(
     seen: Seen | None = None,
     prestress: Prestress | None = None,
 ) -> History:
-    """The result of `strike`; `seen` is called with the answer of every mesh, and its site."""
+    """The result of `strike`; `seen` is called with the answer of every mesh and its site."""
     started = time.perf_counter()
     tol = checks.tolerance(tol)
     order = checks.whole("order", order, least=1, most=2)
@@ -224,7 +227,8 @@ def struck(
             seen(answer, site)
         records.append(record(answer))
         log.info("strike: %s", records[-1])
-        told, ratio = "", np.ones(0)
+        told = ""
+        ratio = np.ones(0)
         met = answer.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
         if not met:
             told = place.fixed or (
@@ -265,7 +269,7 @@ def _material_of(
 def _begin(
     place: Source, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
-    """The site with a radius, and the first mesh: the coarsest for which a budget is reliable."""
+    """(site with a radius, first mesh): the coarsest mesh for which an error budget is reliable."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
     if _sheets(solids):  # whose bars do not ask for a patch that is resolved
         return site, place.first(place.extent() / CELLS_OF_SHEET, [])
@@ -342,7 +346,8 @@ def corrected(
     structure: Structure, hit: History, run: Run, accuracy: float, n: int, started: float
 ) -> Answer:
     """The answer from the run of a raw model whose work began at the time `started`."""
-    model, budget = hit.model, hit.error_budget
+    model = hit.model
+    budget = hit.error_budget
     soft = hit
     if model.strain_misfit is None:  # a shell's corrected model is not always nearer
         soft = run(model.corrected(), accuracy)
@@ -355,10 +360,12 @@ Seen: TypeAlias = Callable[[Answer, Site], None]
 
 
 def compared(answer: Answer, before: Answer | None) -> Answer:
-    """The answer with a smaller mesh error, if the previous mesh shows that it may be smaller.
+    """The answer with a smaller mesh error, if the previous mesh justifies it.
 
-    The corrected models of both meshes differ by Δ, their bars of the mesh are b and b' < b. If the
-    errors of both are the same share of their bars, this share is at most Δ / (b - b'). Twice that,
+    The corrected models of both meshes differ by Δ; the error bars of the meshes are b and b' < b.
+    If
+    both errors are the same share of their bars, this share is at most Δ / (b - b'). Twice this
+    share,
     and at least `LEAST_SHARE`, is taken.
     """
     if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
@@ -375,8 +382,9 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
 def changed_since(answer: Answer, before: Answer | None) -> Answer:
     """The answer on a mesh of lines, with errors of at least the change from the previous mesh.
 
-    That had lines twice as long and fewer anti-oscillators: the change is more than the error that
-    is left if this falls at all with the size, whatever the estimates of both meshes say.
+    The previous mesh had lines twice as long and fewer anti-oscillators. If the error decreases
+    with
+    the size at all, this change exceeds the remaining error, whatever the estimates are.
     """
     if before is None:
         return answer
@@ -390,15 +398,17 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
 def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     """Truncation error below which no further anti-oscillators are extracted on this mesh.
 
-    Where a finer mesh is needed in any case, the truncation error must not exceed that of the mesh:
-    the model then also shows where this mesh should be finer.
+    If a finer mesh is needed anyway, the truncation error must only be below that of the mesh, so
+    that the model shows where the mesh should be finer.
     """
     share = TRUNCATION_SHARE * tol
     remaining = 1 - 1 / budget.safety
     meets = all(
         remaining * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()
     )
-    return share if meets else max(share, remaining * max(bar.mesh for bar in budget.values()))
+    if meets:
+        return share
+    return max(share, remaining * max(bar.mesh for bar in budget.values()))
 
 
 def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
@@ -411,7 +421,7 @@ def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
 def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
     """Number of anti-oscillators whose truncation error is the allowed share of the tolerance.
 
-    It is extrapolated from the error of `model` and that of half as many anti-oscillators.
+    It is extrapolated from the errors of `model` and of a model with half as many.
     """
     share = max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)
     model, half = replace(model, stretch=None), model.n // 2
@@ -472,7 +482,8 @@ def _next(
     usual = _usual(answer)
     goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
     goal *= EAGER ** (meshes - 1)
-    structure, dim = answer.structure, mesh.tdim
+    structure = answer.structure
+    dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
     ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
     growth = whole = bisection.growth(mesh.comm, ratio, dim)
@@ -515,10 +526,10 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 
 
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
-    """Share of the tolerance that is left for the mesh, for each quantity.
+    """Share of the tolerance left for the mesh, for each quantity.
 
-    On the next mesh more anti-oscillators are taken if the truncation asks for them. Second-order
-    forces whose share takes the tolerance alone are no reason for a coarser mesh than without them.
+    The next mesh takes more anti-oscillators if the truncation error requires it. The error due to
+    second-order forces is not deducted if it leaves too little of the tolerance for the mesh.
     """
     room = {}
     for name, bar in budget.items():
@@ -531,7 +542,8 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
 
 def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) -> History:
     """The history, with its budget and the record of its meshes."""
-    hit, budget = answer.hit, answer.budget
+    hit = answer.hit
+    budget = answer.budget
     model = replace(hit.model, info=replace(hit.model.info, strike=records))
     dofs = ", ".join(str(one["dofs"]) for one in records)
     worst = budget.without_law
@@ -554,5 +566,5 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) 
 
 
 def _known(budget: ErrorBudget, _hit: History) -> ErrorBudget:
-    """The known budget, for a history that must not compute it again."""
+    """The known budget, used so that a history does not compute it again."""
     return budget
