@@ -1,8 +1,9 @@
 """What other packages use of antiosc besides its public names: readers, studies, reports.
 
 `MODULES` are open as a whole, by their paths: the rooms that need NumPy and SciPy alone, below the
-impacts, and a few others. The stub `extension.pyi` lists single names, which
-are imported from here. Both may change from version to version; the public names of `antiosc` stay.
+impacts, and a few others, of the packages beside it too. The stub `extension.pyi` lists single
+names, which are imported from here. Both may change from version to version; the public names of
+`antiosc` stay.
 """
 
 from antiosc.base import lazily
@@ -24,6 +25,8 @@ MODULES = {
     "antiosc.plotting": "whole pictures of maps and of deformed parts",
     "antiosc.reduce.site": "load vectors and surfaces of sites",
     "antiosc.strikes.free_sites": "the sites of a map, in the free modes of the structure",
+    "antiosc_decks.from_deck": "a structure from the model of a deck, and its outline",
+    "antiosc_studies.drops": "falls: bodies, places at any time, pictures",
 }
 
 __all__, __getattr__ = lazily.door(__file__)

@@ -178,20 +178,3 @@ from antiosc.strikes.second_order import (
     simulated as simulated,
     stretching as stretching,
 )
-
-# Decks.
-from antiosc_decks.from_deck import (
-    outline_of_deck as outline_of_deck,
-)
-
-# Falls.
-from antiosc_studies.drops.body import (
-    MODES as MODES,
-)
-from antiosc_studies.drops.fall import (
-    WorstField as WorstField,
-)
-from antiosc_studies.drops.pictures import (
-    at as at,
-    surface_of as surface_of,
-)

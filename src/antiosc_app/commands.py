@@ -18,7 +18,7 @@ from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
 from antiosc.base.texts import engineering
-from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, MODES
+from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
 from antiosc.models.body import GRAVITY
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
@@ -27,6 +27,7 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Table, read
 from antiosc_app.scene_file.scene import STUDIES, Compiled
 from antiosc_app.scene_file.schema import schema
+from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
     from antiosc import Structure

@@ -11,10 +11,11 @@ from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, point_text
-from antiosc.extension import WorstField, at, surface_of
 from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import ended
+from antiosc_studies.drops.fall import WorstField
+from antiosc_studies.drops.pictures import at, surface_of
 
 #: Number of times at which the page shows the part: of a flight at most, of all; samples of a
 #: force.

@@ -63,7 +63,7 @@ from antiosc_app.set_up import (
 
 if TYPE_CHECKING:
     from antiosc import Fall, Site, Structure
-    from antiosc.extension import WorstField
+    from antiosc_studies.drops.fall import WorstField
 
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]

@@ -220,9 +220,9 @@ def outline(call: Call) -> Outline:
 def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]:
     """(names of groups, [(points [m], size of the largest cell [m])]) of a file."""
     with finite_element_packages():
-        from antiosc.extension import outline_of_deck
         from antiosc.io.neutral import UnitSystem
         from antiosc.io.reading import outline as opened
+        from antiosc_decks.from_deck import outline_of_deck
     if path.suffix.lower() in GEOMETRIES or call.arguments.get("solid"):
         unit = call.arguments.get("unit")
         keys = ("solid", "fragments", "piece")

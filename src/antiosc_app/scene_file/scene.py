@@ -40,7 +40,7 @@ from antiosc_app.scene_file.schema import (
 
 if TYPE_CHECKING:
     from antiosc import AntiOscillators, Fall, PeakField, Structure
-    from antiosc.extension import WorstField
+    from antiosc_studies.drops.fall import WorstField
 
 T = TypeVar("T")
 #: Number of even times over a run at which probes are evaluated, besides those of the run.
