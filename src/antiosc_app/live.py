@@ -430,6 +430,17 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     return sentences
 
 
+def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
+    """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture."""
+    margins = [field.margin() for field in fields.values() if field.exposure is not None]
+    for margin in margins:
+        if margin.criterion == "yield":
+            return {"stress": margin.value, "strength": margin.strength}
+    if worst is None:
+        return {}
+    return {"stress": worst["value"]}
+
+
 def _absorbed(hit: History) -> str:
     """Sentence on the share of the striker's energy that stays in the part."""
     if len(hit.assembly.bodies) != 2 or not hit.contacts:

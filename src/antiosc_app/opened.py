@@ -368,10 +368,12 @@ class Opened:
         return {"part": live_meshes.of_structure(blow.structure, blow.hit)}
 
     def _verdict(self, asked: SetUp, _: Table) -> Data:
-        """The verdict with the margins of the material's strengths."""
+        """The verdict with the margins of the material's strengths, and the stress that decides."""
         blow = self._struck(asked)
         self._work.submit(self._search_modes)
-        return {"verdict": _headline(blow, _strengths(blow)).sentences}
+        stresses = _strengths(blow)
+        judged = live.largest_stress(stresses, None)
+        return {"verdict": _headline(blow, stresses).sentences, "judged": judged}
 
     def _map(self, asked: SetUp, values: Table) -> Data:
         """Impacts of the striker at all points of a face, or of the part."""

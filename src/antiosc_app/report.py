@@ -44,7 +44,7 @@ from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
 
 if TYPE_CHECKING:
-    from antiosc import PeakField, Structure
+    from antiosc import Structure
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -313,19 +313,8 @@ def _live(results: Results) -> tuple[Data | None, live.Headline | None]:
     worst = ((data or {}).get("part") or {}).get("worst")
     stresses = results.stresses or {}
     if data is not None:
-        data |= _largest_stress(stresses, worst)
+        data |= live.largest_stress(stresses, worst)
     return data, live.headline_of_history(hit, results.structure, budget, stresses, worst)
-
-
-def _largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
-    """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture."""
-    margins = [margin.margin() for margin in fields.values() if margin.exposure is not None]
-    for margin in margins:
-        if margin.criterion == "yield":
-            return {"stress": margin.value, "strength": margin.strength}
-    if worst is None:
-        return {}
-    return {"stress": worst["value"]}
 
 
 def rendered(template: Path, **content: object) -> str:

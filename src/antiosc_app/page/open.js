@@ -320,8 +320,12 @@ class Bench {
     if (!fields) return;
     this.show(settled, fields.part);
     document.documentElement.dataset.drawn = this.turn;
-    const { verdict } = await this.step("verdict") || {};
-    if (verdict) this.tell(verdict);
+    const { verdict, judged } = await this.step("verdict") || {};
+    if (verdict) {
+      this.tell(verdict);
+      Object.assign(this.page.data, judged);
+      this.page.follow_stress();
+    }
     document.documentElement.dataset.complete = this.turn;
   }
 
