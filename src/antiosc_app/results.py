@@ -350,7 +350,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
         rows.append(("static mass m_st", engineering(model.m_st, "kg", 4)))
     rows.append(("anti-oscillators", f"{model.n}"))
     if not several_sites and model.m_st > 0:
-        rows.append(("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
+        rows.append(("captured mass", f"{100 * (1 - model.m0 / model.m_st):.2f} % of m_st"))
     lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in model.omega[:5])
     ellipsis = ", …" if len(model.omega) > 5 else ""
     return [*rows, ("antiresonances", f"{lowest or 'none'}{ellipsis} Hz")]
@@ -453,7 +453,7 @@ def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
         rows.append((_words(name), sentence))
         if peak.mesh_error is not None and (value := peak.values.max()):
             share = peak.mesh_error[np.argmax(peak.values)] / value
-            rows.append(("", f"estimated error by the mesh: {share:.1%} of it"))
+            rows.append(("", f"estimated error by the mesh: {percent(share)} of it"))
         if peak.doubt:
             rows.append(("", peak.doubt))
     return rows

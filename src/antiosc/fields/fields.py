@@ -32,7 +32,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import array, instance, nonempty, path as checked_path
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import ReprMixin, percent
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.platform import collective, on_root
@@ -246,7 +246,7 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
             along = "xyz"[i]
             message = (
                 f"the ground shakes {shaken:.3g} kg along {along}, and the model carries "
-                f"{represented / shaken:.0%} of it: contact forces are right, fields far from "
+                f"{percent(represented / shaken)} of it: contact forces are right, fields far from "
                 "the sites "
                 f"are not; name a site whose direction is {along} as well, or raise n."
             )

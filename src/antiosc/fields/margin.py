@@ -23,7 +23,7 @@ from antiosc.base.stresses import (
     extreme_principal,
     length,
 )
-from antiosc.base.texts import ReprMixin, engineering, point_text
+from antiosc.base.texts import ReprMixin, engineering, percent, point_text
 from antiosc.engine.contact.geometry import hertz_pressure
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
@@ -356,7 +356,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
         )
     if share >= UNRESOLVED_JUMP:
         return (
-            f"the cells at the largest stress differ by {share:.0%} of it: the mesh does not"
+            f"the cells at the largest stress differ by {percent(share)} of it: the mesh does not"
             " resolve it; make the cells there smaller"
         )
     return ""

@@ -29,7 +29,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import length
-from antiosc.base.texts import Completed, engineering, point_text as placed
+from antiosc.base.texts import Completed, engineering, percent, point_text as placed
 from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import margin
@@ -540,8 +540,8 @@ def peak_field(
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
             structure.comm,
-            f"the {quantity} may be up to {result.error / largest:.0%} of its largest value higher"
-            f" between the {MOST} times that are looked at, which is too few for"
+            f"the {quantity} may be up to {percent(result.error / largest)} of its largest value"
+            f" higher between the {MOST} times that are looked at, which is too few for"
             f" {history.time[-1]:g} s: give times in the part that matters, or shorten the run.",
             AccuracyWarning,
         )

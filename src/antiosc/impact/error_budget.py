@@ -38,6 +38,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.texts import percent
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.impact.law_error import ByLaw, law_errors
@@ -364,8 +365,8 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     if share > (COARSE if model.strain_misfit is None else COARSE_SHELL):
         safety = SAFETY_COARSE
         doubts.append(
-            f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
-            "its bar is less certain."
+            f"The errors of the strains hold {percent(share)} of the energy: the mesh is coarse, "
+            "and its bar is less certain."
         )
     faces = float((model.info.patch or {}).get("faces", 0.0))
     coarse = faces / (RESOLVED * model.radius) if model.radius is not None else 0.0

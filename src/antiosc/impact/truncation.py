@@ -37,6 +37,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError
+from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.assembly import Assembly, stiffness_at
 from antiosc.impact.histories import History
@@ -170,8 +171,8 @@ def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begi
         return ""
     return (
         f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
-        f" may change the force by {share:.0%} (above {WARN_SHARE:.0%} neither peak force nor"
-        " contact time is known);"
+        f" may change the force by {percent(share)} (above {percent(WARN_SHARE)} neither peak force"
+        " nor contact time is known);"
         " extract(…, band=ao.impact_band(impactor, contact)) takes as many as the contact needs."
     )
 

@@ -158,7 +158,7 @@ class AntiOscillators(ReprMixin, Parameters):
         captured = 1 - self.m0 / self.m_st if self.m_st else 0.0
         return [
             ("k0", engineering(self.k0, "N/m", 4)),
-            ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {captured:.2%} of it captured"),
+            ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {100 * captured:.2f} % of it captured"),
             ("anti-oscillators", counted),
             *([("from", self.info.structure)] if self.info.structure else []),
         ]

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import InputError, warn
-from antiosc.base.texts import FieldsRepr, ReprMixin
+from antiosc.base.texts import FieldsRepr, ReprMixin, percent
 from antiosc.engine.damping import DampingMatrix, FirstOrder, first_order
 from antiosc.models.motion import Inertia, Motion, unit_vector, unit_vectors
 
@@ -71,8 +71,8 @@ class Damping(FieldsRepr):
             )
         if largest > UNUSUAL_RATIO:
             warn(
-                f"a damping ratio of {largest:g} is {largest:.0%} of the critical damping, more "
-                f"than structures have: 0.05 is 5 %."
+                f"a damping ratio of {largest:g} is {percent(largest)} of the critical damping, "
+                f"more than structures have: 0.05 is 5 %."
             )
         checks.store(
             self,

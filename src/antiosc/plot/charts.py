@@ -21,7 +21,7 @@ from antiosc.base import checks, files
 from antiosc.base._types import Array, Numbers
 from antiosc.base.errors import InputError, MissingDependencyError
 from antiosc.base.process import loading
-from antiosc.base.texts import engineering, prefixed
+from antiosc.base.texts import engineering, percent, prefixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -287,7 +287,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
             ax.fill_between(
-                factor * hit.time, *bounds, label=f"numerical error ±{error:.1%}", **shade
+                factor * hit.time, *bounds, label=f"numerical error ±{percent(error)}", **shade
             )
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))

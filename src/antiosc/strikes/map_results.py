@@ -15,7 +15,7 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Completed, engineering, point_text, range_text
+from antiosc.base.texts import Completed, engineering, percent, point_text, range_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -207,7 +207,7 @@ class ImpactMap(Completed):
             )
         if self.law_error:
             rows.append(
-                f"the largest peak force may be off by {self.law_error:.0%} by its contact "
+                f"the largest peak force may be off by {percent(self.law_error)} by its contact "
                 "law, with the range of the yield strength and large strains"
             )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():

@@ -13,7 +13,7 @@ from antiosc import ContactLaw, Dent, ElasticPlastic, Gonthier, Hertz
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
-from antiosc.base.texts import FieldsRepr, engineering
+from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
@@ -468,7 +468,7 @@ def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
     cause = (
         "large strains" if contact.dent is None else "the law and the range of the yield strength"
     )
-    message = f"by {cause} that force may be off by {error:.0%}"
+    message = f"by {cause} that force may be off by {percent(error)}"
     if contact.dent is None or contact.depth * contact.curvature < DEEP:
         return message
     return (

@@ -126,7 +126,9 @@ class FoundImpact(Result):
             if value is None:
                 continue
             bar = self.bars[name]
-            bar_text = "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {bar:.2%}"
+            bar_text = (
+                "known" if bar == 0 else "not told" if np.isinf(bar) else f"± {100 * bar:.2f} %"
+            )
             unit = {"peak_force": " N", "impulse": " N s", "mass": " kg", "velocity": " m/s"}
             rows.append((name, f"{value:.5g}{unit.get(name, '')}  {bar_text}"))
         return [*rows, ("chi2", f"{self.chi2:.3g}")]

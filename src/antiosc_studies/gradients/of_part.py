@@ -27,7 +27,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.process import one_thread
-from antiosc.base.texts import Completed
+from antiosc.base.texts import Completed, percent
 from antiosc.engine import adjoint
 from antiosc.engine.damping import in_coordinates
 from antiosc.extension import checked_shapes, measure, on_mesh, refuse_prestress
@@ -410,7 +410,7 @@ class DesignMap(Completed):
         return [
             (self.goal, f"{self.value:.6g}"),
             (f"d/d {self.by}", f"{np.nansum(self.slopes):.6g} of all {self.slopes.size} cells"),
-            ("cells where more lowers it", f"{lowers:.0%}"),
+            ("cells where more lowers it", f"{percent(lowers)}"),
         ]
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:

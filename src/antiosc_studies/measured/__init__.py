@@ -20,6 +20,7 @@ from antiosc.base.errors import (
     warn,
     without_warnings,
 )
+from antiosc.base.texts import percent
 from antiosc.models.body import MeasuredBand, ModelInfo
 from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
 from antiosc_studies.measured.frf import FRF, POWER, Modes, Pairs, Tail
@@ -150,8 +151,8 @@ def _turned(data: Measured) -> Measured:
     if outflow < TURNED:
         return data
     warn(
-        f"at the driving point {outflow:.0%} of the power flows out of the part, which has none:"
-        " force and motion were taken in opposite directions, and the sign was turned."
+        f"at the driving point {percent(outflow)} of the power flows out of the part, which has "
+        "none: force and motion were taken in opposite directions, and the sign was turned."
     )
     return Measured(data.w, -data.H, data.pairs, data.sites, data.sigma, data.power)
 
@@ -179,19 +180,20 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
         turned = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
         where = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in turned[:MOST_SHOWN])
         warn(
-            f"at the driving point {outflow:.0%} of the power flows out of the part, which has none"
+            f"at the driving point {percent(outflow)} of the power flows out of the part, which has"
+            + " none"
             + f", as in the modes at {where} Hz" * bool(where)
             + ": the sensor lies beside the struck point, where modes may have another sign, or its"
             " phase is wrong; measure both at one place."
         )
     if misfit > UNFITTED:
         raise AccuracyError(
-            f"no passive body explains the measurement: the best one is off by {misfit:.0%} in the"
-            " median; check that it is a driving point, its quantity and its units."
+            f"no passive body explains the measurement: the best one is off by {percent(misfit)} "
+            "in the median; check that it is a driving point, its quantity and its units."
         )
     if misfit > ROUGH or (fit.chi2 > POOR and misfit > SLIGHT):
         warn(
-            f"the model differs from the measurement by {misfit:.1%} in the median, chi^2 ="
+            f"the model differs from the measurement by {percent(misfit)} in the median, chi^2 ="
             f" {fit.chi2:.3g}: the noise is strong, the part not linear, or sigma too small.",
             AccuracyWarning,
         )

@@ -74,8 +74,8 @@ class ForceComparison(Completed):
         over.plot(1e3 * self.time, self.computed, lw=1.2, label="computed")
         over.set_ylabel("contact force (N)")
         over.set_title(
-            f"L2 {self.L2:.2%}, peak {self.peak:+.2%}, impulse {self.impulse:+.2%}, scale"
-            f" {self.scale:.4g}",
+            f"L2 {100 * self.L2:.2f} %, peak {100 * self.peak:+.2f} %, "
+            f"impulse {100 * self.impulse:+.2f} %, scale {self.scale:.4g}",
             fontsize=9,
         )
         legend(over)

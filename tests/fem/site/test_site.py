@@ -159,7 +159,7 @@ def test_a_point_above_a_plane_part_is_off_it():
 def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
     """Half of the patch is missing, which is said; the other face carries nothing."""
     structure = ao.Structure(parts.box((6, 6, 6), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(ao.AntioscWarning, match="an edge cuts the patch: only 50% of its load area"):
+    with pytest.warns(ao.AntioscWarning, match="an edge cuts the patch: only 50 % of its load area"):
         result = functional(structure, ao.Site((0.05, 0.0, 0.1), (0, 0.1, -1), radius=0.03))
     side = parts.nodal(structure, lambda x: np.outer([0, 0, -1], x[2] < 0.0999))
     assert abs(result.b @ side) < 1e-12
@@ -228,9 +228,9 @@ def test_the_worst_of_the_doubtful_patches_is_told(part):
     (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
     assert "the site at 2 of 3 sites measure 0.06 m, more than the radius 0.045" in text
     (text,) = told(part, share=[0.89, 1.0, 0.5])
-    assert "cuts the patch at 2 of 3 sites: only 50% of its load area" in text
+    assert "cuts the patch at 2 of 3 sites: only 50 % of its load area" in text
     (text,) = told(part, moving=[1.0, 0.89, 0.25])
-    assert "supports fix 75% of the patch at 2 of 3 sites" in text
+    assert "supports fix 75 % of the patch at 2 of 3 sites" in text
     (text,) = told(part, radii=[np.nan, 0.04, 0.04])
     assert "the element there measures 0.17 m" in text
 

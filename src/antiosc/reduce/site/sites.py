@@ -16,6 +16,7 @@ import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError
+from antiosc.base.texts import percent
 from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.closest import ClosestPoints, closest, closest_many, size_at
 from antiosc.fem.mesh.surface import Contact, Faces
@@ -378,15 +379,15 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
     if cut.any():
         _warn(
             structure,
-            f"an edge cuts the patch{_at(cut)}: only {sites.share[cut].min():.0%} of its load area "
-            "lies on the face, so its half-space compliance does not hold; move the site or take a "
-            "smaller radius.",
+            f"an edge cuts the patch{_at(cut)}: only {percent(sites.share[cut].min())} of its load "
+            "area lies on the face, so its half-space compliance does not hold; move the site or "
+            "take a smaller radius.",
         )
     constrained = _held(sites)
     if constrained.any():
         _warn(
             structure,
-            f"supports fix {1 - sites.moving[constrained].min():.0%} of the "
+            f"supports fix {percent(1 - sites.moving[constrained].min())} of the "
             f"patch{_at(constrained)}: its half-space compliance does not hold there; move the "
             "site or take a smaller radius.",
         )
