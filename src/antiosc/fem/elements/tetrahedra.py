@@ -72,8 +72,12 @@ class Tetrahedra:
         for material, own in parts:
             data[own[own < count], 9:] = _constants(material)
         data[:, 9:] *= volume[:, None]
-        self._nodes = _in_lanes(nodes.astype(np.int32))
-        self._data = _in_lanes(data)
+        # first the cells that meet ghosts: what the others give is computed while these travel
+        shared = (nodes >= compat.local_size(self._space) // 3).any(axis=1)
+        order = np.argsort(~shared, kind="stable")
+        self._shared = -(-int(shared.sum()) // LANES)
+        self._nodes = _in_lanes(nodes[order].astype(np.int32))
+        self._data = _in_lanes(data[order])
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self.rows = compat.local_size(form.space)
         self._held = self._fixed[self._fixed < self.rows]
@@ -94,42 +98,58 @@ class Tetrahedra:
 
         In the precision of x, single or double.
         """
-        columns = x[:, None] if x.ndim == 1 else x
-        result = np.empty(columns.shape, x.dtype, order="F")
-        for k, column in enumerate(columns.T):
-            result[:, k] = self._of_vector(column[:, None], stiffness, mass)
         if x.ndim == 1:
-            return result[:, 0]
+            return self._of_vector(x, stiffness, mass)
+        result = np.empty(x.shape, x.dtype, order="F")
+        for k, column in enumerate(x.T):
+            result[:, k] = self._of_vector(column, stiffness, mass)
         return result
 
     def _of_vector(self, x: Array, stiffness: float, mass: float) -> Array:
         """(stiffness K + mass M) x for one vector."""
-        u = np.array(self._exchange.with_ghosts(x)[:, 0], dtype=x.dtype)
-        u[self._fixed] = 0.0
+        u = np.empty(self.rows + 3 * self._ghosts, x.dtype)
+        u[: self.rows] = x
+        u[self._held] = 0.0
         out = np.zeros_like(u)
         places = library.address(u), library.address(out)
-        cells, product = self._in_double if x.dtype == np.float64 else self._in_single
-        product(byref(cells), stiffness, mass, *places)
-        result = self._exchange.ghosts_added(out[:, None])[:, 0]
+        product, (first, shared, second) = self._in_double
+        if x.dtype == np.float32:
+            product, (first, shared, second) = self._in_single
+        arrived = self._exchange.fetch(u)
+        product(byref(first), stiffness, mass, *places)
+        arrived()
+        product(byref(shared), stiffness, mass, *places)
+        arrived = self._exchange.add(out)
+        product(byref(second), stiffness, mass, *places)
+        arrived()
+        result = out[: self.rows]
         for factor, matrix in zip((stiffness, mass), self.added, strict=True):
             if factor and self.carries:
-                result = result + factor * multiply(matrix, x[:, 0])
-        result[self._held] = stiffness * x[self._held, 0]
-        return np.asarray(result, dtype=x.dtype)
+                result += factor * multiply(matrix, x)
+        result[self._held] = stiffness * x[self._held]
+        return result
 
     @cached_property
-    def _in_double(self) -> tuple[library.Tetra, Callable[..., None]]:
-        """(cells, product function) of the C library in double precision."""
-        cells = library.Tetra(len(self._nodes), *map(library.address, (self._nodes, self._data)))
-        return cells, library.library.aom_tetra_product_double
+    def _in_double(self) -> tuple[Callable[..., None], list[library.Tetra]]:
+        """(product function of the C library, groups of cells) in double precision."""
+        return library.library.aom_tetra_product_double, self._groups(self._data)
 
     @cached_property
-    def _in_single(self) -> tuple[library.Tetra, Callable[..., None]]:
-        """(cells, product function) of the C library in single precision."""
+    def _in_single(self) -> tuple[Callable[..., None], list[library.Tetra]]:
+        """(product function of the C library, groups of cells) in single precision."""
         self._single = self._data.astype(np.float32)
-        places = library.address(self._nodes), library.address(self._single)
-        cells = library.Tetra(len(self._nodes), *places)
-        return cells, library.library.aom_tetra_product_float
+        return library.library.aom_tetra_product_float, self._groups(self._single)
+
+    def _groups(self, data: Array) -> list[library.Tetra]:
+        """A half of the cells of this rank alone, those that meet ghosts, the other half."""
+        count = len(data)
+        middle = (self._shared + count) // 2
+        return [
+            library.Tetra(
+                end - begin, *(library.address(one[begin:end]) for one in (self._nodes, data))
+            )
+            for begin, end in ((self._shared, middle), (0, self._shared), (middle, count))
+        ]
 
     def blocks(self, k: float, m: float) -> Array:
         """The diagonal 3×3 blocks of k K + m M, (rows of this rank, 3)."""

@@ -100,19 +100,6 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     return result
 
 
-def node_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The diagonal blocks of the nodes of a cell-by-cell matrix, as a matrix."""
-    product = matrix.getAttr(CELLS)
-    blocks = product.cells.blocks(product.k, product.m)
-    nodes = np.arange(len(blocks) // NODE + 1, dtype=PETSc.IntType)
-    first = matrix.getOwnershipRange()[0] // NODE
-    rows = nodes, first + nodes[:-1], np.ascontiguousarray(blocks).ravel()
-    result = PETSc.Mat().createBAIJ(matrix.getSizes(), NODE, csr=rows, comm=matrix.getComm())
-    result.assemble()
-    watch(result)
-    return result
-
-
 def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
     """A one-rank PETSc matrix from a SciPy matrix with sorted entries."""
     if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:

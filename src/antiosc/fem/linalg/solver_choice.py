@@ -78,6 +78,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     dense,
     lower,
     multiply,
+    watch,
     with_entries,
 )
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
@@ -183,6 +184,7 @@ class Substructures(Factorization):
         self._interface = interface
         self._real: type[np.floating[Any]] = np.float64
         self._halves: Cholesky | SinglePrecision
+        self._holder: PETSc.IS | None = None
         super().__init__(A)
 
     def _set_up(self) -> None:
@@ -202,6 +204,7 @@ class Substructures(Factorization):
         # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
         # come before the diagonal.
         rows = own[self._inner]
+        del pointers, columns, values, own
         position = np.full(A.getSize()[0], -1, dtype=np.int32)
         position[self._interface] = np.arange(len(self._interface))
         met = position[rows.indices]
@@ -214,25 +217,28 @@ class Substructures(Factorization):
             (rows.data, position[rows.indices], rows.indptr), shape=(len(self._inner), n)
         )
         corner = whole[self._met][:, self._met]
-        S = whole.toarray() if comm.rank == 0 else np.zeros(whole.shape)
+        square: Array | None = None
         error: Exception | None = None
         try:
             if len(self._inner):
                 corner.resize((count, n))
-                local = scipy.sparse.vstack([corner, rows], format="csr")
-                self._halves = self._factor = Cholesky(local, A.getBlockSize(), last=count)
-                del local, rows, own
+                rows = lower(scipy.sparse.vstack([corner, rows], format="csr"))
+                self._halves = self._factor = Cholesky(rows, A.getBlockSize(), last=count)
+                del rows, corner
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
                 order, self._L = self._factor.corner(count)
                 self._positions = self._to[order]
                 self._met = self._met[order]
-                S[np.ix_(self._met, self._met)] += _square(self._L)
-                S[np.ix_(self._met, self._met)] -= whole[self._met][:, self._met].toarray()
+                square = _square(self._L) - whole[self._met][:, self._met].toarray()
         except NotPositiveDefiniteError as caught:
             error = NotConvergedError(SINGULAR.format(caught))
         except Exception as caught:  # the other ranks must not wait for this one
             error = caught
         agree(comm, error)
+        S = whole.toarray() if comm.rank == 0 else np.zeros(whole.shape)
+        if square is not None:
+            S[np.ix_(self._met, self._met)] += square
+            del square
         comm.Allreduce(MPI.IN_PLACE, S)
         try:
             self._S = scipy.linalg.cho_factor(S, lower=True, overwrite_a=True) if len(S) else None
@@ -278,6 +284,9 @@ class Substructures(Factorization):
         if len(self._inner):
             result._halves, result._L = SinglePrecision(self._factor), self._L.astype(np.float32)
             del result._factor  # its memory
+        result._holder = PETSc.IS().createGeneral([], comm=self.A.getComm())  # of the communicator
+        watch(result._holder)
+        del result.A
         if self._S is not None:
             result._S = self._S[0].astype(np.float32), self._S[1]
         return result.solve

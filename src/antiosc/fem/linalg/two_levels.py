@@ -28,8 +28,8 @@ from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     becomes,
     by_cells,
+    free,
     multiply,
-    node_blocks,
     watch,
 )
 
@@ -76,7 +76,9 @@ class TwoLevels(Multigrid):
         else:
             know(coarse, at_vertices(self._P, self._motions()))
             solve, steps = Aggregation(coarse), STEPS_AGGREGATED
-            trim_heap()
+        del coarse
+        free(self.A.getComm().tompi4py())
+        trim_heap()
         self._cycle = pc  # what becomes another type stays as long as the solver
         self._cycle.setType(PETSc.PC.Type.PYTHON)
         self._cycle.setPythonContext(Cycle(self.A, self._P, solve, steps))
@@ -162,9 +164,13 @@ class Aggregation:
 
 def inverse_blocks(A: PETSc.Mat) -> scipy.sparse.bsr_matrix:
     """D⁻¹ on the rows of this rank, D the diagonal blocks of the nodes of A."""
-    blocks = (node_blocks(A) if by_cells(A) else A).invertBlockDiagonal()
     size = A.getBlockSize()
-    blocks = np.ascontiguousarray(blocks).reshape(-1, size, size)
+    if by_cells(A):
+        product = A.getAttr(CELLS)
+        blocks = product.cells.blocks(product.k, product.m).reshape(-1, size, size)
+        blocks = np.linalg.inv(blocks)
+    else:
+        blocks = np.ascontiguousarray(A.invertBlockDiagonal()).reshape(-1, size, size)
     pointers = np.arange(len(blocks) + 1)
     return scipy.sparse.bsr_matrix((blocks, pointers[:-1], pointers))
 

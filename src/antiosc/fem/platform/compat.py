@@ -680,40 +680,87 @@ def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) ->
     return np.asarray(dofmap.index_map_bs * nodes + component, dtype=np.int32)
 
 
+#: Tag of the messages of an `Exchange`.
+GHOSTS = 4801
+
+
 class Exchange:
-    """Exchange of values of a space between the owner of a dof and the ranks where it is a
-    ghost.
+    """Exchange of values of a space between the owner of a dof and the ranks where it is a ghost.
+
+    A rank talks to its neighbours alone, and may compute between the start of an exchange and its
+    end.
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
-        self._rows = local_size(space)
-        alone = communicator(space.mesh).size == 1
-        self._vector = None if alone else fem.Function(space).x  # 1 ms each to make
-        self._add = (dolfinx.la.InsertMode if DOLFINX >= (0, 7) else dolfinx.la.ScatterMode).add
+        self._rows, self._comm = local_size(space), communicator(space.mesh)
+        imap, bs = space.dofmap.index_map, space.dofmap.index_map_bs
+        ghosts, (first, _) = np.asarray(imap.ghosts), imap.local_range
+        self._dofs = self._rows + bs * len(ghosts)
+        owners = np.searchsorted(self._comm.allgather(first), ghosts, side="right") - 1
+        ranks = range(self._comm.size)
+        asked = self._comm.alltoall([ghosts[owners == rank] for rank in ranks])
+        # rank -> dofs of this rank that are its ghosts; dofs that are ghosts here and its own
+        here = {rank: asked[rank] - first for rank in ranks}
+        there = {rank: imap.size_local + np.flatnonzero(owners == rank) for rank in ranks}
+        self._here, self._there = (
+            {rank: _unrolled(nodes, bs) for rank, nodes in found.items() if len(nodes)}
+            for found in (here, there)
+        )
+
+    def fetch(self, values: Array) -> Callable[[], None]:
+        """Start to set the ghosts among `values` (dofs of this rank, ...); the result ends it."""
+        received, end = self._sent(values, self._here, self._there)
+
+        def finish() -> None:
+            end()
+            for dofs, those in received:
+                values[dofs] = those
+
+        return finish
+
+    def add(self, values: Array) -> Callable[[], None]:
+        """Start to add the ghosts among `values` at their owners; the result ends it."""
+        received, end = self._sent(values, self._there, self._here)
+
+        def finish() -> None:
+            end()
+            for dofs, those in received:
+                values[dofs] += those
+
+        return finish
+
+    def _sent(
+        self, values: Array, sent: Mapping[int, IntArray], received: Mapping[int, IntArray]
+    ) -> tuple[list[tuple[IntArray, Array]], Callable[[], object]]:
+        """(dofs and what arrives for them, once the function is called, that function)."""
+        found, requests = [], []
+        for rank, dofs in received.items():
+            found.append((dofs, np.empty((len(dofs), *values.shape[1:]), values.dtype)))
+            requests.append(self._comm.Irecv(found[-1][1], rank, GHOSTS))
+        for rank, dofs in sent.items():
+            requests.append(self._comm.Isend(np.ascontiguousarray(values[dofs]), rank, GHOSTS))
+        return found, lambda: MPI.Request.Waitall(requests)
 
     def with_ghosts(self, block: Array) -> Array:
         """Columns on the dofs that this rank owns, extended to its ghosts."""
-        if self._vector is None:
+        if self._comm.size == 1:
             return block
-        values = self._vector.array
-        result = np.empty((len(values), block.shape[1]), order="F")
-        for k in range(block.shape[1]):
-            values[: self._rows] = block[:, k]
-            self._vector.scatter_forward()
-            result[:, k] = values
+        result = np.empty((self._dofs, block.shape[1]), order="F")
+        result[: self._rows] = block
+        self.fetch(result)()
         return result
 
     def ghosts_added(self, block: Array) -> Array:
         """Columns on all dofs of this rank, ghosts included, summed up at their owners."""
-        if self._vector is None:
+        if self._comm.size == 1:
             return block
-        values = self._vector.array
-        result = np.empty((self._rows, block.shape[1]), order="F")
-        for k in range(block.shape[1]):
-            values[:] = block[:, k]
-            self._vector.scatter_reverse(self._add)
-            result[:, k] = values[: self._rows]
-        return result
+        result = np.array(block, dtype=float, order="F")
+        self.add(result)()
+        return result[: self._rows]
+
+
+def _unrolled(nodes: IntArray, bs: int) -> IntArray:
+    return np.asarray(bs * nodes[:, None] + np.arange(bs)).ravel()
 
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:

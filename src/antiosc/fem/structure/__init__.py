@@ -339,22 +339,22 @@ def _solver(A: Matrix) -> Solver:
     return solver_for(A, "auto", lambda: np.zeros((algebra.rows(A), 0)))
 
 
-def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
-    """M-orthonormal basis of the columns without dependent ones (Gram–Schmidt)."""
-    loads = multiply(M, block)
-    before = np.sqrt(np.maximum(dot(comm, block, loads).diagonal(), 0.0))  # by round-off below 0
-    basis = np.empty(block.shape, order="F")
-    products = np.empty(block.shape, order="F")
+def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
+    """M-orthonormal basis of the columns without dependent ones (Gram–Schmidt).
+
+    It is written into the columns of `into` (columns in memory one by one), which may be the block.
+    """
+    basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
-    for column, load, size in zip(block.T, loads.T, before, strict=True):
-        for _ in range(2):  # twice is enough (Kahan)
-            share = dot(comm, products[:, :count], column)
-            column = column - basis[:, :count] @ share
-        if count:
+    for column in block.T:
+        load = multiply(M, column)
+        size = np.sqrt(max(float(dot(comm, column, load)), 0.0))  # by round-off below 0
+        for _ in range(2 if count else 0):  # twice is enough (Kahan)
+            column = column - basis[:, :count] @ dot(comm, basis[:, :count], load)
             load = multiply(M, column)
         left = np.sqrt(max(float(dot(comm, column, load)), 0.0))
         if left > SPANNED * size:
-            basis[:, count], products[:, count] = column / left, load / left
+            basis[:, count] = column / left
             count += 1
     return basis[:, :count]
 

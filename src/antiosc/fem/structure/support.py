@@ -340,11 +340,14 @@ def places_of(form: WeakForm) -> DofPlaces:
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
     """Combinations of the columns that vanish at the fixed dofs and elongate no spring."""
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
-    fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
+    if not scale.all():
+        fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
     owned = fixed[fixed < len(fields)]
     at_fixed = fields[owned]
     stretch = dot(comm, springs, fields)
     gram = comm.allreduce(at_fixed.T @ at_fixed) + stretch.T @ stretch
+    if not gram.any():
+        return fields
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     combinations = (vectors / scale[:, None])[:, values < VANISHING]
     result = fields @ combinations
@@ -355,12 +358,18 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
 def first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """A Rayleigh–Ritz estimate of the lowest elastic ω²."""
-    elastic = fields - motions @ dot(comm, motions, multiply(M, fields))
-    before, after = (comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (fields, elastic))
-    # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
-    basis = orthonormal(comm, M, elastic[:, after > STRAINING_SHARE**2 * before])
-    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
+    """A Rayleigh–Ritz estimate of the lowest elastic ω²; the fields are overwritten."""
+    shares, count = dot(comm, multiply(M, motions), fields), 0
+    for column, share in zip(fields.T, shares.T, strict=True):
+        elastic = column - motions @ share
+        before, after = comm.allreduce(np.array([column @ column, elastic @ elastic]))
+        # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
+        if after > STRAINING_SHARE**2 * before:
+            fields[:, count] = elastic
+            count += 1
+    basis = orthonormal(comm, M, fields[:, :count], into=fields)
+    stiffness = [dot(comm, basis, multiply(K, column)) for column in basis.T]
+    values = np.linalg.eigvalsh(np.array(stiffness).reshape(len(stiffness), -1))
     if not len(values):
         return frequency(K, M)
     # Below the rounding of the largest nothing is told: `closer_shift` comes after.
@@ -373,7 +382,10 @@ def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
     every = polynomials(3 if "z" in form.components else 2)
     kept = [field for moves, field in every if moves or not rigid]
     size, places = float((high - low).max()), places_of(form)
-    return np.column_stack([places.values(field, (low + high) / 2, size) for field in kept])
+    result = np.empty((compat.local_size(form.space), len(kept)), order="F")
+    for column, field in zip(result.T, kept, strict=True):
+        column[:] = places.values(field, (low + high) / 2, size)
+    return result
 
 
 def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:

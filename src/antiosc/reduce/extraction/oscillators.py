@@ -97,28 +97,40 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
     """Residual masses and shapes: Φ minus its projection on the modes, free of cancellation."""
     comm = structure.comm
     phi = modes.phi
-    k_phi = multiply(structure.K, phi)
-    m_phi = multiply(structure.M, phi)
     residual = static.phi
     P = np.zeros((phi.shape[1], static.phi.shape[1]))
     for _ in range(2):  # twice is enough (Kahan)
-        part = dot(comm, m_phi, residual)
+        part = dot(comm, phi, multiply(structure.M, residual))
         P = P + part
         residual = residual - phi @ part
     m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
     m0[massless], m0[:, massless] = 0.0, 0.0
+    parts = []
+    for own in _slices(phi.shape[1]):
+        k_phi, m_phi = (multiply(matrix, phi[:, own]) for matrix in (structure.K, structure.M))
+        found = [dot(comm, one, k_phi) for one in (phi, static.phi)]
+        found.append(dot(comm, phi, m_phi))
+        parts.append([*found, _forces_left(structure, static, modes.omega[own], k_phi, m_phi)])
+    stiffnesses, coupling, masses, off = (
+        np.concatenate(one, axis=-1) for one in zip(*parts, strict=True)
+    )
     return ConstraintModes(
         static=static,
         modes=modes,
         P=P,
         m0=m0,
         residual=residual,
-        stiffnesses=dot(comm, phi, k_phi),
-        masses=dot(comm, phi, m_phi),
-        coupling=dot(comm, k_phi, static.phi),
-        off=_forces_left(structure, static, modes.omega, k_phi, m_phi),  # overwrites both
+        stiffnesses=stiffnesses,
+        masses=masses,
+        coupling=coupling.T,
+        off=off,
     )
+
+
+def _slices(count: int) -> list[slice]:
+    """Slices of up to `TOGETHER` of so many columns, at least one."""
+    return [slice(k, k + TOGETHER) for k in range(0, max(count, 1), TOGETHER)]
 
 
 def _forces_left(
@@ -396,6 +408,8 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     return left
 
 
+#: Modes whose products with K and M are in memory together.
+TOGETHER = 8
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
 #: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
