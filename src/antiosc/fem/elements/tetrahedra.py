@@ -12,8 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import byref
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
@@ -140,7 +142,7 @@ class Tetrahedra:
         self._single = self._data.astype(np.float32)
         return library.library.aom_tetra_product_float, self._groups(self._single)
 
-    def _groups(self, data: Array) -> list[library.Tetra]:
+    def _groups(self, data: NDArray[Any]) -> list[library.Tetra]:
         """A half of the cells of this rank alone, those that meet ghosts, the other half."""
         count = len(data)
         middle = (self._shared + count) // 2
