@@ -26,7 +26,7 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, MeshError
-from antiosc.fem.mesh import Mesh, distributed
+from antiosc.fem.mesh import Mesh, distributed, parallel
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
@@ -117,7 +117,9 @@ def read_mesh(
         Groups more: name -> numbers of elements in a deck, a universal file or one of Exodus.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
-        beside a file. Only for files whose author you know.
+        beside a file; let all ranks read a file that dolfinx wrote as XDMF, each its own part, so
+        that none holds the whole (its groups are "NAME OF THE TAGS VALUE"). Only for files whose
+        author you know.
     timeout
         Seconds after which reading ends with an error. Default: ten times or more of the processor
         time that a file of its size, or that number of cells, needs.
@@ -176,6 +178,15 @@ def read_mesh(
             f"{shown(source)}."
         )
     file = checked_path("source", source)
+    if trust and file.suffix.lower() in parallel.SUFFIXES:
+        shared = parallel.read(file, comm, 1.0 if units is None else units.length)
+        if shared is not None:
+            others = size, gdim, order, cells, merge, piece, elements
+            if any(one is not None for one in others) or refine or solid or fragments:
+                raise InputError(
+                    f"{file.name} is read by all ranks as it is (trust=True): only unit= applies."
+                )
+            return replace(_adopted(*shared), name=file.name, stated=unit is not None)
 
     made_here = file.suffix.lower() in GEOMETRY or solid
 
