@@ -139,7 +139,7 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
 
     monkeypatch.setattr(eigenmodes, "DENSE", 0)
     monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
-    monkeypatch.setattr(sys.modules["antiosc.reduce.extraction.extract"], "SEARCHED", 1)
+    monkeypatch.setattr(sys.modules["antiosc.reduce.extraction.oscillators"], "SEARCHED", 1)
     K = scipy.linalg.block_diag(_row(3), _row(200))  # the site sees the first row only
     structure = ao.Structure.from_matrices(K, np.eye(203))
     site = ao.Site(dof=0)
