@@ -1,9 +1,8 @@
 """`assemble`: one structure of several parts, u = T q eliminated from constraints C u = 0.
 
 A row is solved for a dof that occurs in no other row, as long as there are such rows (a triangular
-elimination, which keeps T sparse). What is left, the rows that overlap or form circles, is solved
-in connected blocks by a QR factorization with pivots, which also finds rows that follow from
-others.
+elimination, which keeps T sparse). The remaining rows, which overlap or form cycles, are solved in
+connected blocks by a pivoted QR factorization, which also detects dependent rows.
 """
 
 from __future__ import annotations
@@ -64,11 +63,11 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 
-#: A row of which less than this share is left beside earlier rows follows from them.
+#: A row depends on earlier rows if less than this share of it is orthogonal to them.
 DEPENDENT = 1e-9
 #: Coefficients below this share of the row's largest are rounding.
 LEAST_COEFFICIENT = 1e-14
-#: A row that names no dof is solved for one with this share of its largest coefficient, or more.
+#: A row without a named dof is solved for one with at least this share of its largest coefficient.
 PIVOT = 0.1
 #: A larger coefficient of T loses too many digits.
 LARGEST_COEFFICIENT = 1e8
@@ -87,7 +86,7 @@ class _System:
     owner: IntArray
     #: name of each owner; empty for supports
     labels: Sequence[str]
-    #: typical size of each dof; 0: prescribed values, for which no row is solved
+    #: typical size of each dof; 0 for prescribed values, for which no row is solved
     scale: Array
 
     def names(self, rows: IntArray) -> str:
@@ -110,8 +109,7 @@ def eliminate(
     fixed : (n,) dofs that are zero.
     scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
     basis : (n, n), orthogonal; then T = basis · T', and T' is what the constraints determine.
-    prescribed : (m, k) values of the rows for which `particular` is wanted. Those of rows that
-        follow from others are not looked at.
+    prescribed : (m, k) values of the rows, for `particular`. Values of dependent rows are ignored.
     """
     n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
@@ -218,7 +216,7 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
 
 
 def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
-    """Each row of C solved for its pivot dof: the functional that this dof equals."""
+    """Each row of C solved for its pivot dof: the functional that equals this dof."""
     row = row_numbers(C)
     own = C.indices == pivots[row]
     at = np.zeros(C.shape[0])
@@ -265,7 +263,7 @@ def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Red
 
 
 def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tuple[int, set[int]]]]:
-    """Solve one connected block: its rows, their dofs, redundant rows as (joint, others)."""
+    """Solve one connected block: (rows, their dofs, redundant rows as (joint, other joints))."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
         raise InputError(
@@ -291,7 +289,8 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
             f"their solution is {largest:.1e} (limit {LARGEST_COEFFICIENT:.0e}); move the joints "
             "apart, or remove one of them."
         )
-    chosen, others = order[:rank], order[rank:]
+    chosen = order[:rank]
+    others = order[rank:]
     prescribed = Q.T @ (C[:, given].toarray() / size)[keep]
     solved = np.hstack(
         [solved / scale[others], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
@@ -304,7 +303,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
 
 
 def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
-    """(independent unit rows, (joint, joints that span its row) of dependent rows)."""
+    """(independent unit rows, (joint, joints that span its row) of each dependent row)."""
     R = scipy.linalg.qr(A.T, mode="r")[0]
     space = np.zeros((R.shape[0], len(A)), order="F")
     upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
@@ -331,7 +330,7 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
 
 
 def _check(system: _System, T: Sparse) -> None:
-    """AccuracyError where u = T q does not satisfy the constraints."""
+    """AccuracyError if u = T q does not satisfy the constraints."""
     if not system.C.shape[0]:
         return
     scale = scipy.sparse.diags(system.scale)
@@ -428,8 +427,8 @@ def assemble_checked(
     apart: bool = False,
     prestress: Prestress | None = None,
 ) -> Structure:
-    """`assemble` for checked joints; `apart`: parts without a joint are allowed, since each is
-    held.
+    """`assemble` for checked joints; `apart`: parts without a joint are allowed, since supports
+    hold each.
     """
     started = time.perf_counter()
     solver = checked_choice(solver)
@@ -492,7 +491,7 @@ def _joined(
     attached: Sequence[PointMass | Spring | Damper],
     apart: bool,
 ) -> tuple[_Joined, Constraints, PETSc.Mat, PETSc.Mat]:
-    """(results, constraints, K, M) of parts that are whole on this rank."""
+    """(results, constraints, K, M) of parts that are complete on this rank."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -536,7 +535,9 @@ def _joined(
 
 
 def _fixed(layout: Layout) -> BoolArray:
-    """Fixed dofs: those of supports of the parts, and out-of-plane dofs of reference points."""
+    """Mask of the fixed dofs: those of supports of the parts, and out-of-plane dofs of reference
+    points.
+    """
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
@@ -549,6 +550,7 @@ def _fixed(layout: Layout) -> BoolArray:
 
 
 def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
+    """Warn of constraints that follow from others."""
     for label in dict.fromkeys(label for label, _, _ in redundant):
         own = [(others, times) for name, others, times in redundant if name == label]
         count = sum(times for _, times in own)

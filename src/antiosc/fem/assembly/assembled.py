@@ -40,17 +40,17 @@ from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.support import polynomials
 from antiosc.models.motion import Inertia
 
-#: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
+#: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
 SATISFIES = 1e-9
-#: Entries of a dense matrix that are worked on at a time.
+#: Entries of a dense matrix that are processed at once.
 ENTRIES_AT_ONCE = 10_000_000
-#: Fraction of a motion below which a part of it is rounding.
+#: Components of a motion below this fraction of it are rounding.
 STILL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """Dofs with their rigid motions: of one body before joining, or of the assembly."""
+    """Dofs with their rigid motions: of a body before joining, or of the assembly."""
 
     name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
@@ -60,7 +60,7 @@ class RigidBody:
 
 
 def unjoined_bodies(layout: Layout) -> list[RigidBody]:
-    """Connected bodies of the parts, superelements and points, before they are joined."""
+    """The connected bodies of parts, superelements and points, before they are joined."""
     found: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
         labels = member.connected
@@ -93,6 +93,7 @@ def whole_body(layout: Layout) -> RigidBody:
 def _rigid_body(
     places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
 ) -> RigidBody:
+    """The rigid motions of these rows."""
     motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
     return RigidBody(name, rows, centre, size, motions)
@@ -124,7 +125,10 @@ def free_motions(
 
 def _motions_of(bodies: Sequence[RigidBody], size: int) -> Sparse:
     """The motions of all bodies as columns (size, k) of u."""
-    rows, columns, values, count = [], [], [], 0
+    rows = []
+    columns = []
+    values = []
+    count = 0
     for body in bodies:
         own = body.motions[:, np.abs(body.motions).max(axis=0) > 0]
         rows.append(np.repeat(body.rows, own.shape[1]))
@@ -173,15 +177,15 @@ def _excluding_rigid(found: Array, rigid: Array) -> Array:
 
 
 def described(one: RigidBody, motions: Array) -> str:
-    """The motions (rows of u, m) of a body in words, such as "translation along x"."""
+    """A motion (rows of u, m) of a body as text, such as "translation along x"."""
     coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
     return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)
 
 
-#: Fraction of the largest motion below which a part is at rest, but for rounding.
+#: A part is at rest if its motion is below this fraction of the largest.
 AT_REST = 1e-6
-#: Fraction of the largest mass of a motion below which it has none.
+#: A motion has no mass if its mass is below this fraction of the largest.
 IDLE_MASS = 1e-12
 #: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
 MECHANISM_FORCE = 1e-9
@@ -222,7 +226,8 @@ def modes_of(
         )
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
-    size, places = float((layout.high - layout.low).max()), layout.places
+    size = float((layout.high - layout.low).max())
+    places = layout.places
     fields = [field for _, field in polynomials(2 if layout.plane else 3)]
     polynomial = eliminated.coordinates(
         np.column_stack([places.values(field, layout.middle, size) for field in fields])
@@ -233,7 +238,7 @@ def modes_of(
 def _force_ratio(member: Member, u: Array, least: float) -> float:
     """Largest force of motions (rows, k) of a part, relative to the absolute values of K's entries.
 
-    Motions below `least` are rounding.
+    Motions below `least` count as rounding.
     """
     moving = u[:, np.abs(u).max(axis=0) > least]
     if not moving.size:
@@ -264,7 +269,7 @@ def warn_of_motions(
 
 
 def _in_words(mechanisms: Array, moving: Sequence[RigidBody]) -> str:
-    """The mechanisms in words, body by body."""
+    """The mechanisms as text, body by body."""
     names: dict[str, str] = {}
     for one in moving:
         names.setdefault(one.name, described(one, mechanisms))
@@ -322,7 +327,8 @@ class Added:
         """For motions r of u (n, j): M r on the coordinates q (n, j), and rᵀ M r (j, j), of the
         masses.
         """
-        loads, energies = np.zeros(motions.shape), np.zeros((motions.shape[1],) * 2)
+        loads = np.zeros(motions.shape)
+        energies = np.zeros((motions.shape[1],) * 2)
         for one, G in self._elastic:
             moved = one.G @ motions
             loads += G.T @ (one.m @ moved)
@@ -440,7 +446,8 @@ class AssembledMatrices(StructureMatrices):
     @cached_property
     def _layers(self) -> list[Dissipation]:
         """Relaxing layers of all parts, and the damping of superelements, as terms on q."""
-        found, made = [], dict[int, PETSc.Mat]()
+        found = []
+        made = dict[int, PETSc.Mat]()
         for part in self.layout.condensed.values():
             if part.part.C is not None:
                 C = self._on_q(part.rows, scipy.sparse.csr_matrix(part.part.C))
@@ -515,11 +522,13 @@ class AssembledMatrices(StructureMatrices):
         return [(member, u[member.rows]) for member in members]
 
     def decided(self, work: Callable[[], Found]) -> Found:
-        """The result of `work()` on rank 0: on another rank rounding could decide otherwise."""
+        """The result of `work()` on rank 0, used on all ranks, since rounding could decide
+        otherwise elsewhere.
+        """
         return on_root(self.comm, work)
 
     def own(self, rows: Array) -> Array:
-        """The rows of this rank of a whole vector that `decided` work returned."""
+        """The rows of this rank of a complete vector that `decided` work returned."""
         return self.local.own(rows)
 
 
@@ -531,8 +540,9 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
 def block_of(layout: Layout) -> int:
     """Number of dofs of a node; 1 if it differs between the parts.
 
-    The factor is ordered by the first dof of each node. In half a node of a flat sheet, a rotation,
-    that dof is coupled to none of the other half, and the order would be of no use.
+    The factor is ordered by the coupling of the first dof of each node. With blocks of half a node,
+    that of the rotations of a flat sheet would be coupled to no displacement, and the ordering
+    would be useless.
     """
     blocks = {m.block for m in layout.members.values()}
     if len(blocks) > 1:
@@ -542,7 +552,7 @@ def block_of(layout: Layout) -> int:
 
 
 def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
-    """(K, M) of joined parts, on this rank alone."""
+    """(K, M) of joined parts, both on this rank."""
     block = block_of(layout)
     parts = [m.part for m in layout.members.values()]
     diagonal = scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr()
@@ -569,8 +579,8 @@ def _projected(
 ) -> Sparse:
     """Tᵀ (blocks) T + added.
 
-    With E, the identity on the dofs that stay, and D, the rows of T of those that do not, the first
-    is E K E + E K D + Dᵀ K E + Dᵀ K D: but for E K E the products are small.
+    With E the identity on the dofs that stay and D the rows of T of the others, the first term is
+    E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small.
     """
     K = _block_diagonal(blocks, layout.count)
     same = _unchanged(eliminated.T)
@@ -620,7 +630,8 @@ def _product(
     layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
 ) -> Callable[[Array], Array]:
     """Product with K through the accurate products of the parts."""
-    T, back = eliminated.T, eliminated.T.T.tocsr()
+    T = eliminated.T
+    back = eliminated.T.T.tocsr()
     kept = scipy.sparse.diags(eliminated.dependent.astype(float))
 
     def product(own: Array) -> Array:

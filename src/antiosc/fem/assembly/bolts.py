@@ -22,7 +22,7 @@ from antiosc.fem.assembly.joint import (
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
 
-#: Points of the rule for the mass matrix: products of two cubics.
+#: Gauss points for the mass matrix, whose integrands are products of two cubics.
 GAUSS_POINTS = 5
 
 
@@ -51,7 +51,7 @@ class Bolt(Between):
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
 
     def _reach(self, layout: Layout) -> float:
-        """Distance between its ends, m."""
+        """Distance between the ends, m."""
         a, b = (motion(layout, end).point for end in (self.a, self.b))
         return float(np.linalg.norm(b - a))
 
@@ -92,8 +92,11 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
 
     Dofs: x, y, z, rx, ry, rz of the first end, then of the second.
     """
-    section, E, rho = beam.section, beam.E, beam.rho
-    k, m = np.zeros((12, 12)), np.zeros((12, 12))
+    section = beam.section
+    E = beam.E
+    rho = beam.rho
+    k = np.zeros((12, 12))
+    m = np.zeros((12, 12))
     bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
     line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
     polar = section.I + section.side
@@ -116,16 +119,18 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
 def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
     """(a (12,), B (12, 12)): a beam with the dofs g of `element` elongates by a·g + gᵀBg/2.
 
-    B has the slopes of its deflections, and the twist by which fibres off the axis lengthen.
+    B contains the slopes of its deflections, and the twist, which lengthens fibres off the axis.
     """
-    a, B = np.zeros(12), np.zeros((12, 12))
+    a = np.zeros(12)
+    B = np.zeros((12, 12))
     a[[0, 6]] = -1.0, 1.0
     bar = np.array([[1.0, -1.0], [-1.0, 1.0]])
     section = beam.section
     radius2 = (section.I + section.side) / section.A
     B[np.ix_((3, 9), (3, 9))] = radius2 / length * bar
     x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    s, w = (x + 1) / 2, w / 2 * length
+    s = (x + 1) / 2
+    w = w / 2 * length
     for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
         signs = np.array([1.0, sign, 1.0, sign])
         slopes = _slopes(_shear_share(beam, I, length), length, s)
@@ -143,12 +148,14 @@ def _shear_share(beam: Beam, I: float, L: float) -> float:  # noqa: E741
 
 def _slopes(phi: float, L: float, s: Array) -> Array:
     """Slopes (4, points) of the deflection at s in [0, 1], for each unit dof of bending."""
-    return np.stack([
-        (-6 * s + 6 * s**2 - phi) / L,
-        1 - 4 * s + 3 * s**2 + phi / 2 * (1 - 2 * s),
-        (6 * s - 6 * s**2 + phi) / L,
-        -2 * s + 3 * s**2 - phi / 2 * (1 - 2 * s),
-    ]) / (1 + phi)  # fmt: skip
+    return np.stack(
+        [
+            (-6 * s + 6 * s**2 - phi) / L,
+            1 - 4 * s + 3 * s**2 + phi / 2 * (1 - 2 * s),
+            (6 * s - 6 * s**2 + phi) / L,
+            -2 * s + 3 * s**2 - phi / 2 * (1 - 2 * s),
+        ]
+    ) / (1 + phi)
 
 
 def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E741
@@ -158,27 +165,39 @@ def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E7
     """
     EI = beam.E * I
     phi = _shear_share(beam, I, L)
-    k = EI / ((1 + phi) * L**3) * np.array([
-        [12, 6 * L, -12, 6 * L],
-        [6 * L, (4 + phi) * L**2, -6 * L, (2 - phi) * L**2],
-        [-12, -6 * L, 12, -6 * L],
-        [6 * L, (2 - phi) * L**2, -6 * L, (4 + phi) * L**2],
-    ])  # fmt: skip
+    k = (
+        EI
+        / ((1 + phi) * L**3)
+        * np.array(
+            [
+                [12, 6 * L, -12, 6 * L],
+                [6 * L, (4 + phi) * L**2, -6 * L, (2 - phi) * L**2],
+                [-12, -6 * L, 12, -6 * L],
+                [6 * L, (2 - phi) * L**2, -6 * L, (4 + phi) * L**2],
+            ]
+        )
+    )
     x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    s, w = (x + 1) / 2, w / 2 * L
+    s = (x + 1) / 2
+    w = w / 2 * L
     one = 1 / (1 + phi)
-    v = one * np.stack([
-        1 - 3 * s**2 + 2 * s**3 + phi * (1 - s),
-        L * (s - 2 * s**2 + s**3 + phi / 2 * (s - s**2)),
-        3 * s**2 - 2 * s**3 + phi * s,
-        L * (-(s**2) + s**3 - phi / 2 * (s - s**2)),
-    ])  # fmt: skip
-    turn = one * np.stack([
-        6 / L * (-s + s**2),
-        1 - 4 * s + 3 * s**2 + phi * (1 - s),
-        6 / L * (s - s**2),
-        -2 * s + 3 * s**2 + phi * s,
-    ])  # fmt: skip
-    rho_A, rho_I = beam.rho * beam.section.A, beam.rotary_inertia(I)
+    v = one * np.stack(
+        [
+            1 - 3 * s**2 + 2 * s**3 + phi * (1 - s),
+            L * (s - 2 * s**2 + s**3 + phi / 2 * (s - s**2)),
+            3 * s**2 - 2 * s**3 + phi * s,
+            L * (-(s**2) + s**3 - phi / 2 * (s - s**2)),
+        ]
+    )
+    turn = one * np.stack(
+        [
+            6 / L * (-s + s**2),
+            1 - 4 * s + 3 * s**2 + phi * (1 - s),
+            6 / L * (s - s**2),
+            -2 * s + 3 * s**2 + phi * s,
+        ]
+    )
+    rho_A = beam.rho * beam.section.A
+    rho_I = beam.rotary_inertia(I)
     m = rho_A * np.einsum("iq,jq,q->ij", v, v, w) + rho_I * np.einsum("iq,jq,q->ij", turn, turn, w)
     return k, m

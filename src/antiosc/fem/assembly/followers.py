@@ -84,20 +84,14 @@ class Rigid(Joint):
 
 @dataclass(frozen=True)
 class Mean(Joint):
-    """A point follows the mean motion of a group (RBE3), and its loads spread over the group.
+    """A point follows the mean motion of a group (RBE3); its loads are distributed over the group.
 
     The group is not stiffened. Faces, edges and cells count with their areas and lengths, points
     equally.
 
-    Parameters
-    ----------
-    group : str
-        "part:group".
-    point : end
-        What follows: the name of a reference point, ("part", (x, y, z)), or a group of one point,
-        for instance the end of a beam.
-    name : str, optional
-        What messages call the joint.
+        Parameters ---------- group : str "part:group". point : end The point that follows: the name
+        of a reference point, ("part", (x, y, z)), or a group of one point, for instance the end of
+        a beam. name : str, optional Name of the joint in messages.
     """
 
     group: str = field(metadata=END)
@@ -137,7 +131,7 @@ def _as_rigid_body(
 
 
 def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
-    """Rotations of a point that move no follower, and are therefore fixed."""
+    """Rows for the rotations of a point that move no follower, which are therefore fixed."""
     if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point

@@ -143,7 +143,7 @@ END = checked_by(checked_end)
 
 
 def end_text(end: End) -> str:
-    """An end in words."""
+    """An end as text for messages."""
     if isinstance(end, str):
         return repr(end)
     return f"{end[0]!r} {f'within {end[2]:g} m of' if len(end) == 3 else 'at'} {point_text(end[1])}"
@@ -157,6 +157,7 @@ def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
 
 
 def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
+    """The part and the group of an end; InputError if they do not exist."""
     part, group = end.split(":", 1)
     member = _member(layout, part, end)
     if group not in member.part.mesh.groups and group not in SIDES:
@@ -167,6 +168,7 @@ def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
 
 
 def _member(layout: Layout, part: str, end: End) -> Member:
+    """A meshed part by name; InputError if there is none."""
     if part in layout.condensed:
         raise InputError(
             f"{end_text(end)}: the part {part!r} has no mesh; its sites and nodes are joined by "
@@ -239,7 +241,8 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, allow_partial: bool)
             end_text(end), [f"{one.name}:{each}" for each in one.part.ends], "its sites and nodes"
         )
         raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
-    found, R = one.part.ends[name], one.at.rotation
+    found = one.part.ends[name]
+    R = one.at.rotation
     moves, turns = (R @ found.space[own, own] @ R.T for own in (slice(3), slice(3, 6)))
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
     if not allow_partial and np.abs(needed - needed @ moves @ needed).max() > MISSING_SHARE:
@@ -254,6 +257,7 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, allow_partial: bool)
 
 
 def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
+    """The motion of nodes of a part."""
     six = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
     return Motion(six, _space(layout, member), member.nodes[nodes[0]])
 
@@ -280,7 +284,8 @@ def _of_point(
 
 def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
     """Points within a ball on the surface of a solid, or of a sheet or beam."""
-    faces, own = member.part.faces, member.at.own(place[None])[0]
+    faces = member.part.faces
+    own = member.at.own(place[None])[0]
     close = np.linalg.norm(faces.centres - own, axis=1) <= faces.radii + radius
     whole = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
     inside = np.flatnonzero(np.linalg.norm(whole.x - own, axis=1) <= radius)
@@ -314,8 +319,11 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
     average = scipy.sparse.csr_matrix(np.kron(w, np.eye(3)))
     displacements = (average @ U).tocsr()
     moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
-    J = np.einsum("p,pij->ij", w, np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3)
-                  - r[:, :, None] * r[:, None, :])  # fmt: skip
+    J = np.einsum(
+        "p,pij->ij",
+        w,
+        np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :],
+    )
     values, axes = np.linalg.eigh(layout.rotations @ J @ layout.rotations)
     good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
@@ -459,7 +467,9 @@ class Joint(Checked):
 
     def label(self, number: int) -> str:
         """The joint's name, or its class and its number in the list of joints."""
-        return repr(self.name) if self.name else f"joint {number} ({type(self).__name__})"
+        if self.name:
+            return repr(self.name)
+        return f"joint {number} ({type(self).__name__})"
 
 
 @dataclass(frozen=True)
@@ -527,7 +537,8 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
 def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffness]:
     """Contributions of a mass, a grounded spring or a damper at each of its points."""
     values = values_of(one, layout.plane)
-    names, diagonal = list(values), np.diag(list(values.values()))
+    names = list(values)
+    diagonal = np.diag(list(values.values()))
     zero = np.zeros_like(diagonal)
     other = _places(layout, one.to)[0] if isinstance(one, Damper) and one.to is not None else None
     found = []

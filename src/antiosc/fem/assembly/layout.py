@@ -113,7 +113,9 @@ class Layout:
     @property
     def rotations(self) -> Array:
         """Projection (3, 3) on the rotations of nodes: about z alone for plane parts."""
-        return np.diag([0.0, 0.0, 1.0]) if self.plane else np.eye(3)
+        if self.plane:
+            return np.diag([0.0, 0.0, 1.0])
+        return np.eye(3)
 
     def of_point(self, name: str) -> IntArray:
         """Dofs (6,) in u of the reference point `name`."""
@@ -142,7 +144,8 @@ class Layout:
             np.tile(axes, (len(x), 1)),
             np.tile(np.repeat([MOVE, TURN], 3), len(x)),
         )
-        members, condensed = self.members.values(), self.condensed.values()
+        members = self.members.values()
+        condensed = self.condensed.values()
         own = [*(one.places for one in members), *(one.places for one in condensed)]
         return DofPlaces.joined([*own, six])
 
@@ -152,7 +155,8 @@ class Layout:
         self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
         """Rows of displacements (`names` = ROTATIONS: rotations) at reference points X of cells."""
-        space, entries = member.part.form.space, []
+        space = member.part.form.space
+        entries = []
         for axis, name in enumerate(names):
             path = member.part.form.components.get(name)
             if path is not None and len(cell):
@@ -308,7 +312,8 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
 def rounded(matrix: Sparse) -> Sparse:
     """The matrix without entries that are rounding relative to the largest of their row."""
     matrix = matrix.tocsr()
-    size, row = np.abs(matrix.data), row_numbers(matrix)
+    size = np.abs(matrix.data)
+    row = row_numbers(matrix)
     matrix.data[size < ROUNDED_COEFFICIENT * largest(size, row, matrix.shape[0])[row]] = 0.0
     matrix.eliminate_zeros()
     return matrix
@@ -320,7 +325,10 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
     blocks: list[tuple[IntArray, Array]] = []
     every, last, _ = _halved(A, positions, np.arange(len(columns)), blocks)
     blocks.append((every, last))
-    rows, cols, values, first = [], [], [], 0
+    rows = []
+    cols = []
+    values = []
+    first = 0
     for some, vectors in blocks:
         width = vectors.shape[1]
         rows.append(np.repeat(columns[some], width))
@@ -338,7 +346,8 @@ def _halved(
     The vectors on which they vanish are added to `blocks`.
     """
     if len(some) <= SMALLEST_PIECE:
-        vectors, values = np.eye(len(some)), A[:, some]
+        vectors = np.eye(len(some))
+        values = A[:, some]
         order = some
     else:
         x = positions[some]

@@ -141,7 +141,8 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     reach = first.radii[mine] + second.radii[theirs] + gap
     close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
     facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > FACING
-    mine, theirs = mine[close & facing], theirs[close & facing]
+    mine = mine[close & facing]
+    theirs = theirs[close & facing]
     degree = first.degree + max(first.degree, second.degree)
     if first.dim == 2:
         pair, points, weight = _of_faces(first, second, mine, theirs, degree)
@@ -179,7 +180,8 @@ def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array
     x = faces.at(item, xi)[0]
     order = np.argsort(-np.linalg.norm(x - points[point], axis=1), kind="stable")
     face = np.zeros(len(points), dtype=int)
-    at, found = np.zeros((len(points), faces.dim)), np.full((len(points), 3), np.inf)
+    at = np.zeros((len(points), faces.dim))
+    found = np.full((len(points), 3), np.inf)
     face[point[order]] = item[order]  # the nearest is written last
     at[point[order]], found[point[order]] = xi[order], x[order]
     return face, at, found
@@ -190,9 +192,12 @@ def _coordinates(
 ) -> tuple[Array, Array, BoolArray]:
     """(ξ, points of the face, whether they lie in it) of points projected on faces."""
     xi = projected(
-        lambda k, xi: side.at(face[k], xi), points, side.middle[face],
-        affine=side.affine, along=along,
-    )  # fmt: skip
+        lambda k, xi: side.at(face[k], xi),
+        points,
+        side.middle[face],
+        affine=side.affine,
+        along=along,
+    )
     inside = excess(xi, side.simplex) <= OUTSIDE
     xi = np.where(excess(xi, side.simplex)[:, None] > 1e-9, clamped(xi, side.simplex), xi)
     return xi, side.at(face, xi)[0], inside
@@ -202,7 +207,8 @@ def _of_edges(
     first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
     """(pair, points, weights) on the common segments of edges."""
-    start, end = first.corners[mine, 0], first.corners[mine, 1]
+    start = first.corners[mine, 0]
+    end = first.corners[mine, 1]
     length = np.linalg.norm(end - start, axis=1)
     axis = (end - start) / length[:, None]
     s = np.einsum("nvd,nd->nv", second.corners[theirs] - start[:, None], axis)
@@ -210,7 +216,8 @@ def _of_edges(
     high = np.minimum(s.max(axis=1), length)
     common = np.flatnonzero(high - low > LEAST_OVERLAP * length)
     t, w = np.polynomial.legendre.leggauss(degree // 2 + 1)
-    t, w = (t + 1) / 2, w / 2
+    t = (t + 1) / 2
+    w = w / 2
     size = (high - low)[common]
     at = low[common, None] + size[:, None] * t
     points = start[common, None] + at[..., None] * axis[common, None]
@@ -235,12 +242,17 @@ def _of_faces(
     polygon, count = clipped(_counterclockwise(flat[1]), _counterclockwise(flat[0]))
     area = _area(flat[0])
     xi, w = basix.make_quadrature(basix.CellType.triangle, max(degree, 1))
-    pairs, points, weights = [], [], []
+    pairs = []
+    points = []
+    weights = []
     for k in range(1, polygon.shape[1] - 1):
-        a, b, c = polygon[:, 0], polygon[:, k], polygon[:, k + 1]
+        a = polygon[:, 0]
+        b = polygon[:, k]
+        c = polygon[:, k + 1]
         twice = _cross(b - a, c - a)
         there = np.flatnonzero((count > k + 1) & (twice > LEAST_OVERLAP * area))
-        u, v = xi[:, 0], xi[:, 1]
+        u = xi[:, 0]
+        v = xi[:, 1]
         at = (
             a[there, None]
             + u[None, :, None] * (b - a)[there, None]
@@ -267,13 +279,15 @@ def clipped(polygons: Array, windows: Array) -> tuple[Array, IntArray]:
     vertices[:, :v] = polygons
     count = np.full(n, v)
     for k in range(windows.shape[1]):
-        start, end = windows[:, k], windows[:, (k + 1) % windows.shape[1]]
+        start = windows[:, k]
+        end = windows[:, (k + 1) % windows.shape[1]]
         index = np.arange(most)
         real = index < count[:, None]
         before = np.where(index == 0, np.maximum(count - 1, 0)[:, None], index - 1)
         other = np.take_along_axis(vertices, before[..., None], axis=1)
         edge = (end - start)[:, None]
-        here, there = _cross(edge, vertices - start[:, None]), _cross(edge, other - start[:, None])
+        here = _cross(edge, vertices - start[:, None])
+        there = _cross(edge, other - start[:, None])
         crossing = real & ((here >= 0) != (there >= 0))
         step = there - here
         share = np.divide(there, step, out=np.zeros_like(step), where=step != 0)

@@ -132,11 +132,13 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
             "assembly: take it out, dataclasses.replace(model, m=None, damping=None), and damp the "
             "model of the assembly."
         )
-    P, slide = np.asarray(model.P), model.slide
+    P = np.asarray(model.P)
+    slide = model.slide
     if slide is not None:
         slide = slide[:, slide.any(axis=0)]
     both = reduced_matrices(model.k0, model.m_st, P, model.omega, slide, None, 0, None)
-    count, size = len(model.k0), len(both.K)
+    count = len(model.k0)
+    size = len(both.K)
     columns = len(model.direction)
     follows = np.eye(columns) if model.dependence is None else np.asarray(model.dependence)
     where = np.zeros((columns, 3))
@@ -144,13 +146,16 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
         where[list(own)] = points[site]
     # the columns that are dofs: those that equal one of them
     leads = [int(np.flatnonzero((follows == unit).all(axis=1))[0]) for unit in np.eye(count)]
-    kind, positions, axes = np.full(size, AMPLITUDE), np.zeros((size, 3)), np.zeros((size, 3))
+    kind = np.full(size, AMPLITUDE)
+    positions = np.zeros((size, 3))
+    axes = np.zeros((size, 3))
     kind[:count], positions[:count], axes[:count] = MOVE, where[leads], model.direction[leads]
     positions[count:] = where.mean(axis=0)
     ends = {}
     for k, (site, some) in enumerate(model.columns.items()):
         along = model.direction[list(some)]
-        six, space = np.zeros((6, size)), np.zeros((6, 6))
+        six = np.zeros((6, size))
+        space = np.zeros((6, 6))
         six[:3, :count], space[:3, :3] = along.T @ follows[list(some)], along.T @ along
         patch = model.radius[k], float(model.local_compliance[k])
         ends[site] = Interface(np.array(points[site]), six, space, *patch)
@@ -177,7 +182,9 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
             "extract a model of named sites."
         )
     K, M = (_dense(matrix) for matrix in (given.K, given.M))
-    node, places, ends = given.map.node, given.places, {}
+    node = given.map.node
+    places = given.places
+    ends = {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
         own = node == number
         six = np.vstack(
@@ -228,7 +235,8 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
     if rigid.shape[1]:
         K = K - rigid @ (rigid.T @ K)
         K = K - (K @ rigid) @ rigid.T
-    whole, moved = np.array(one.K), np.zeros((one.size, rigid.shape[1]))
+    whole = np.array(one.K)
+    moved = np.zeros((one.size, rigid.shape[1]))
     whole[np.ix_(free, free)] = (K + K.T) / 2
     moved[free] = rigid
     return replace(one, K=whole, rigid=moved)
@@ -238,8 +246,10 @@ def _padded(one: Superelement) -> Superelement:
     """The superelement with fixed dofs appended, so that the dofs of later nodes start at whole
     blocks.
     """
-    more, places = -one.size % NODE_DOFS, one.places
-    right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
+    more = -one.size % NODE_DOFS
+    places = one.places
+    right = ((0, 0), (0, more))
+    below = ((0, more), (0, 0))
     ends = {name: replace(end, six=np.pad(end.six, right)) for name, end in one.ends.items()}
     return Superelement(
         np.pad(one.K, (0, more)),
@@ -395,11 +405,15 @@ class RowRange:
 
     def own(self, q: NDArray[Scalar]) -> NDArray[Scalar]:
         """The rows of this rank of vectors that every rank holds whole."""
-        return q if self.comm.size == 1 else q[self.first : self.last]
+        if self.comm.size == 1:
+            return q
+        return q[self.first : self.last]
 
     def whole(self, q: Array) -> Array:
         """Whole vectors, gathered from the rows of each rank; all ranks must call it."""
-        return q if self.comm.size == 1 else np.concatenate(self.comm.allgather(q))
+        if self.comm.size == 1:
+            return q
+        return np.concatenate(self.comm.allgather(q))
 
     def matrix(self, whole: PETSc.Mat | None, block: int) -> PETSc.Mat:
         """A distributed matrix from one that rank 0 holds whole; all ranks must call it."""

@@ -88,7 +88,8 @@ class Tie(Between):
             taken = held.fixed  # both follow other joints: what is said twice is found later
         elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
             leads = 1 - leads
-        follower, leader = sides[1 - leads], sides[leads]
+        follower = sides[1 - leads]
+        leader = sides[leads]
         if leads == 0:
             common = common.exchanged()
         return _projection(layout, follower, leader, common, taken, label)
@@ -261,7 +262,8 @@ def _led(
 ) -> list[tuple[tuple[str, ...], Sparse]]:
     """(components, their functionals) of the leader at the quadrature points of the follower."""
     member = leader.member
-    cell, X = leader.cells[common.face[1]], leader.reference(common.face[1], common.xi[1])
+    cell = leader.cells[common.face[1]]
+    X = leader.reference(common.face[1], common.xi[1])
     displacements = layout.at_points(member, cell, X, DISPLACEMENTS)
     arm = common.x[0] - common.x[1]
     both_turn = follower.member.has_rotations and member.has_rotations
@@ -315,7 +317,8 @@ def led_by_solid(
     """
     normals, thickness = _sheet(edge, common)
     s, w = np.polynomial.legendre.leggauss(LAYERS)
-    points, count = common.x[0], len(common.weight)
+    points = common.x[0]
+    count = len(common.weight)
     height = thickness[:, None] / 2 * s
     x = points[:, None] + height[..., None] * normals[:, None]
     apart = np.linalg.norm(common.x[0] - common.x[1], axis=1)
@@ -345,7 +348,8 @@ def led_by_solid(
 
 def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
     """(unit normals (Q, 3), thickness (Q,)) of the shell at points of its edge."""
-    member, mesh = edge.member, edge.member.part.mesh
+    member = edge.member
+    mesh = edge.member.part.mesh
     cells = edge.cells[common.face[0]]
     _, J = mesh.geometry.at(cells, edge.reference(common.face[0], common.xi[0]))
     across = np.cross(J[:, :, 0], J[:, :, 1]) @ member.at.rotation.T

@@ -90,13 +90,17 @@ def by_strains(matrix: Matrix) -> bool:
 def sum_of(K: Matrix, shift: float, M: Matrix) -> Matrix:
     """K + shift·M; K itself where the shift is zero."""
     if by_scipy(K):
-        return K if shift == 0.0 else (K + shift * M).tocsr()
+        if shift == 0.0:
+            return K
+        return (K + shift * M).tocsr()
     return _petsc().sum_of(K, shift, M)
 
 
 def skew(matrix: Matrix) -> Matrix:
     """matrixᵀ - matrix."""
-    return (matrix.T - matrix).tocsr() if by_scipy(matrix) else _petsc().skew(matrix)
+    if by_scipy(matrix):
+        return (matrix.T - matrix).tocsr()
+    return _petsc().skew(matrix)
 
 
 def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
@@ -106,7 +110,8 @@ def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
     """
     if not by_scipy(matrix):
         return _petsc().hold(matrix, rows, value)
-    free, held = np.ones(matrix.shape[0]), np.zeros(matrix.shape[0])
+    free = np.ones(matrix.shape[0])
+    held = np.zeros(matrix.shape[0])
     free[rows], held[rows] = 0.0, value
     kept = scipy.sparse.diags(free)
     result = (kept @ matrix @ kept + scipy.sparse.diags(held)).tocsr()
@@ -116,7 +121,9 @@ def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
 
 def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole matrix as a SciPy matrix on rank `root`; None elsewhere."""
-    return matrix if by_scipy(matrix) else _petsc().gathered(matrix, root)
+    if by_scipy(matrix):
+        return matrix
+    return _petsc().gathered(matrix, root)
 
 
 def free_when_dropped(*matrices: Matrix) -> None:
@@ -148,7 +155,9 @@ def conjugate_gradients(
     `product` and `inverse` are A x and the preconditioner, `inner` (x, y) -> xᵀy of each column.
     Yields (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) at most `most` + 1 times.
     """
-    X, r, energy = np.zeros(R.shape), np.array(R), np.zeros(R.shape[1])
+    X = np.zeros(R.shape)
+    r = np.array(R)
+    energy = np.zeros(R.shape[1])
     p = inverse(r)
     rest = inner(r, p)
     yield X, rest, energy
@@ -187,7 +196,8 @@ def roots(matrix: Matrix) -> Array:
 
 def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
     """‖A x/√D‖ / ‖√D x‖ of each column, `product` being A X: 1e-16 for a null vector."""
-    comm, root = communicator(matrix), roots(matrix)[:, None]
+    comm = communicator(matrix)
+    root = roots(matrix)[:, None]
     return norms(comm, product / root) / norms(comm, root * X)
 
 
@@ -196,7 +206,8 @@ def softness(matrix: Matrix, X: Array, product: Array) -> Array:
 
     Unlike `force_ratios` it is insensitive, to first order, to errors in x.
     """
-    comm, root = communicator(matrix), roots(matrix)[:, None]
+    comm = communicator(matrix)
+    root = roots(matrix)[:, None]
     energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))
     return np.asarray(energy / norms(comm, root * X) ** 2)
 

@@ -40,7 +40,10 @@ VERSIONS = (3, 4, 5)
 #: Bytes for `cholmod_common`, of which the library uses less than a tenth.
 COMMON = 1 << 16
 #: CHOLMOD's numbers: 64-bit integers, real numbers, the upper triangle, A x = b, supernodal only.
-LONG, REAL, UPPER, SUPERNODAL = 2, 1, 1, 2
+LONG = 2
+REAL = 1
+UPPER = 1
+SUPERNODAL = 2
 #: Orderings: a given one, and nested dissection by METIS.
 GIVEN, METIS = 1, 3
 #: `Common.status` where there was no memory, and what its other codes below zero mean.
@@ -210,7 +213,8 @@ def without_openmp() -> Iterator[None]:
     of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
     on OpenMP.
     """
-    openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
+    openmp = _loaded("libgomp.so.1")
+    blas = _loaded("libopenblas.so.0")
     if openmp is None or blas is None or blas.openblas_get_parallel() == ON_OPENMP:
         yield
         return
@@ -235,7 +239,9 @@ def _loaded(name: str) -> ctypes.CDLL | None:
 
 
 #: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
-SOLVE, FORWARD, BACKWARD = 0, 4, 5
+SOLVE = 0
+FORWARD = 4
+BACKWARD = 5
 #: Nodes of at least so many rows are ordered as nodes.
 NODE_ROWS = 2
 
@@ -335,7 +341,8 @@ class Analysis:
     ) -> None:
         self.memory = _Memory()
         common = self.memory.common
-        common.supernodal, common.quick_return_if_not_posdef = SUPERNODAL, 1
+        common.supernodal = SUPERNODAL
+        common.quick_return_if_not_posdef = 1
         common.print_level = 0
         if permutation is None and (block >= NODE_ROWS or last):
             inner = self._of_nodes(A[last:, last:] if last else A, block, dissected=last > 0)
@@ -373,7 +380,8 @@ class Analysis:
         self, matrix: Sparse, permutation: IntArray | None, dissected: bool = False
     ) -> ctypes._Pointer[Factor]:
         """Symbolic factor for a permutation, by METIS, or by the best of AMD and METIS."""
-        lib, common = self.memory.lib, self.memory.common
+        lib = self.memory.lib
+        common = self.memory.common
         common.nmethods = int(permutation is not None or dissected)
         common.method[0].ordering = METIS if dissected else GIVEN
         given = None
@@ -408,7 +416,8 @@ class Cholesky:
     ) -> None:
         analysis = A if isinstance(A, Analysis) else Analysis(A, block, permutation, last)
         memory = self._memory = analysis.memory
-        common, factor = memory.common, memory.factor
+        common = memory.common
+        factor = memory.factor
         with without_openmp(), blas_threads(analysis.fronts()):
             done = memory.lib.cholmod_l_factorize(byref(analysis.matrix), factor, byref(common))
         found = factor.contents
@@ -435,7 +444,8 @@ class Cholesky:
         B = np.asfortranarray(B, dtype=float)
         if not B.size:
             return np.empty(B.shape, order="F")
-        rows, columns = len(B), B.size // len(B)
+        rows = len(B)
+        columns = B.size // len(B)
         right = Dense(rows, columns, B.size, rows, B.ctypes.data, None, REAL, 0)
         memory = self._memory
         x, *rest = memory.work
@@ -460,7 +470,8 @@ class Cholesky:
     @cached_property
     def supernodes(self) -> Supernodes:
         """L as arrays in CHOLMOD's memory, which is kept as long as one of them is used."""
-        memory, found = self._memory, self._memory.factor.contents
+        memory = self._memory
+        found = self._memory.factor.contents
         many = found.nsuper + 1
         return Supernodes(
             start=memory.integers(found.super, many),
@@ -476,7 +487,8 @@ class Cholesky:
         With A's rows eliminated in that order the block is a factor of the Schur complement onto
         them, if they came last.
         """
-        L, permutation = self.supernodes, self.permutation
+        L = self.supernodes
+        permutation = self.permutation
         columns = np.flatnonzero(permutation < last)
         position = np.full(len(permutation), -1)
         position[columns] = np.arange(len(columns))

@@ -78,14 +78,16 @@ def deflections(
     step = SHIFT_STEP * x[-1]
     C, after = _twice(structure, loads, step)
     # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
-    rest, rest_after = C - b**2 @ (1 / x), after - b**2 @ (1 / (x + step))
+    rest = C - b**2 @ (1 / x)
+    rest_after = after - b**2 @ (1 / (x + step))
     slow = (rest - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
     return C, b**2 @ (1 / x**2) + np.maximum(rest, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
 
 
 def _room(structure: Factored) -> bool:
     """Whether memory holds the additional factors; warns if it does not."""
-    solver, comm = structure.factorize(), structure.comm
+    solver = structure.factorize()
+    comm = structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
     more = min(comm.size, 2) * solver_choice.BYTES * solver.entries
@@ -105,7 +107,8 @@ def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> 
 
     On several ranks each of the two is computed on its own rank, with a factor of the whole matrix.
     """
-    comm, solver = structure.comm, structure.factorize()
+    comm = structure.comm
+    solver = structure.factorize()
     stiffer = structure.K, structure.shift + step, structure.M
     if isinstance(solver, OnOneRank):
         first = compliances(solver.cholesky, loads)
@@ -127,7 +130,8 @@ def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> 
 def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
     """As `_twice`, with one solve for each load."""
     count = loads.shape[1]
-    C, G = np.zeros(count), np.zeros(count)
+    C = np.zeros(count)
+    G = np.zeros(count)
     with counting("sites of the map", count, structure.comm.rank) as ready:
         for first in range(0, count, SOLVED):
             part = slice(first, first + SOLVED)
@@ -142,7 +146,8 @@ def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Arr
 
 def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     """bᵀA⁻¹b of every column of `loads` (n, P): (P,)."""
-    L, permutation = factor.supernodes, factor.permutation
+    L = factor.supernodes
+    permutation = factor.permutation
     position = np.empty_like(permutation)
     position[permutation] = np.arange(len(position))
     B = scipy.sparse.csc_matrix(loads)
@@ -164,7 +169,8 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
             Z = W[:, : len(sites)]
             for s in _branch(np.unique(supernode[rows]), parent):
                 among = L.rows[L.row[s] : L.row[s + 1]]
-                height, width = len(among), columns[s]
+                height = len(among)
+                width = columns[s]
                 block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
                 z = Z[among]
                 for c in range(0, width, PANEL):

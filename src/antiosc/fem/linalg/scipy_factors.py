@@ -47,7 +47,9 @@ def factorize(A: Matrix) -> Factorization:
         The forecast of the factor does not fit in the free memory.
     """
     _check_memory(A)
-    return SuperLU(A) if sksparse is None else Cholmod(A)
+    if sksparse is None:
+        return SuperLU(A)
+    return Cholmod(A)
 
 
 def _check_memory(A: Matrix) -> None:

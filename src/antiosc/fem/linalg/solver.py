@@ -92,7 +92,9 @@ class Solver(ABC):
             raise AccuracyError(
                 SINGULAR.format(f"backward error {error:.1e}, limit {self.backward_error:.0e}")
             )
-        return X[:, 0] if r.ndim == 1 else X
+        if r.ndim == 1:
+            return X[:, 0]
+        return X
 
     @contextmanager
     def accurately(self) -> Iterator[None]:

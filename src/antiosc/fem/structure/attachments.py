@@ -49,7 +49,9 @@ NEAR = 1e-3
 
 def _checked_where(_: str, where: object) -> str | tuple[float, ...]:
     """A group's name, or coordinates."""
-    return where if isinstance(where, str) else coordinates("where, if no group's name,", where)
+    if isinstance(where, str):
+        return where
+    return coordinates("where, if no group's name,", where)
 
 
 #: The name that a user gives to an attachment.
@@ -62,7 +64,9 @@ def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
         raise InputError(
             f"inertia must be >= 0, one number or three (in kg m²); got {shown(value)}."
         )
-    return tuple(values.tolist()) if values.ndim else float(values)
+    if values.ndim:
+        return tuple(values.tolist())
+    return float(values)
 
 
 def by_components(
@@ -211,11 +215,14 @@ class Footing:
         choice("up", self.up, ("x", "y", "z"))
         soil = {
             choice("along", axis, ("x", "y", "z")): soil_cone(
-                self.radius, self.G, self.nu, self.rho,
+                self.radius,
+                self.G,
+                self.nu,
+                self.rho,
                 "vertical" if axis == self.up else "horizontal",
             )
-            for axis in list_of("along", self.along, str, "directions as \"x\"")
-        }  # fmt: skip
+            for axis in list_of("along", self.along, str, 'directions as "x"')
+        }
         mass = nonnegative("mass", self.mass, "kg") + sum(cone.mass for cone in soil.values())
         return [
             Spring(self.where, {axis: cone.stiffness for axis, cone in soil.items()}, name=name),
@@ -300,7 +307,8 @@ def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
     matrix = to.M if isinstance(one, PointMass) else to.K if isinstance(one, Spring) else None
     points = _attachment_points(to.mesh, one.where)
     rows = compat.local_size(to.form.space)
-    mass, inertia = 0.0, np.zeros((rows, 3))
+    mass = 0.0
+    inertia = np.zeros((rows, 3))
     centre = np.mean([nearest.x for nearest in points], axis=0)
     found = [
         (component, value, _add_component(to, matrix, component, nearest, value))
@@ -463,9 +471,11 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     numbers = np.vstack([one for one, _ in everywhere])
     points = np.concatenate([one for _, one in everywhere])
     _, first, cells = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-    cells, points = cells.reshape(numbers.shape), points.reshape(-1, 3)[first]
+    cells = cells.reshape(numbers.shape)
+    points = points.reshape(-1, 3)[first]
     if mesh.comm.rank:
-        cells, points = cells[:0], points[:0]
+        cells = cells[:0]
+        points = points[:0]
     line = compat.create_mesh(mesh.comm, cells, points, "interval", mesh.order)
     return Mesh(line, {}, name)
 
@@ -473,7 +483,8 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
 def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
     """T with beam dofs = T · shell dofs; rows of fixed dofs are empty."""
     size = line.extent()
-    rows, first = compat.local_size(form.space), form.space.dofmap.index_map.local_range[0]
+    rows = compat.local_size(form.space)
+    first = form.space.dofmap.index_map.local_range[0]
     first *= form.space.dofmap.index_map_bs
     T = PETSc.Mat().createAIJ(
         ((rows, None), (compat.local_size(to.form.space), None)), nnz=1, comm=to.mesh.comm
@@ -490,7 +501,8 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
         found = to.mesh.comm.allgather((x, numbers, fixed))
         x, numbers, fixed = (np.concatenate([one[k] for one in found]) for k in range(3))
         mine, points = compat.dof_coordinates(form.space, path)
-        points, mine = points[mine < rows], mine[mine < rows]
+        points = points[mine < rows]
+        mine = mine[mine < rows]
         if not len(mine):
             continue
         distance, nearest = scipy.spatial.cKDTree(x).query(points)

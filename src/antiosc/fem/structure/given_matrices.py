@@ -162,7 +162,8 @@ def matrices_of_pair(
     K, M, fixed = supported(K, M)
     if supports is not None:
         more = rows_of(supports, rows)
-        K, M = algebra.hold(K, more, 1.0), algebra.hold(M, more, 0.0)
+        K = algebra.hold(K, more, 1.0)
+        M = algebra.hold(M, more, 0.0)
         fixed = np.union1d(fixed, more)
     given = None
     if rigid_modes is not None:
@@ -240,7 +241,8 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     first, last = algebra.row_range(K)
     own = constrained[(constrained >= first) & (constrained < last)]
     if len(constrained):
-        K, M = algebra.hold(K, own, 1.0), algebra.hold(M, own, 0.0)
+        K = algebra.hold(K, own, 1.0)
+        M = algebra.hold(M, own, 0.0)
     return K, M, own - first
 
 
@@ -260,16 +262,19 @@ def _checked(name: str, matrix: Matrix) -> _Entries:
     noise = ENTRY_ROUNDING * typical
     apart, found = (_entries(one, diagonal, noise) for one in (algebra.skew(matrix), matrix))
     _forbid(
-        comm, apart, np.abs(apart.value) > MIRRORED * apart.scale + apart.noise,
+        comm,
+        apart,
+        np.abs(apart.value) > MIRRORED * apart.scale + apart.noise,
         f"{name} must be symmetric (to {MIRRORED:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
         "and ({1}, {0}) differ by {2:g}.",
-    )  # fmt: skip
+    )
     _forbid(
-        comm, found,
+        comm,
+        found,
         np.abs(found.value) > (1 + MIRRORED) * found.scale + found.noise,
         f"{name} must be positive semidefinite; its entry ({{0}}, {{1}}) = {{2:g}} exceeds "
         "√(a_ii a_jj) = {3:g}.",
-    )  # fmt: skip
+    )
     return found
 
 
@@ -277,7 +282,9 @@ def _entries(matrix: Matrix, diagonal: Array, noise: float) -> _Entries:
     pointers, column, value = algebra.entries(matrix)
     row = algebra.row_range(matrix)[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     off = (row != column) & (value != 0)
-    row, column, value = row[off], column[off], value[off]
+    row = row[off]
+    column = column[off]
+    value = value[off]
     roots = np.sqrt(np.maximum(diagonal, 0.0))
     return _Entries(row, column, value, diagonal, roots[row] * roots[column], noise)
 
@@ -297,7 +304,9 @@ def _typical(comm: MPI.Comm, entries: _Entries) -> float:
     size = np.abs(entries.value)
     least = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
     sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * least]))
-    return float(np.median(sizes)) if len(sizes) else 0.0
+    if len(sizes):
+        return float(np.median(sizes))
+    return 0.0
 
 
 def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
@@ -323,10 +332,12 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     small = np.max(comm.allgather(small), axis=0)
     beside = np.maximum(small[entries.row], small[entries.column])
     _forbid(
-        comm, entries, large & (DROWNS * beside < np.abs(entries.value)),
+        comm,
+        entries,
+        large & (DROWNS * beside < np.abs(entries.value)),
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
         "their own stiffness: take a penalty of at most 1e8 times the usual entries.",
-    )  # fmt: skip
+    )
 
 
 def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M") -> None:
@@ -336,7 +347,8 @@ def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M")
     own = diagonal[first:last]
     weights[own > 0] = 1 / np.sqrt(own[own > 0])
     v = np.random.default_rng(comm.rank).standard_normal(last - first) * (weights > 0)
-    before, beta = np.zeros_like(v), 0.0
+    before = np.zeros_like(v)
+    beta = 0.0
     v /= norm(comm, v)
     alphas, betas = [], []
     for _ in range(min(NEGATIVE_STEPS, int(np.count_nonzero(diagonal > 0)))):

@@ -132,7 +132,8 @@ class Member:
 
     def nodes_of(self, where: str | NumberedNodes) -> IntArray:
         """The displacement nodes in a group of the part, or with given numbers."""
-        form, mesh = self.part.form, self.part.mesh
+        form = self.part.form
+        mesh = self.part.mesh
         parts = mesh.group(where) if isinstance(where, str) else where.entities(mesh)
         dofs = dofs_of_entities(mesh, form, parts, form.components["x"])
         return np.unique(np.asarray(dofs) // self.block)
@@ -259,7 +260,9 @@ class MeshedStructure(StructureMatrices):
         found: Plausibility = {"wave_speed": speed}
         if self.thickness is not None:
             found["thickness"] = self.thickness
-        return {**found, "doubts": list(self.doubts)} if self.doubts else found
+        if self.doubts:
+            return {**found, "doubts": list(self.doubts)}
+        return found
 
     @property
     def dimensions(self) -> Box:
@@ -341,7 +344,9 @@ class MeshedStructure(StructureMatrices):
     @property
     def owners(self) -> Sequence[int | str]:
         """The material of each cell, by number; of a stiffener its edges alone."""
-        return [self.edges] if self.edges else range(len(self.parts))
+        if self.edges:
+            return [self.edges]
+        return range(len(self.parts))
 
     @cached_property
     def _losses(self) -> list[tuple[int | str, Material, PETSc.Mat]]:
@@ -501,7 +506,8 @@ def assembled(
         taken = None
         if tetrahedra.serve(mesh, form, parts):
             taken = Tetrahedra(mesh, form, parts, conditions)
-            K, M = of_cells(taken, 1.0, 0.0), of_cells(taken, 0.0, 1.0)
+            K = of_cells(taken, 1.0, 0.0)
+            M = of_cells(taken, 0.0, 1.0)
         else:
             K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
             M = compat.assemble(form.mass, form.space, conditions, 0.0)
