@@ -394,7 +394,7 @@ def account_for(cards: list[Card], name: str) -> Account:
 
 
 def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
-    """The fate of a card in step `step` (from 0; -1: outside steps)."""
+    """What reading does with a card in step `step` (from 0; -1: outside steps)."""
     if step < 0 or keyword in ("NSET", "ELSET") or fate.kind not in ("read", "refused"):
         return fate
     if step > 0:

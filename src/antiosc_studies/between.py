@@ -1,4 +1,6 @@
-"""`contact_between`: the law of the contact of a part with something else, by hand."""
+"""`contact_between`: the contact law of a part and another body whose surface the caller
+describes.
+"""
 
 from __future__ import annotations
 

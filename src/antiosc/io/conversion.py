@@ -231,7 +231,7 @@ class FixedEntities:
             self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
 
     def of(self, rows: IntArray) -> dict[int, IntArray]:
-        """{dimension: entities by their vertices} that fixing the nodes `rows` fixes."""
+        """{dimension: entities by their vertices} that are fixed if the nodes `rows` are fixed."""
         nodes_of = {0: np.intersect1d(rows, self.corners)[:, None]}
         marked = np.zeros(self.nodes.count + 1, dtype=bool)
         marked[self.nodes.grown(rows)] = True

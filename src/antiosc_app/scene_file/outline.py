@@ -121,7 +121,11 @@ def check(found: Compiled) -> list[str]:
 
 
 def _picture(found: Compiled, error: InputError) -> str:
-    """A sentence on a picture of the pieces of a part that falls apart, drawn beside the scene."""
+    """Draw the unconnected pieces of a part beside the scene; returns a sentence with the file's
+    name.
+
+    "" if the error is another one.
+    """
     if not isinstance(error, PiecesError) or not error.pieces:
         return ""
     path = found.document.path.with_suffix(pieces.ENDING)

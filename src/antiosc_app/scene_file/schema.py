@@ -369,11 +369,11 @@ class Section:
     Attributes
     ----------
     form : "table" [x], "list" [[x]], "named" [x.NAME], or "text": a key at the top of the file.
-    names : of the callables of which `kind` chooses one.
-    about : what it is, for `antiosc new`, messages and the schema.
-    given : names of parameters that other sections give.
-    inner : sections within it.
-    alone : of a named section: whether [x] may also stand alone, without a name.
+    names : names of the callables, separated by spaces; the key `kind` chooses one.
+    about : description, for `antiosc new`, messages and the schema.
+    given : names of parameters whose values come from other sections.
+    inner : sections within it, by name.
+    alone : for a named section: whether [x] without a name is allowed too.
     """
 
     form: Literal["table", "list", "named", "text"]
@@ -390,7 +390,7 @@ class Section:
 
 
 def constructors_of(kind: type) -> tuple[str, ...]:
-    """What makes an object of an annotated class: "Section", "Section.rectangle", …"""
+    """Names of the constructors of a class: "Section", "Section.rectangle", …"""
     if issubclass(kind, ContactLaw):
         return tuple(LAWS.split())
     if kind is LinearBody:

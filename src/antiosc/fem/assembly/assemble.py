@@ -119,16 +119,16 @@ def eliminate(
         alone = np.append(np.diff(basis.indptr) == 1, True)  # pivot[-1] stays
         pivot = np.where(alone[pivot], pivot, -1)
     C = _without(C, fixed, scale)
-    kept = np.flatnonzero(np.diff(C.indptr))
+    nonempty_rows = np.flatnonzero(np.diff(C.indptr))
     involved = np.unique(C.indices)
     number = np.full(n + 1, -1)  # number[-1], of no dof, is -1
     number[involved] = np.arange(len(involved))
-    owner = np.repeat(np.arange(len(rows)), [r.matrix.shape[0] for r in rows])[kept]
+    owner = np.repeat(np.arange(len(rows)), [r.matrix.shape[0] for r in rows])[nonempty_rows]
     labels = [r.label for r in rows]
-    values = Sparse((len(kept), 0) if prescribed is None else -prescribed[kept])
+    values = Sparse((len(nonempty_rows), 0) if prescribed is None else -prescribed[nonempty_rows])
     system = _System(
-        scipy.sparse.hstack([C[kept][:, involved], values]).tocsr(),
-        number[pivot[kept]],
+        scipy.sparse.hstack([C[nonempty_rows][:, involved], values]).tocsr(),
+        number[pivot[nonempty_rows]],
         owner,
         labels,
         np.append(scale[involved], np.zeros(values.shape[1])),

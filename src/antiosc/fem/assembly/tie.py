@@ -224,10 +224,10 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """Functionals that one component of the free nodes equals; `motion` (points, n): of the
-        leader.
+        """Functionals that give one component of the free nodes by the motion of the leader.
 
-        The other nodes keep the component `dofs` of their own.
+        `motion` (points, n): that component of the leader. The nodes that are not free keep their
+        own dofs `dofs`.
         """
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion

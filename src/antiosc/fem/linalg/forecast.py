@@ -100,5 +100,5 @@ class LevelSizes:
         return Cost(self.bytes, self.set_up + solves)
 
     def iterations_within(self, seconds: float, columns: float) -> int:
-        """Iterations of each solve with which the model takes at most so long."""
+        """Most iterations per solve for which the model's total time is at most `seconds`."""
         return max(0, int((seconds - self.set_up) / (SOLVES * columns * self.iteration)))

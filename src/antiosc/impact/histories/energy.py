@@ -250,8 +250,8 @@ def _work_and_losses(
 ) -> tuple[Array, Array]:
     """Work (n,) of all modal loads since the start, and energy lost by damping.
 
-    `work`, `lost` (n - 1,) from node to node. In flight the motion is exact and the steps are long:
-    there both follow from the balance.
+    `work`, `lost` (n - 1,): work and loss from one node to the next. In flight, where the steps are
+    long and the motion is exact, both follow from the energy balance instead.
     """
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)

@@ -108,12 +108,12 @@ def joined(found: Sequence[MapSites]) -> MapSites:
         if name not in ("loads", "weighted", "contact")
     }
     loads = scipy.sparse.hstack([surface.sites.loads for surface in found]).tocsr()
-    before = np.cumsum([0, *(surface.count for surface in found)])[:-1]
+    counts_before = np.cumsum([0, *(surface.count for surface in found)])[:-1]
     return MapSites(
         Sites(loads=loads, **columns),
         np.concatenate([np.zeros((0, corners), dtype=int), *elements]),
         np.concatenate(
-            [surface.kept + start for surface, start in zip(found, before, strict=True)]
+            [surface.kept + start for surface, start in zip(found, counts_before, strict=True)]
         ),
         sum(surface.count for surface in found),
         np.concatenate([surface.names for surface in found]),
