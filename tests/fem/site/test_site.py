@@ -159,7 +159,9 @@ def test_a_point_above_a_plane_part_is_off_it():
 def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
     """Half of the patch is missing, which is said; the other face carries nothing."""
     structure = ao.Structure(parts.box((6, 6, 6), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(ao.AntioscWarning, match="an edge cuts the patch: only 50 % of its load area"):
+    with pytest.warns(
+        ao.AntioscWarning, match="an edge cuts the patch: only 50 % of its load area"
+    ):
         result = functional(structure, ao.Site((0.05, 0.0, 0.1), (0, 0.1, -1), radius=0.03))
     side = parts.nodal(structure, lambda x: np.outer([0, 0, -1], x[2] < 0.0999))
     assert abs(result.b @ side) < 1e-12
