@@ -76,7 +76,7 @@ class TwoLevels(Multigrid):
         else:
             know(coarse, at_vertices(self._P, self._motions()))
             solve, steps = Aggregation(coarse), STEPS_AGGREGATED
-        del coarse
+        del coarse, self._inverse  # an analysis in it became the factor in double precision
         free(self.A.getComm().tompi4py())
         trim_heap()
         self._cycle = pc  # what becomes another type stays as long as the solver
