@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,11 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.reduce.error.remeshing import OfGeometry, source_of
 from antiosc.strikes.tradeoff import BRACKET, Member, Tradeoff
 from antiosc_app.cli import main
+from antiosc_app.commands import to_a_tolerance
+from antiosc_app.scene_file.document import read
 from parts import STEEL, plate
 
 pytestmark = [
@@ -80,6 +84,37 @@ def test_the_best_and_the_front():
             found.best(**given)
 
 
+def test_no_line_is_told_with_the_end_of_the_meshes(tried):
+    ended = SimpleNamespace(message="The mesh was used as it is.")
+    found = replace(some((1.0, 0.1)), tol=0.01, hit=ended)
+    with pytest.raises(ao.InputError, match=r"least is 10 %. The mesh was used as it is"):
+        found.best(tol=0.05)
+
+
+def test_a_geometry_that_is_not_meshed_as_wanted_is_divided(monkeypatch):
+    def refused(*given):
+        raise ao.InputError("gmsh cannot mesh it.")
+
+    monkeypatch.setattr(OfGeometry, "_meshed", refused)
+    source = source_of(Path(__file__).parents[1] / "meshes" / "bracket.step")
+    with pytest.warns(ao.AntioscWarning, match="divided, with flat faces"):
+        mesh = source.first(0.02, [((0.02, 0.04, 0.075), 0.01)])
+    assert mesh.n_cells >= source.coarsest.n_cells
+    finer = source.finer(mesh, np.full(mesh.n_cells, 0.5))
+    assert finer.n_cells > 2 * mesh.n_cells
+
+
+def test_the_mesh_of_a_scene_of_one_simulation_is_varied(tmp_path):
+    (tmp_path / "scene.toml").write_text(
+        SCENE.replace("PLATE", "bracket.step")
+        + "\n[extract]\nn = 20\n[simulate]\nduration = 2e-4\n[output]\ncsv = true\n"
+    )
+    data = to_a_tolerance(read(tmp_path / "scene.toml")).data
+    assert data["strike"] == {"tol": 0.02, "duration": 2e-4}
+    assert not {"extract", "simulate"} & set(data)
+    assert {"material", "supports", "sites", "impactor", "contact"} <= set(data)
+
+
 def test_the_picture_marks_the_fastest_that_is_enough():
     found = replace(some((1.0, 0.1), (2.0, 0.01), (3.0, 0.04), (4.0, 0.009)), tol=0.02)
     for ax, x in zip(found.plot().axes, (2.0, 0.1), strict=True):
@@ -133,8 +168,9 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     (tmp_path / "scene.toml").write_text(text)
     chart = tmp_path / "chart.png"
     given = ["tradeoff", str(tmp_path / "scene.toml"), "--tol", "0.9", "--chart", str(chart)]
-    assert main(given) == 0
+    assert main([*given, "--report", str(tmp_path / "page.html")]) == 0
     assert chart.exists()
+    assert "<h2>Speed against accuracy</h2>" in (tmp_path / "page.html").read_text()
     assert "to finest" in capsys.readouterr().out
 
 

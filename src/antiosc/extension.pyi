@@ -178,3 +178,6 @@ from antiosc.strikes.second_order import (
     simulated as simulated,
     stretching as stretching,
 )
+from antiosc.strikes.tradeoff import (
+    Tradeoff as Tradeoff,
+)

@@ -24,7 +24,7 @@ from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import Table, read
+from antiosc_app.scene_file.document import Document, Table, read
 from antiosc_app.scene_file.scene import STUDIES, Compiled
 from antiosc_app.scene_file.schema import schema
 from antiosc_studies.drops.body import MODES
@@ -116,25 +116,47 @@ def _export(options: Namespace) -> int:
 
 #: Tolerance of a trade-off if neither the command nor [strike] gives one.
 USUAL_TOL = 0.02
+#: Sections that have no place beside [strike]; keys that it shares with [simulate].
+NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
+OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
 
 
 def _tradeoff(options: Namespace) -> int:
     """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
-    scene = compiled(read(options.file))
-    arguments = {**_one_impact(scene, options.file)}
+    page = None if options.report is None else report.checked(options.report)
+    scene = compiled(to_a_tolerance(read(options.file)))
+    arguments = {**one_impact(scene, options.file)}
     if options.tol is not None:
         arguments["tol"] = options.tol
     with run.collected_warnings(scene.warnings):
         tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
-    say(tradeoff.summary())
+    say(f"{tradeoff.summary()}\n{tradeoff.message}")
     for sentence in scene.warnings:
         say(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:
         say(f"wrote {tradeoff.plot(options.chart)}")
+    if page is not None:
+        say(f"wrote {report.write_report(tradeoff, page, title=scene.document.data.get('title'))}")
     return 0
 
 
-def _one_impact(scene: Compiled, path: str) -> Table:
+def to_a_tolerance(document: Document) -> Document:
+    """A scene with [strike] in place of [extract] and [simulate] where its mesh may be refined."""
+    data = document.data
+    simulated = data.get("simulate")
+    meshed = isinstance(simulated, dict) and {"geometry", "extract", "impactor"} <= set(data)
+    if not meshed or {"attached", "structure"} & set(data) or len(data.get("sites", ())) != 1:
+        return document
+    struck = {name: value for name, value in simulated.items() if name in OF_BOTH}
+    kept = {name: value for name, value in data.items() if name not in NOT_STRUCK}
+    geometry = kept["geometry"]
+    if isinstance(geometry, dict) and set(geometry) <= {"source", "size", "refine"}:
+        geometry = {"source": geometry.get("source")}
+    strike = {"tol": USUAL_TOL, **struck}
+    return replace(document, data={**kept, "geometry": geometry, "strike": strike})
+
+
+def one_impact(scene: Compiled, path: str) -> Table:
     """The arguments of `tradeoff`, from [strike] or from a meshed part and [simulate]."""
     if scene.striking and scene.history is not None:
         return scene.history.arguments

@@ -45,6 +45,7 @@ from antiosc_app.scene_file.schema import Output
 
 if TYPE_CHECKING:
     from antiosc import Structure
+    from antiosc.extension import Tradeoff
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -149,8 +150,8 @@ def checked(path: str) -> Path:
 
 
 def write_report(
-    result: History | ImpactMap | Fall | str | os.PathLike[str],
-    path: str | os.PathLike[str] | History | ImpactMap | Fall,
+    result: History | ImpactMap | Fall | Tradeoff | str | os.PathLike[str],
+    path: str | os.PathLike[str] | History | ImpactMap | Fall | Tradeoff,
     structure: Structure | None = None,
     *,
     title: str | None = None,
@@ -162,7 +163,8 @@ def write_report(
 
     Parameters
     ----------
-    result : History, ImpactMap or Fall
+    result : History, ImpactMap, Fall or Tradeoff
+        Of a trade-off its last history, with the methods that were compared.
     path : str or Path
         The file, named .html. `result` and `path` may change places.
     structure : Structure, optional
@@ -178,12 +180,17 @@ def write_report(
     """
     reported, file = checks.what_and_path(result, path)
     target = checked(os.fspath(checks.path("path", file)))
-    checks.instance("result", reported, (History, ImpactMap, Fall), "a History, ImpactMap or Fall")
+    compared = reported if hasattr(reported, "front") else None
+    reported = reported if compared is None else compared.hit
+    checks.instance(
+        "result", reported, (History, ImpactMap, Fall), "a History, ImpactMap, Fall or Tradeoff"
+    )
     if structure is not None:
         from antiosc import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
     page_results = Results(title=target.stem if title is None else checks.text("title", title))
+    page_results.tradeoff = compared
     if isinstance(reported, ImpactMap):
         page_results.map = reported
         page_results.structure = structure

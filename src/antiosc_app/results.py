@@ -729,6 +729,37 @@ def _sample(results: Results) -> Presentation:
     )
 
 
+def _tradeoff(found: Results) -> Presentation:
+    """Methods that were compared for an impact."""
+    compared = found.tradeoff
+    assert compared is not None
+    table = {
+        "dofs": [one.dofs for one in compared.table],
+        "N": [one.n for one in compared.table],
+        "time (s)": [one.seconds for one in compared.table],
+        "peak (N)": [one.peak_force for one in compared.table],
+        "bar": [percent(one.bar) for one in compared.table],
+        "to finest": [percent(one.difference) for one in compared.table],
+    }
+    about = (
+        "Error bars of methods with coarse and fine meshes, with few and many anti-oscillators, and"
+        " their differences to the finest one, over the time of each."
+    )
+
+    def draw(ax: Axes) -> None:
+        compared.draw(ax)
+        legend_beside(ax)
+
+    return Presentation(
+        text=[compared.summary()],
+        tables={"tradeoff.csv": table},
+        numbers={"tradeoff": compared.numbers()},
+        plotted={"tradeoff": compared},
+        sections={"Speed against accuracy": [table, compared.message]},
+        pictures=[chart("Speed against accuracy", about, draw)],
+    )
+
+
 def _map(results: Results) -> Presentation:
     """A map: the range of each quantity, and the hardest impact of each surface."""
     impact_map = results.map
@@ -785,7 +816,7 @@ def _range(values: Array, unit: str) -> str:
 #: Object of a scene -> function that makes its presentation.
 _KINDS: dict[str, Callable[[Results], Presentation]] = {
     **{"history": _impact, "fall": _fall, "found": _blow},
-    **{"batch": _sweep, "sample": _sample, "map": _map},
+    **{"batch": _sweep, "sample": _sample, "map": _map, "tradeoff": _tradeoff},
 }
 
 

@@ -8,6 +8,7 @@ of each member to the finest is an error that does not come from an estimate.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, cast
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
+from antiosc.base.progress import doing
 from antiosc.base.texts import Result, engineering
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.solver_choice import stored
@@ -29,7 +31,7 @@ from antiosc.impact.histories.bars import differences
 from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
-from antiosc.plot.charts import figure_or_path, new_figure
+from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
 from antiosc.strikes import second_order
@@ -44,12 +46,14 @@ from antiosc.strikes.strike import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough.
-FEW = (3, 8)
+#: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
+#: least ratio of that to them.
+FEW, FEWER = (3, 8, 20, 60), 2.5
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
 #: Bytes of an entry of K, and of M; of an entry of the factor.
@@ -70,6 +74,7 @@ class Member:
     peak_force : of the corrected model [N].
     bar : of its own error budget, the largest of peak force, impulse and contact time, relative.
     difference : largest of the three to the finest member, relative.
+    impulse, contact_time : of the corrected model [N s], [s].
     """
 
     family: str
@@ -83,6 +88,8 @@ class Member:
     peak_force: float
     bar: float
     difference: float = 0.0
+    impulse: float = math.nan
+    contact_time: float = math.nan
 
     def cells(self) -> tuple[str, ...]:
         """The cells of its row in the table."""
@@ -94,6 +101,8 @@ class Member:
         )
 
 
+#: What errors are drawn over, and the labels of these axes.
+AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
 COLUMNS = {
     "family": -6, "size": 9, "order": 6, "dofs": 9, "N": 5, "step": 9, "seconds": 9, "GB": 9,
@@ -127,11 +136,7 @@ class Tradeoff(Result):
             tol = checks.tolerance(tol)
             members = [one for one in self.table if one.bar <= tol]
             if not members:
-                least = min(one.bar for one in self.table)
-                raise InputError(
-                    f"no member has a bar of at most {100 * tol:.3g} %, the least is "
-                    f"{100 * least:.3g} %: give tradeoff a smaller tol."
-                )
+                raise InputError(self._unmet(tol))
             return min(members, key=lambda one: one.seconds)
         limit = checks.positive("seconds", seconds, "s")
         members = [one for one in self.table if one.seconds <= limit]
@@ -139,6 +144,16 @@ class Tradeoff(Result):
             least = min(one.seconds for one in self.table)
             raise InputError(f"no member takes at most {limit:.3g} s, the fastest {least:.3g} s.")
         return min(members, key=lambda one: one.bar)
+
+    def _unmet(self, tol: float) -> str:
+        """Why no member is as accurate as tol."""
+        least = min(one.bar for one in self.table)
+        sentence = (
+            f"no member has a bar of at most {100 * tol:.3g} %, the least is {100 * least:.3g} %"
+        )
+        if tol < self.tol:
+            return f"{sentence}: give tradeoff a tol of {tol:g} or less."
+        return f"{sentence}. {self.hit.message}"
 
     @property
     def front(self) -> tuple[Member, ...]:
@@ -183,23 +198,32 @@ class Tradeoff(Result):
         """
         figure = new_figure((9.0, 4.0), path is None)
         axes = figure.subplots(1, 2, sharey=True)
-        for ax, name, unit in zip(axes, ("seconds", "gigabytes"), ("s", "GB"), strict=True):
-            x = [getattr(one, name) for one in self.table]
-            ax.loglog(x, [100 * one.bar for one in self.table], "o", mfc="none", label="bar")
-            apart = [one for one in self.table if one.difference]
-            values = [getattr(one, name) for one in apart]
-            ax.loglog(values, [100 * one.difference for one in apart], ".", label="to the finest")
-            ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
-            if self.status == 0:
-                best = self.best(tol=self.tol)
-                ax.plot(getattr(best, name), 100 * best.bar, "*", ms=12, label="best(tol)")
-            ax.set_xlabel(f"{name} [{unit}]" if name == "seconds" else "memory [GB]")
-        front = self.front
-        steps = [one.seconds for one in front], [100 * one.bar for one in front]
-        axes[0].step(*steps, where="post", lw=0.8, label="front")
-        axes[0].set_ylabel("relative error [%]")
+        for ax, name in zip(axes, AXES, strict=True):
+            self.draw(ax, name)
+        axes[1].set_ylabel("")
         axes[0].legend(fontsize="small")
         return figure_or_path(figure, path)
+
+    def draw(self, ax: Axes, over: str = "seconds") -> None:
+        """Draw bars and differences over "seconds" or "gigabytes" into axes of matplotlib."""
+        checks.choice("over", over, tuple(AXES))
+
+        def points(members: Sequence[Member], of: str) -> tuple[list[float], list[float]]:
+            x = [getattr(one, over) for one in members]
+            return x, [100 * getattr(one, of) for one in members]
+
+        ax.loglog(*points(self.table, "bar"), "o", mfc="none", label="error bar")
+        apart = [one for one in self.table if one.difference]
+        ax.loglog(*points(apart, "difference"), ".", label="difference to the finest")
+        ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
+        if self.status == 0:
+            best = [self.best(tol=self.tol)]
+            ax.plot(*points(best, "bar"), "*", ms=12, label="best(tol)")
+        if over == "seconds":
+            ax.step(*points(self.front, "bar"), where="post", lw=0.8, label="front")
+        few_log_ticks(ax)
+        ax.set_xlabel(AXES[over])
+        ax.set_ylabel("relative error (%)")
 
 
 @collective()
@@ -246,15 +270,21 @@ def tradeoff(
     shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, shared)
     made: list[tuple[Answer, Member]] = []
+    given = material, supports, order, limit
+
+    def add(answer: Answer) -> None:
+        made.append(_with_member(answer))
+        told(f"{len(made)} made, bar {100 * made[-1][1].bar:.2g} %")
 
     def seen(answer: Answer, place: Site) -> None:
         accuracy = accuracy_of_steps(BRACKET * tol)
         for n in FEW:
-            if n < min(answer.n, answer.structure.dofs):
-                made.append(_with_member(_of_few(answer.structure, place, run, accuracy, n)))
-        made.append(_with_member(answer))
+            if FEWER * n <= min(answer.n, answer.structure.dofs):
+                add(_of_few(answer.structure, place, run, accuracy, n))
+        add(answer)
 
-    hit = struck(source, site, impactor, run, BRACKET * tol, material, supports, order, limit, seen)
+    with doing("speed against accuracy") as told:
+        hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen)
     finest, _ = made[-1]
     table = tuple(
         replace(one, difference=max(differences(finest.hit, answer.hit).values()))
@@ -289,4 +319,6 @@ def _with_member(answer: Answer) -> tuple[Answer, Member]:
         gigabytes=(MATRIX_BYTES * stored(structure.K) + FACTOR_BYTES * entries) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
+        impulse=answer.hit.impulse,
+        contact_time=answer.hit.contact_time,
     )

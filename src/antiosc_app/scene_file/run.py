@@ -32,16 +32,22 @@ from antiosc_app.scene_file.schema import (
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from antiosc.extension import Tradeoff
+
 
 T = TypeVar("T")
 
 
 @dataclass(kw_only=True)
 class Results(Objects[Any]):
-    """What a scene has made, and the title of a report; no scene: a program made it."""
+    """What a scene has made, and the title of a report; no scene: a program made it.
+
+    `tradeoff`: methods that were compared for its history, the last of them.
+    """
 
     compiled: Any = None
     title: str = ""
+    tradeoff: Tradeoff | None = None
 
 
 def results(compiled: Compiled, wanted: Sequence[str]) -> Results:

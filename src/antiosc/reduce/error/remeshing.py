@@ -16,6 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
@@ -132,6 +133,7 @@ class OfGeometry(Source):
         self._path = path
         self._order = order
         self._refine: Sequence[Refinement] = ()
+        self._divided: OfMesh | None = None
 
     @cached_property
     def coarsest(self) -> Mesh:  # type: ignore[override]
@@ -148,13 +150,23 @@ class OfGeometry(Source):
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
         few = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
         wished = wished_sizes(coarse, max(size, few) / edge_lengths(coarse))
-        return self._meshed(coarse, wished, FIRST_GRADING)
+        try:
+            return self._meshed(coarse, wished, FIRST_GRADING)
+        except InputError:
+            self._divided = OfMesh(coarse)
+            if self._divided.fixed:
+                raise
+            sentence = "is not meshed with cells of the sizes wanted: its coarse mesh is divided"
+            warn(MPI.COMM_WORLD, f"{self._path.name} {sentence}, with flat faces.")
+            return self._divided.first(size, refine)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """The geometry meshed again, with about Σ 1 / ratio^d cells.
 
         The patch stays resolved.
         """
+        if self._divided is not None:
+            return self._divided.finer(mesh, ratio)
         asked = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         wished = wished_sizes(mesh, ratio)
         if wished is not None:
