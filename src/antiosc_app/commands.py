@@ -144,8 +144,13 @@ def to_a_tolerance(document: Document) -> Document:
     """A scene with [strike] in place of [extract] and [simulate] where its mesh may be refined."""
     data = document.data
     simulated = data.get("simulate")
-    meshed = isinstance(simulated, dict) and {"geometry", "extract", "impactor"} <= set(data)
-    if not meshed or {"attached", "structure"} & set(data) or len(data.get("sites", ())) != 1:
+    meshed = {"geometry", "extract", "impactor"} <= set(data)
+    if (
+        not isinstance(simulated, dict)
+        or not meshed
+        or {"attached", "structure"} & set(data)
+        or len(data.get("sites", ())) != 1
+    ):
         return document
     struck = {name: value for name, value in simulated.items() if name in OF_BOTH}
     kept = {name: value for name, value in data.items() if name not in NOT_STRUCK}
