@@ -19,7 +19,7 @@ import meshio
 
 import antiosc as ao
 import parts
-from antiosc.base.texts import engineering
+from antiosc.base.texts import engineering, percent
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import sites_of, surface
@@ -161,7 +161,7 @@ def test_the_error_by_the_law_is_that_of_the_hardest_blow_by_itself(name, ball):
     model = ao.extract(part, site, n=20, error="estimate")
     row = ao.simulate(model, ball, duration=duration).error_budget["peak_force"].law
     assert row < found.law_error < 1.5 * row
-    assert f"off by {found.law_error:.0%}" in found.summary()
+    assert f"off by {percent(found.law_error)}" in found.summary()
     slow = ao.impact_map(part, points, dataclasses.replace(STEEL_BALL, velocity=1e-3), **given)
     assert slow.law_error == 0
     assert "off by" not in slow.summary()

@@ -12,6 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
+from antiosc.base.texts import percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
 from antiosc_studies.drops.body import FreeBody, free_body
@@ -42,7 +43,7 @@ def test_the_error_of_a_fall_by_its_law_has_the_range_of_the_strength() -> None:
     assert 0.03 < change < 0.1
     assert fall.law_error == pytest.approx(own + change, rel=0.02)
     assert 0.7 * own < stronger.law_error < own  # its strength is exact
-    assert f"off by {fall.law_error:.0%}" in fall.contact_verdict
+    assert f"off by {percent(fall.law_error)}" in fall.contact_verdict
     assert ao.drop(HARD, 2e-6, floor=ao.Floor(alloy), until=1).law_error == 0
     unknown = ao.drop(BALL, 0.5, floor=ao.Floor(alloy), until=1)
     assert unknown.law_error is None
@@ -80,7 +81,7 @@ def test_large_strains_of_a_falling_elastic_ball(name: str, height: float) -> No
         assert (strain > 0.01) == (name == RUBBER)
         share = 0.38 * np.sqrt(strain) if strain > 0.01 else 0.0
         assert fall.law_error == pytest.approx(1 - (1 - share) ** 0.4, rel=0.01)
-        assert (f"off by {fall.law_error:.0%}" in fall.summary()) == (share > 0)
+        assert (f"off by {percent(fall.law_error)}" in fall.summary()) == (share > 0)
 
 
 def test_a_ball_bounces_by_the_law_it_has() -> None:

@@ -137,7 +137,7 @@ def test_an_assembly_of_one_instance_may_use_its_numbers(read):
     assert lists(whole.deck.node_sets) == {"I.end": [4, 9], "I.OWN": [1], "Q": [0, 4]}
     assert whole.deck.element_sets["R"].tolist() == [0, 1]
     (card,) = whole.named("SPRING")
-    assert list(whole.beside(card)) == [("SPRINGA", [0, 4])]
+    assert list(whole.elements_of(card)) == [("SPRINGA", [0, 4])]
 
 
 PART = f"*PART,NAME=P\n{SHEET}*ELSET,ELSET=All,GENERATE\n10,40,10\n*NSET,NSET=end\n9,19\n"
