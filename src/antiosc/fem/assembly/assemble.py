@@ -303,7 +303,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
 
 
 def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
-    """(independent unit rows, (joint, joints that span its row) of each dependent row)."""
+    """(numbers of independent unit rows, (joint, joints that span its row) of each other row)."""
     R = scipy.linalg.qr(A.T, mode="r")[0]
     space = np.zeros((R.shape[0], len(A)), order="F")
     upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
@@ -550,7 +550,7 @@ def _fixed(layout: Layout) -> BoolArray:
 
 
 def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
-    """Warn of constraints that follow from others."""
+    """Warn of constraints that follow from those of other joints."""
     for label in dict.fromkeys(label for label, _, _ in redundant):
         own = [(others, times) for name, others, times in redundant if name == label]
         count = sum(times for _, times in own)

@@ -177,7 +177,7 @@ def _excluding_rigid(found: Array, rigid: Array) -> Array:
 
 
 def described(one: RigidBody, motions: Array) -> str:
-    """A motion (rows of u, m) of a body as text, such as "translation along x"."""
+    """The motions (rows of u, m) of a body as text, such as "translation along x"."""
     coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
     return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)

@@ -89,9 +89,15 @@ class Mean(Joint):
     The group is not stiffened. Faces, edges and cells count with their areas and lengths, points
     equally.
 
-        Parameters ---------- group : str "part:group". point : end The point that follows: the name
-        of a reference point, ("part", (x, y, z)), or a group of one point, for instance the end of
-        a beam. name : str, optional Name of the joint in messages.
+    Parameters
+    ----------
+    group : str
+        "part:group".
+    point : end
+        The point that follows: the name of a reference point, ("part", (x, y, z)), or a group of
+        one point, for instance the end of a beam.
+    name : str, optional
+        Name of the joint in messages.
     """
 
     group: str = field(metadata=END)

@@ -257,7 +257,7 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, allow_partial: bool)
 
 
 def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
-    """The motion of nodes of a part."""
+    """The motion of a part's single node."""
     six = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
     return Motion(six, _space(layout, member), member.nodes[nodes[0]])
 

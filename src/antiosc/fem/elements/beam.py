@@ -40,7 +40,32 @@ RIGID_IN_SHEAR = 1e10
 
 @dataclass(frozen=True)
 class Beam(Isotropic):
-    """A beam on a mesh of lines with straight elements, after Timoshenko or Euler and Bernoulli."""
+    """A beam on a mesh of lines with straight elements, after Timoshenko or Euler and Bernoulli.
+
+    Parameters
+    ----------
+    E, nu, rho : float
+        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
+    section : Section
+        The cross-section.
+    orientation : sequence of 3 floats or function, optional
+        A vector whose component normal to the axis is the direction of the section's height (y).
+        Required in space unless both second moments are equal; in a plane frame the height lies in
+        the plane. A function of points x (3, n) returns such vectors (3, n), for instance for
+        rings.
+    offset : float
+        In space: distance in m of the centroid from the line of the mesh, along `orientation`, for
+        instance of a stiffener on the edges of a shell.
+    shear : bool
+        False: rigid in shear and without rotary inertia in bending (Euler–Bernoulli). Not for
+        stiffeners of a shell.
+    yield_strength : float, optional
+        For the margin of safety (`peak_field`), Pa.
+
+    Components in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
+    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is the
+    classical element with one-point shear, as in the article.
+    """
 
     kind: ClassVar[Kind] = Kind("beam", outside=False, point_load=True)
     patch_radius: ClassVar[None] = None
@@ -87,8 +112,8 @@ class Beam(Isotropic):
         return on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """Length of the box; width and thickness of the rectangle that has the A and I of the
-        sections.
+        """Length of the box; with the rectangles that have A and I of the sections, the least
+        height as the thickness, and the largest A over it as the width.
         """
         thickness = min(
             (12 * material.section.I / material.section.A) ** 0.5 for material in materials

@@ -61,11 +61,10 @@ class Stretch(NamedTuple):
     degree: int
 
     def energy(self, u: Expr, initial: Expr | None = None) -> Expr:
-        """Energy density of u minus its linear part ε:C:ε/2; `initial`: a stress-free strain.
+        """Energy density of u beyond ε:C:ε/2 of linear theory; `initial`: a stress-free strain.
 
-        Its second derivative at u is K_σ plus the terms by which u changes the strains of v and w
-        to
-        ε(v) + η(u, v).
+        Its second derivative at u is K_σ plus the change of the elastic stiffness: at u the strain
+        of a motion v is ε(v) + η(u, v).
         """
         strain = self.strain(u)
         eta = self.eta(u, u)

@@ -192,7 +192,9 @@ def energies(section: SectionFields, a: Strains, b: Strains) -> tuple[Expr, Expr
 
 
 def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
-    """Kinetic energy density of the velocities u + z θ×n, and of the drilling rotation θ·n."""
+    """Density of the mass form of the motions u + z θ×n, and of the drilling rotation θ·n about
+    the middle of the mass.
+    """
     (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
     if section.I1 is not None:
@@ -217,8 +219,8 @@ def areas_of(mesh: Mesh) -> Expr:
 
 
 def rise_of(mesh: Mesh) -> Expr:
-    """Distance [m] along the normal of the middle of each quadrilateral from its corners'
-    middle.
+    """Distance [m] of the middle node of each quadrilateral from the mean of its corners, along
+    the normal; 0 for cells of order 1.
     """
     rise = compat.cellwise(mesh.dolfinx)
     if mesh.order > 1:
@@ -507,7 +509,29 @@ def _definite(name: str, value: ArrayLike, size: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class GivenSheet(Sheet):
-    """A plate or shell whose bending stiffness is independent of its membrane stiffness."""
+    """A plate or shell whose bending stiffness is independent of its membrane stiffness.
+
+    Parameters
+    ----------
+    A, D : array_like (3, 3)
+        Stiffnesses: A gives the in-plane forces of (ε1, ε2, γ12), N/m, and D the moments of
+        (κ1, κ2, 2κ12), N m.
+    S : array_like (2, 2)
+        Stiffness that gives the shear forces of (γ13, γ23), N/m.
+    mass, inertia : float
+        Mass per area, kg/m², and rotary inertia per area, kg.
+    thickness : float
+        Thickness, m; the stiffness and the mass do not depend on it.
+    axis, top, offset
+        As for `Laminate`.
+    B : array_like (3, 3)
+        Coupling that gives the forces of curvatures and the moments of strains, N.
+
+    Raises
+    ------
+    InputError
+        Stiffnesses that are not symmetric and positive definite.
+    """
 
     A: ArrayLike = field(metadata=checked_by(_definite, 3))
     D: ArrayLike = field(metadata=checked_by(_definite, 3))

@@ -127,7 +127,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The sides of the box; for a plane part the thickness is that of the material."""
+        """The sides of the box; for a plane part (length, thickness of the material, width)."""
         if self.plane is None:
             return box
         length, width, _ = box
@@ -355,7 +355,7 @@ class AnisotropicSolid(FieldsRepr):
         return general_form(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
-        """Raise InputError: it depends on the directions of surface and material."""
+        """Raise InputError: the compliance depends on the directions of surface and material."""
         raise InputError(
             "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
             "compliance of its patch is not known: leave radius=None, or make the cells around the "

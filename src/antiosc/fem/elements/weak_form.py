@@ -194,7 +194,9 @@ def _check_neighbours(
 def _compare(
     edges: IntArray, way: Array, has_sides: BoolArray, stated: BoolArray, points: Array
 ) -> None:
-    """InputError if two cells with a common edge run along it in the same direction."""
+    """InputError if two cells with `has_sides` run along their common edge in the same direction,
+    unless both have a `stated` top.
+    """
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges = edges[order]
     first = np.flatnonzero(np.append(True, np.any(np.diff(edges, axis=0), axis=1)))

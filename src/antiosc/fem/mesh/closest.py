@@ -144,9 +144,9 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     Points inside cells are found together, the others one by one.
     """
     cell, X, distance = _inside(mesh, points)
-    distances = np.array(mesh.comm.allgather(np.isfinite(distance)))
+    inside = np.array(mesh.comm.allgather(np.isfinite(distance)))
     x = points.copy()
-    for i in np.flatnonzero(~distances.any(axis=0)):
+    for i in np.flatnonzero(~inside.any(axis=0)):
         nearest = _closest_here(mesh, points[i])
         if nearest is not None:
             cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance

@@ -203,7 +203,9 @@ def curvature(
 
 
 def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) -> Patch:
-    """Faces within `reach` [m] or `wide` face sizes of the point, whichever is more."""
+    """Faces of all ranks no farther from the point than the nearest one plus `reach` [m], or plus
+    `wide` radii of the faces there if that is more.
+    """
     comm = faces.mesh.comm
     away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
     nearest = comm.allgather(float(away.min(initial=np.inf)))
@@ -264,7 +266,7 @@ class OnCad:
     ----------
     nodes : all nodes of the mesh on CAD surfaces.
     rows : (n, v) indices of the faces' vertices into these.
-    signs : (n,) +1 or -1, by which the normals of CAD point as those of the faces.
+    signs : (n,) +1 or -1, the factor that turns the CAD normals to the side of the faces' normals.
     """
 
     nodes: CadSurface
@@ -346,8 +348,8 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
 
 
 def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
-    """Quadratic interpolation of tensors (n, 2, 2) at distances `way` (n, 3), and its error
-    [1/m].
+    """(quadratic interpolation of tensors (n, 2, 2) at offsets `way` (n, 3) from the point, its
+    error [1/m]); `linear`: the linear interpolation.
     """
     u, v = basis @ way.T / np.abs(way).max()
     rows = polyvander2d(u, v, [2, 2])[:, [0, 1, 2, 3, 4, 6]]
@@ -485,8 +487,8 @@ def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
 
 
 def _cut_off(fit: Fit, share: float) -> float:
-    """Truncation error [1/m] of a fit to a circle of the fit's curvature, `share` radii of
-    curvature wide.
+    """Truncation error [1/m] of a fit to a circle of the fit's curvature, within `share` radii of
+    curvature.
     """
     relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
     return relative * float(np.abs(fit.values).max())

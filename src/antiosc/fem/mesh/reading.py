@@ -114,7 +114,7 @@ def read_mesh(
     piece
         Of a mesh that falls into pieces without a common node: 1 for the largest, 2 for the next.
     elements
-        Groups more: name -> numbers of elements in a deck, a universal file or one of Exodus.
+        Additional groups: name -> numbers of elements in a deck, a universal file or one of Exodus.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file; let all ranks read a file that dolfinx wrote as XDMF, each its own part, so
@@ -252,7 +252,7 @@ def _check_refinements(refine: Sequence[Refinement]) -> None:
 
 
 def _check_selection(cells: object) -> None:
-    """InputError unless `cells` is a name, a dimension or a list of numbers 1 to 3."""
+    """InputError unless `cells` is None, a dimension from 1 to 3, a name or a list of names."""
     if isinstance(cells, list | tuple):
         if not cells or not all(isinstance(c, str) and c for c in cells):
             raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")

@@ -154,7 +154,7 @@ def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
-    """Sign (n,) of the side of each facet on which its cell lies."""
+    """Number (n,) whose sign tells on which side of each facet its cell lies."""
     x = points[facets]
     if points.shape[1] == 2:
         along = x[:, 1] - x[:, 0]

@@ -289,8 +289,8 @@ class Faces(Entities):
         depth = _least(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
         if self.sheet:
-            facing_most = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
-            normal[facing_most], facing[facing_most] = -normal[facing_most], -facing[facing_most]
+            turned = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
+            normal[turned], facing[turned] = -normal[turned], -facing[turned]
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
             least = _least(comm, measure[best], site[best], count)
@@ -412,7 +412,7 @@ class Faces(Entities):
         return np.where(bend > STRAIGHT, bend, 0.0)
 
     def _lattice(self) -> Array:
-        """ξ (n, d) of the corners and mid-sides of the reference face."""
+        """ξ (n, d) of the corners and mid-sides of the reference face, and of a square's centre."""
         steps = np.array([0.0, 0.5, 1.0])
         grid = np.stack(np.meshgrid(*[steps] * self.dim), axis=-1).reshape(-1, self.dim)
         return np.asarray(grid[grid.sum(axis=1) <= 1] if self.simplex else grid)

@@ -128,7 +128,7 @@ def _kind(value: object) -> bytes:
 
 
 def _of_number(value: object) -> Iterator[bytes]:
-    """Bytes that describe a number, rounded to ten digits."""
+    """Bytes that describe a number; floats are rounded to ten digits."""
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, float):
         yield f"{plain + 0.0:.10g}".encode()
@@ -139,7 +139,7 @@ def _of_number(value: object) -> Iterator[bytes]:
 
 
 def _of_array(value: NDArray[np.generic], above: tuple[int, ...]) -> Iterator[bytes]:
-    """Bytes that describe an array."""
+    """Bytes that describe an array; floats are rounded to 33 bits."""
     yield repr(value.shape).encode()
     if value.dtype.kind in "fc":
         kind = np.complex128 if value.dtype.kind == "c" else np.float64
@@ -370,7 +370,7 @@ def _counted(count: Callable[..., object], value: object) -> object:
 
 
 def _flat(values: Iterable[object]) -> list[object]:
-    """Values, with mappings flattened; those shared by most ranks come first."""
+    """Values; a mapping is replaced by its values, those shared by most ranks first."""
     flat: list[object] = []
     for value in values:
         nested = value.values() if isinstance(value, Mapping) else [value]

@@ -599,7 +599,7 @@ def quadratic(
             (c for c in equal_coefficient if equal(c, coefficient)), coefficient
         )
     integrals = [form_integral for form in forms for form_integral in form.integrals()]
-    replacements = {coefficient: x for form in forms for coefficient in form.arguments()}
+    replacements = {argument: x for form in forms for argument in form.arguments()}
     form = ufl.replace(
         ufl.Form([of_cells(form_integral) for form_integral in integrals]),
         equal_coefficient | replacements,
@@ -732,7 +732,7 @@ class Exchange:
     def _sent(
         self, values: Array, sent: Mapping[int, IntArray], received: Mapping[int, IntArray]
     ) -> tuple[list[tuple[IntArray, Array]], Callable[[], object]]:
-        """(dofs and what arrives for them, once the function is called, that function)."""
+        """([(dofs, buffer of the values that arrive for them)], function that waits for them)."""
         found, requests = [], []
         for rank, dofs in received.items():
             found.append((dofs, np.empty((len(dofs), *values.shape[1:]), values.dtype)))

@@ -42,8 +42,9 @@ SLENDER = 12.0
 
 @dataclass(frozen=True, eq=False)
 class LoadedBolt:
-    """Energy EA L (s η/2 + η²/8 − e (s + η/2)) of a bolt, with s = a·g/L, η = gᵀBg/L and g =
-    G u.
+    """Energy EA L (s η/2 + η²/8 − e (s + η/2)) of a bolt beyond EA L s²/2 of linear theory.
+
+    Here s = a·g/L, η = gᵀBg/L and g = G u.
     """
 
     G: Sparse  # (12, n)
@@ -62,7 +63,7 @@ class LoadedBolt:
         return cls(elastic.G, a, B, length, joint.beam.E * joint.beam.section.A, initial)
 
     def _strain(self, g: Array) -> float:
-        """Strain s + η/2 − e of the bolt with the dofs g, without its initial strain e."""
+        """Elastic strain s + η/2 − e of the bolt with the dofs g."""
         return float(self.a @ g + g @ self.B @ g / 2) / self.length - self.initial
 
     def forces(self, u: Array) -> Array:
@@ -110,7 +111,7 @@ def with_prestress(
 
 
 def _check_names(layout: Layout, loads: Prestress, bolts: Mapping[str, Bolt]) -> None:
-    """InputError for loads on unknown groups, and for bolts that are too slender."""
+    """InputError for loads on unknown parts or bolts, and for bolts that are too slender."""
     for kind, loads_by_group in (("pressure", loads.pressure), ("force", loads.force)):
         for name in loads_by_group:
             if kind == "force" and name in layout.points:

@@ -135,9 +135,8 @@ def _areas(x: Array) -> Array:
 def layers(part: MeshedStructure) -> tuple[Array, float]:
     """The layers between the faces of this rank and the curved surface that they approximate.
 
-    Returns (volumes (F,) [m³] or, in the plane, areas, negative where the mesh has too much; mass
-    of
-    the layers over that of the structure).
+    Returns (volumes (F,) [m³] or, in the plane, areas [m²], negative where the mesh has too much;
+    mass of the layers over that of the structure).
     """
     gap, area = mean_gaps(part.faces)
     volumes = gap * area

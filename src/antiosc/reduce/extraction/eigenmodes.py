@@ -354,7 +354,7 @@ def _expected(omega: Array, reach: float) -> int:
     """Number of modes expected up to `reach`, by a power law through the known ones.
 
     The modal density grows as ω^-1/2 in beams, ω^0 in plates and ω² in solids. A good estimate
-    saves rounds of the search, each of which starts from the beginning.
+    saves rounds of the search, each of which builds a new Krylov space.
     """
     known = len(omega)
     more = max(FEWEST_MORE, known // 2)
@@ -443,6 +443,6 @@ def polish(
 
 
 def _normalised(structure: Structure, phi: Array) -> Array:
-    """Shapes scaled to unit mass."""
+    """Shapes scaled to unit modal mass φᵀMφ."""
     masses = structure.comm.allreduce(np.einsum("ij,ij->j", phi, multiply(structure.M, phi)))
     return phi / np.sqrt(masses)

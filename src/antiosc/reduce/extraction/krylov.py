@@ -71,7 +71,9 @@ AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Reached:
-    """The error bound that a damped model reaches for the receptance in its band."""
+    """The bound that a damped model reaches on the relative error of the receptance in its band,
+    and the lower end of the band [rad/s].
+    """
 
     error: float
     bottom: float
@@ -365,7 +367,7 @@ class Lanczos:
         return bound
 
     def damped_error(self, n: int, band: float) -> Reached:
-        """The bound on the error of the receptance with damping (`dampers.band_error`)."""
+        """The bound on the error of the receptance with damping (`band_error`)."""
         basis = self.vectors, self.H
         return band_error(self._structure, self._static, *basis, self._c, n, band, self._terms)
 

@@ -63,9 +63,7 @@ def _each(change: Callable[[Array], Array], functional: Functional) -> Functiona
 
 
 def _joined(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
-    """The load vector on q from that on u; InputError if the site cannot move for joints and
-    supports.
-    """
+    """The load vector on q from that on u; InputError if joints and supports hold the site."""
     joined = _each(structure.joined, functional)
     comm = structure.workers
     if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):

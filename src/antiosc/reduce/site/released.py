@@ -168,8 +168,8 @@ class Released:
         if self._assembly:
             added = self._assembly.added
             for kind, found in ((springs, added.springs()), (terms, added.dissipation(on_u=True))):
-                dampers = [Element(term.name, term.point, slice(None), term) for term in found]
-                kind += [element.if_to_ground(comm, rigid) for element in dampers]
+                elements = [Element(term.name, term.point, slice(None), term) for term in found]
+                kind += [element.if_to_ground(comm, rigid) for element in elements]
         for member in self._of.members():
             part = self._part(member)
             prefix = f"{member.name}:" if member.name else ""
@@ -189,7 +189,7 @@ class Released:
         return algebraic(self._part(self._of.members()[0]), site)
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
-        """(centres, forces on the supports) of the motions in which each support is released."""
+        """(centres of the supports, forces on the free dofs due to unit motions of each)."""
         centres: dict[str, Array] = {}
         places = self._of.places
         supported: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions

@@ -41,10 +41,11 @@ def surface_at(
     lengths: bool = True,
     part: str | None = None,
 ) -> Surface:
-    """The surface of a structure at a point (3,), struck along a direction on a patch [m].
+    """The surface of a structure at a point (3,), struck along a direction.
 
-    Without `lengths` line contacts have infinite length, which is enough for a ball. `part`: name
-    of the part of an assembly that is struck, by default the nearest one.
+    Without `lengths` line contacts have infinite length, which is enough for a ball. `radius`:
+    of the patch [m]. `part`: name of the part of an assembly that is struck, by default the nearest
+    one.
 
     Raises
     ------
