@@ -182,9 +182,9 @@ def skin(
     """Surface of a part and its displacements at one time, the same on all ranks.
 
     Returns points (P, 3) [m]; corners of faces (F, 3 or 4) as indices of points, in order around
-    the
-    face: outer faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at `time`
-    [s]. InputError for a model without shapes or of another structure, and for a mesh of lines.
+    the face: outer faces of a solid, cells of a sheet or plane part; displacements (P, 3) [m] at
+    `time` [s]. InputError for a model without shapes or of another structure, and for a mesh of
+    lines.
     """
     shape_blocks = shapes_of(structure, history, body)
     points, faces, shapes = source(structure).surface(structure, shape_blocks)

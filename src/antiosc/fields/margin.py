@@ -294,7 +294,7 @@ class HertzContact(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The pressure over the one at first yield."""
+        """The pressure over the pressure at first yield."""
         return self.pressure / (FIRST_YIELD * self.strength)
 
     def warning(self) -> str:

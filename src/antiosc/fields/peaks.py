@@ -159,8 +159,8 @@ def _step(
 def _sample_times(nodes: Array, step: float) -> Array:
     """The history times, with evenly spaced times between those farther apart than the step.
 
-    If there are more than `NODES` history times, they are thinned evenly, most of them being in
-    contacts.
+    History times beyond `NODES` and the number of steps are thinned evenly by index, since most of
+    them lie in contacts.
     """
     nodes = np.unique(nodes)
     steps = (nodes[-1] - nodes[0]) / step if step else 0.0
@@ -270,7 +270,7 @@ class PeakField(Completed):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
-    error : upper bound of the error due to sampling in time; None if the caller chose the times.
+    error : bound on the underestimate of a value by sampling in time; None for given times.
     exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and where no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids, in their unit: the deviation of

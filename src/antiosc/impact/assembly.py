@@ -59,7 +59,7 @@ LEAST_COMPLIANCE = 0.1  # fraction of a tangential compliance left to the slider
 
 
 def expect_contacts(scene: SceneParts, system: System, local: Array, duration: float) -> float:
-    """Estimate depth, speed and stiffness of the contacts from their motion and loads at the start.
+    """Estimate mass, speed, depth and friction of contacts from motion and loads at the start.
 
     Returns the shortest expected contact time [s]. local : compliance [m/N] of the patches of each
     contact.
@@ -140,7 +140,7 @@ def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
 
 
 def effective_mass(beta: Array, omega: Array) -> float:
-    """Estimated inertia [kg] of the slowest modes behind a contact."""
+    """Estimated effective mass [kg] at a contact: rigid-body modes and the static deflection."""
     rigid = omega == 0
     b = beta[rigid]
     mobility = float(b @ b)
@@ -196,7 +196,7 @@ def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[],
 class Assembly:
     """A scene in one set of modal coordinates.
 
-    Attributes that the march does not use are computed when first used.
+    Properties that the march does not use are computed when first used.
 
     Attributes
     ----------
@@ -277,7 +277,7 @@ class Assembly:
 def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) -> Assembly:
     """Assemble a scene for integration; InputError for parts that do not fit together.
 
-    stretch : False: the assembly of the linear motion, without second-order forces.
+    stretch : whether bodies may have second-order forces, which the assembly does not contain.
     """
     stretches = any(stretch_of(body) is not None for body in scene.bodies.values())
     if stretches and not stretch:

@@ -397,7 +397,7 @@ def simulate_many(
 
 
 def _info(scene: Impact) -> ModelInfo:
-    """The record of a scene's model."""
+    """The info of a scene's model."""
     return info_of(scene.model)
 
 
@@ -422,7 +422,7 @@ def _warn_of_worst(
     ranked: Sequence[tuple[float, int]],
     check: Callable[[History], str],
 ) -> None:
-    """Repeat the worst scenes by `ranked` (rank > 0, scene) and warn of what `check` finds.
+    """Repeat the worst scenes by `ranked` (rank > 0, scene); warn of the first that `check` finds.
 
     The worst scene of each model is repeated, for at most `CHECKED_MODELS` models.
     """
@@ -489,7 +489,7 @@ def _solve_chunk(
 ) -> list[_Row]:
     """Rows of scenes: groups in one call of the C library, the others one by one.
 
-    A linear run that decides on second-order forces is one of these scenes.
+    Scenes whose linear run decides on second-order forces take part in the groups with that run.
     """
     rows: dict[int, _Row] = {}
     known: dict[int, LinearBody] = {}

@@ -263,7 +263,20 @@ ICE_DENSITY = 917.0
 
 @dataclass(frozen=True)
 class NamedImpactor(FieldsRepr):
-    """A named impactor with the source of its numbers."""
+    """A named impactor with the source of its numbers.
+
+    Attributes
+    ----------
+    name : its name in `named_impactor`.
+    source : the document that gives the numbers.
+    mass : kg; None: it follows from the diameter.
+    speed : m/s, of the test that the standard prescribes; None: none is prescribed.
+    tip_radius : m; None: not in the source.
+    steel : whether its surface is steel.
+    stiffness : N/m, of its contact with a plane, for a law F = k δ; None: not in the source.
+    restitution : coefficient of restitution on a rigid surface; None: not in the source.
+    note : what is unknown, or left to the user.
+    """
 
     name: str
     source: str

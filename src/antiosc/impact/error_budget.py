@@ -85,7 +85,7 @@ class RepeatedImpact:
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """Relative errors of the three quantities due to the element family, and notes.
 
-    The record of the model has the data ("model"), or the reason why there are none.
+    The model's info has the data ("model"), or the reason why there are none.
     """
     facts = impact.model.info.model
     if isinstance(facts, str):
@@ -174,7 +174,8 @@ def low_band_message(hit: History) -> str:
 def pulse_time(hit: History) -> float:
     """Duration [s] of the half-sine whose spectrum ends at the same frequency as that of the force.
 
-    The spectrum of the first impact ends where `ENERGY` of its energy lies below.
+    The spectrum, from the first touch to the last parting, ends where `ENERGY` of its energy lies
+    below.
     """
     start = hit.contacts[0][0]
     end = hit.contacts[-1][1]

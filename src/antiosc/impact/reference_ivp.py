@@ -112,8 +112,7 @@ class JointContacts:
         """F (m,) with F = law(free - A F, rate - A_rate F) for all closed contacts, 0 for others.
 
         A and A_rate (m, m): decrease of indentations [m/N] and of their rates [m/(N s)] per force.
-        With
-        arrays (p,) and (p, p) only the normal forces are found.
+        With arrays (p,) and (p, p) only the normal forces are found.
         """
         F = guess.copy()
         for c, closed in enumerate(self.closed):
@@ -436,8 +435,7 @@ class SceneIVP(SceneMethod):
         """The solution up to its first event.
 
         SciPy raises an error if an event at the end of a step has just been passed; other steps are
-        then
-        tried.
+        then tried.
         """
         from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 

@@ -224,8 +224,7 @@ def set_initial_forces(
     """Set the forces of the contacts that are closed at the start.
 
     Without preload, a contact is closed at the start only by a load on a site without mass, or by
-    an
-    earlier run. cut : states of contacts at the end of that run (`Run.kept`), and their forces
+    an earlier run. cut : states of contacts at the end of that run (`Run.kept`), and their forces
     (p,) [N].
     """
     system = assembly.system

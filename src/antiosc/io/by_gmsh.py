@@ -77,7 +77,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
 
 
 def _check_sizes(gmsh: ModuleType, ask: Request, scale: float) -> None:
-    """MeshError for sizes larger than the part, or too small for it."""
+    """MeshError for sizes below what the coordinates of the part resolve."""
     extent = _extent(gmsh)
     for size in [ask.size, *(local for _, local in ask.refine)]:
         if size is not None and size < RESOLVED_SHARE * extent:
@@ -368,7 +368,7 @@ def _as_attempted(ask: Request, attempt: Attempt) -> Request:
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line across the bounding box of each solid, or of the model; it belongs to all groups."""
+    """A line across the bounding box of each solid, or of the model; each group has them all."""
     entities = gmsh.model.getEntities(3) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
@@ -399,8 +399,8 @@ def _session() -> ModuleType:
 def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMesh:
     """All cells and groups of the current gmsh model, entity by entity.
 
-    `names`: names of entities that become groups in addition to the physical ones; `numbered`:
-    whether the node numbers are those of the file.
+    `names`: entity -> names of its groups, in addition to the physical ones; `numbered`: whether
+    the node numbers are those of the file.
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
@@ -447,7 +447,7 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
 def _groups(
     gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
 ) -> dict[str, dict[str, IntArray]]:
-    """The named groups of the model as rows of its cells."""
+    """The physical groups of the model, by name or number, as rows of its cells."""
     found: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
     for (dim, tag), blocks in rows.items():
         # the inverse query searches all entities for each group

@@ -177,7 +177,7 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
 
 
 def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
-    """Remove all solids but one, given by its rank in volume (1 is the largest)."""
+    """Remove all solids but the `piece`-th largest; returns the names of that one."""
     solids = gmsh.model.getEntities(3)
     if not solids:  # of sheets: their pieces are those of the mesh
         return names

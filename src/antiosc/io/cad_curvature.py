@@ -44,9 +44,7 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
 
 
 def _bent(gmsh: ModuleType, tag: int, at: Array) -> tuple[Array, Array, BoolArray]:
-    """(normals (n, 3), curvature tensors (n, 3, 3), mask of the known ones) at parameters (2
-    n,).
-    """
+    """(normals (n, 3), curvature tensors (n, 3, 3), known (n,)) at parameters (2 n,)."""
     normals = np.reshape(gmsh.model.getNormal(tag, at), (-1, 3))
     high, low, *axes = gmsh.model.getPrincipalCurvatures(tag, at)
     first, second = (np.reshape(axis, (-1, 3)) for axis in axes)

@@ -232,7 +232,7 @@ class FixedEntities:
 
     def of(self, rows: IntArray) -> dict[int, IntArray]:
         """{dimension: entities by their vertices} that are fixed if the nodes `rows` are fixed."""
-        nodes_of = {0: np.intersect1d(rows, self.corners)[:, None]}
+        by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
         marked = np.zeros(self.nodes.count + 1, dtype=bool)
         marked[self.nodes.grown(rows)] = True
         edges = marked[self.edges].all(axis=2)
@@ -242,12 +242,12 @@ class FixedEntities:
             marked[-1] = True  # the entry of index -1, which stands for no node
             edges &= marked[self._around].all(axis=2)
         dim = DIMENSION[self.shape]
-        nodes_of[1] = self.edges[edges]
+        by_dimension[1] = self.edges[edges]
         if dim == 3:
-            nodes_of[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
+            by_dimension[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
         if dim > 1:
-            nodes_of[dim] = self.corners[edges.all(axis=1)]
-        return {d: entities for d, entities in nodes_of.items() if len(entities)}
+            by_dimension[dim] = self.corners[edges.all(axis=1)]
+        return {d: entities for d, entities in by_dimension.items() if len(entities)}
 
     def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
         own = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]

@@ -151,7 +151,7 @@ def _names(variables: Mapping[str, Any], of: str, what: str) -> list[str]:
 
 
 def _within(rows: IntArray, most: int, what: str, name: str) -> IntArray:
-    """MeshError unless all rows are from 0 to `most` − 1."""
+    """The rows; MeshError unless all are from 0 to `most` − 1."""
     if rows.size and not (rows.min() >= 0 and rows.max() < most):
         raise MeshError(f"{what} of {name} names an entity that the file does not hold.")
     return rows

@@ -189,8 +189,7 @@ def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
     """(triangles, number of flat ones that were removed by swapping an edge with a neighbour).
 
     Without the swap, removing a flat triangle leaves a hole without area, with a corner within a
-    side.
-    The neighbour across its longest side is therefore divided at that corner.
+    side. The neighbour across its longest side is therefore divided at that corner.
     """
     triangles, before, flat = triangles.copy(), 0, _flat(points, triangles)
     start = int(flat.sum())

@@ -78,9 +78,8 @@ class BeamSection(TypedDict):
 class MeasuredBand(TypedDict):
     """Bodies consistent with a measurement, in free modes (A bodies, J modes).
 
-    top : upper end of the band [rad/s]; draws : number of bodies that differ by the noise, which
-        come
-    first; the others differ by the modes above the band; omega, decay, b : (A, J) as in a
+    top : upper end of the band [rad/s]; draws : number of the first bodies, which differ by the
+    noise; the others differ by the modes above the band; omega, decay, b : (A, J) as in a
     `ModalBody`; r : (A,).
     """
 

@@ -42,8 +42,7 @@ def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
-    """Relative change of |Z| (..., N) at each damped pole if the mass of that pole is added to m0
-    instead.
+    """|change of Z| over |Z| (..., N) at each damped pole if its mass is added to m0 instead.
 
     For models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N), m = 0 for no pole. Z is
     written with m0, not with m_st = m0 + sum(m_i), since -x m_st would cancel the term of a large
@@ -62,7 +61,7 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Arra
 
 
 def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
-    """Relative change of |H| (J,) at each damped pole without its mode; H = sum b^2/(poles - x)."""
+    """|change of H| over |H| (J,) at each damped pole without its mode; H = sum b^2/(poles - x)."""
     weight = np.asarray(b, dtype=float) ** 2
     poles = np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
@@ -104,8 +103,7 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     to m0.
 
     Arguments as for `stiffness_at_sites`; 0 for a pole <= 0. The result does not depend on units
-    and
-    combinations of the sites.
+    and combinations of the sites.
     """
     share = np.zeros(len(poles))
     real = np.flatnonzero(poles > 0)

@@ -364,7 +364,7 @@ def _lanczos(
         return np.asarray(v / A - y * (np.sum(y * v, axis=1) / bAb)[:, None])
 
     def force(v: Array) -> Array:
-        """A v, with the stiffness of the site."""
+        """(A + stiff b b') v: A with the stiffness of the site."""
         return np.asarray(A * v + b * (stiff * np.sum(b * v, axis=1))[:, None])
 
     sites, size = phi.shape

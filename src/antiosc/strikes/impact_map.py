@@ -274,7 +274,7 @@ def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw)
 def _laws(
     structure: Structure, found: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], BoolArray]:
-    """(laws of the sites (P,), mask of sites at edges, mask of sites where the impactor fits)."""
+    """(laws of the P sites, mask (P,) of those at edges or in a hollow of the impactor's size)."""
     laws = []
     sharp = np.zeros(len(found), dtype=bool)
     radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
@@ -298,7 +298,7 @@ def _laws(
 def _surface(
     structure: Structure, point: Array, direction: Array, radius: float, lengths: bool
 ) -> Surface | None:
-    """The surface at a site whose patch has this radius; NaN for a point."""
+    """The surface at a site with a patch of this radius, NaN: a point; None if unknown."""
     patch = None if np.isnan(radius) else radius
     with contextlib.suppress(InputError):
         return surface_at(structure, point, direction, patch, lengths)
@@ -338,7 +338,7 @@ def _hertz(omega: float) -> str:
 def _reduced(
     seen: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, tuple[Array, Array]]:
-    """(models with the fewest sufficient anti-oscillators of `counts`, their errors)."""
+    """(models with the first of `counts` that suffices or the last, their two error bounds)."""
     of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift, "krylov")

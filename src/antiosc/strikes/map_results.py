@@ -62,7 +62,7 @@ class ImpactMap(Completed):
     peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the blow at
         each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
         no material has a yield_strength.
-    stress_points : (P, 3) where that is [m].
+    stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
     stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
     law_error : relative error of the largest peak force by the law of its contact: the range of the
         yield strength and large strains; None where that is not known, or the law was given.

@@ -100,7 +100,10 @@ def _of_sites(
     own: slice,
     duration: float,
 ) -> list[tuple[float, Array, float]]:
-    """(largest stress, its point, exposure) for the impacts at some sites."""
+    """(largest stress, worst point, exposure there) for the impacts at some sites.
+
+    The worst point has the largest exposure, or the largest stress if no strength is known.
+    """
     steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
     some = forces[own]
     b = seen.b[own]

@@ -363,10 +363,8 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
     """The answer with a smaller mesh error, if the previous mesh justifies it.
 
     The corrected models of both meshes differ by Δ; the error bars of the meshes are b and b' < b.
-    If
-    both errors are the same share of their bars, this share is at most Δ / (b - b'). Twice this
-    share,
-    and at least `LEAST_SHARE`, is taken.
+    If both errors are the same share of their bars, this share is at most Δ / (b - b'). Twice this
+    share, and at least `LEAST_SHARE`, is taken.
     """
     if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
         return answer
@@ -383,8 +381,7 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
     """The answer on a mesh of lines, with errors of at least the change from the previous mesh.
 
     The previous mesh had lines twice as long and fewer anti-oscillators. If the error decreases
-    with
-    the size at all, this change exceeds the remaining error, whatever the estimates are.
+    with the size at all, this change exceeds the remaining error, whatever the estimates are.
     """
     if before is None:
         return answer

@@ -202,7 +202,7 @@ def _residual(
 ) -> tuple[Array, Array, Array]:
     """Shapes, residual compliances and radii of patches at some vertices of the hull.
 
-    `own` are the hull's points in the skin, of which `which` are chosen.
+    `hull_points` are the hull's vertices in the skin, of which `which` are chosen.
     """
     from antiosc.reduce.site import functionals
 
@@ -217,7 +217,7 @@ def _residual(
     shapes = []
     residual = []
     for n, (k, load) in enumerate(zip(chosen, loads, strict=True)):
-        b, y = (columns_of[:, 3 * n : 3 * n + 3] for columns_of in (B, Y))
+        b, y = (block[:, 3 * n : 3 * n + 3] for block in (B, Y))
         axes = np.array([load.direction, *(side.direction for side in load.across)])
         displacements = b.T @ phi
         rigid = b.T @ structure.rigid_modes

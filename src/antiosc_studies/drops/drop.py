@@ -304,7 +304,7 @@ def _drawn(
 def _tumble(
     draw: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
 ) -> dict[str, float]:
-    """The results of one fall's impacts, by name and number."""
+    """The results of one fall's impacts, by name and number, and the flags of the fall."""
     fall = fall_of(*draw(seed))
     flags = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
     return {name: float(value) for name, value in flags.items()} | {
@@ -354,9 +354,9 @@ def drop(
     Parameters
     ----------
     part : Structure, RigidBody, Sphere or FreeBody
-        The part, free in space, without supports: a mesh, an assembly, or matrices with
-        coordinates; z of its mesh points up. A RigidBody may touch with its sites. The `body` of
-        another fall is accepted too; it contains the modes, damping and corner_radius.
+        The part, free in space, without supports; z of its mesh points up. A Structure is one of a
+        mesh, an assembly, or matrices with coordinates; a RigidBody touches with its sites. The
+        `body` of another fall is accepted too; it has its modes, damping and corner_radius.
     height : float
         Height of the lowest point over the floor [m].
     tilt : (a, b, c)
@@ -366,9 +366,10 @@ def drop(
         Default: rigid, without friction.
     until : "rest", int or float
         Where the fall ends: at rest, after a number of impacts, or at a time [s]. The part is at
-        rest on points around its centre of mass when the rigid motion that the floor could still
-        stop has the energy of a lift by 0.1 % of the height: a ball that rolls, and a part that
-        slides without friction, are at rest. "rest" also ends after 200 impacts or 600 contacts.
+        rest on points around its centre of mass when the energy that the floor could still take
+        from its rigid motion is at most that of a lift by 0.1 % of the height: a ball that rolls,
+        and a part that slides without friction, are at rest. "rest" also ends after 200
+        impacts or 600 contacts.
     face, edge, corner : str, optional
         What is lowest, with the centre of mass above it: "-z", "-x-z", "+x-y-z" name extremes of
         the part in the axes of its mesh; a face may also be the name of a group.

@@ -199,7 +199,7 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
 def _together(
     assembly: Assembly, duration: float, fine: SceneHistory, share: float
 ) -> dict[str, float]:
-    """Errors of the sum of all contact forces, from a run with a coarser tolerance.
+    """Errors of the forces of all contacts together, from a run with a coarser tolerance.
 
     The march refines until each contact reaches the tolerance; on a layer each piece is a contact.
     """
@@ -209,7 +209,7 @@ def _together(
     t = np.union1d(fine.time, coarse.time)
     count = len(assembly.laws)
     coarse_forces, fine_forces = (
-        forces(record_of.run, *locate(record_of.run, t)) for record_of in (coarse, fine)
+        forces(history.run, *locate(history.run, t)) for history in (coarse, fine)
     )
     difference, size = (
         trapezoid((F**2).sum(axis=1), t) for F in (coarse_forces - fine_forces, fine_forces)
@@ -562,16 +562,16 @@ class Episode:
         """Number of each line along which the body lands -> indices of the contacts at its
         stations.
         """
-        contacts_of_station = [
+        contacts_of_line = [
             np.flatnonzero(np.isin(self.which, stations)) for stations in self.body.stations
         ]
-        return {k: stations for k, stations in enumerate(contacts_of_station) if len(stations)}
+        return {k: stations for k, stations in enumerate(contacts_of_line) if len(stations)}
 
     def strongest(self) -> dict[int, Array]:
         """Number of each line -> its stations' forces when their sum is largest [N]."""
         forces = self.forces()[1]
-        forces_of_line = {k: forces[:, history] for k, history in self.lines.items()}
-        return {k: history[np.argmax(history.sum(axis=1))] for k, history in forces_of_line.items()}
+        forces_of_line = {k: forces[:, stations] for k, stations in self.lines.items()}
+        return {k: force[np.argmax(force.sum(axis=1))] for k, force in forces_of_line.items()}
 
     def inclined(self) -> bool:
         """Whether only a part of a line's stations carries its largest force."""
@@ -729,7 +729,7 @@ def _followed(
 
 
 def _stalls(changes: list[float]) -> bool:
-    """Whether the changes no longer decrease from run to run."""
+    """Whether the change has not halved in two runs, or no further run is allowed."""
     count = len(changes)
     return count == MOST_RUNS or (count >= FEW_RUNS and changes[-1] > changes[-3] / 2)
 

@@ -238,7 +238,7 @@ class Fall(Trajectory, Result):
         return x - body.centre, fields.at_point(body.structure, body.basis, x, part, reach)
 
     def _specific_force(self, part: State | Episode, since: Array, arm: Array, phi: Array) -> Array:
-        """Accelerations (n, 3) minus gravity in body axes, at times since the start of a part."""
+        """Accelerations (n, 3) minus gravity in body axes, at times in a flight or an episode."""
         body = self.body
         gravity = self.setting.gravity
         if isinstance(part, Episode):
@@ -485,7 +485,7 @@ class Fall(Trajectory, Result):
         ]
 
     def warn(self) -> None:
-        """Warn of a fast spin, of forces that miss `tol`, of layers, and of a fall without rest."""
+        """Warn of fast spin, no rest, forces that miss `tol`, unsure lines, deep layers."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
         if ratio > STIFFENS:
             warn(

@@ -81,8 +81,8 @@ class Floor(FieldsRepr):
     law : ContactLaw, optional
         Contact law of every contact, in place of the one from curvatures and materials.
     model : SoilCone, AntiOscillators or another model of one site, optional
-        An elastic floor with supports: soil, or a plate extracted at the struck place. All points
-        that touch share its displacement.
+        An elastic floor that cannot fly off: soil, or a plate extracted at the struck place. All
+        points that touch share its displacement.
     """
 
     material: Any = None
@@ -187,7 +187,7 @@ class Ground:
     def speed(self, floor: Array, force: float) -> float:
         """Amplitude [m/s] of the floor's vibration about its equilibrium under a force [N].
 
-        Modes of different frequencies add up as the root of squares.
+        Modes of different frequencies add up as the root of the sum of squares.
         """
         (a, b), (by_a, by_b), omega = (
             floor - force * self._under_unit_force,

@@ -69,8 +69,8 @@ def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     triangles = np.asarray(convex.simplices, dtype=int)
     x = body.points[triangles]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    inside = np.einsum("td,td->t", normals, convex.equations[:, :3]) < 0
-    triangles[inside] = triangles[inside, ::-1]
+    inward = np.einsum("td,td->t", normals, convex.equations[:, :3]) < 0
+    triangles[inward] = triangles[inward, ::-1]
     places = np.column_stack((body.points, body.shapes.reshape(len(body.points), -1)))
     return places, triangles, body.balls > 0
 
@@ -98,8 +98,8 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     if skin.half.any():  # a sheet has two sides
         triangles = np.vstack([triangles, triangles[:, ::-1]])
     else:
-        outside = np.einsum("td,tvd->t", normals, skin.normals[triangles]) < 0
-        triangles = np.where(outside[:, None], triangles[:, ::-1], triangles)
+        inward = np.einsum("td,tvd->t", normals, skin.normals[triangles]) < 0
+        triangles = np.where(inward[:, None], triangles[:, ::-1], triangles)
     nodes, _, displacements = source(body.structure).at_nodes(body.structure, body.basis)
     shapes = np.moveaxis(displacements[cKDTree(nodes).query(skin.points)[1]], 1, 2)
     nearest = cKDTree(skin.points).query(body.points + body.centre)[1]

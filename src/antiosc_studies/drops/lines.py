@@ -141,7 +141,7 @@ def landing(body: FreeBody, start: State) -> FreeBody:
 
 
 def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
-    """Sentence that a line yields under a force [N], as its law is elastic; "" if it does not.
+    """Sentence that a line, whose law is elastic, yields under a force [N]; "" if it does not.
 
     Yield begins below the surface at 1.79 times the strength (von Mises; Johnson, 6.2).
     """

@@ -70,7 +70,7 @@ class Skin:
         return self.rounded(self.curvatures[which])
 
     def rounded(self, curvatures: Array) -> tuple[float, float]:
-        """Radii [m] for principal curvatures (2,) [1/m]; at most the largest radius."""
+        """Radii [m] for principal curvatures (2,) [1/m], at most FLATTEST times the skin's size."""
         first, second = np.maximum(curvatures, 1 / (FLATTEST * self.size))
         return 1 / float(first), 1 / float(second)
 

@@ -224,7 +224,7 @@ def _around(points: Array, close: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """One impact: contacts separated by less than a period of the slowest mode.
+    """One impact: contacts that follow within the longest modal period or the first's duration.
 
     Attributes
     ----------
