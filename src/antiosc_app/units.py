@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from math import isclose, log10
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +46,7 @@ def unit_of(structure: Structure, unit: str, units: Sequence[str], density_given
     """
     members = with_parts(structure).members()
     materials = np.array(
-        [_modulus_and_density(one) for member in members for one, _ in member.part.parts]
+        [_modulus_and_density(material) for member in members for material, _ in member.part.parts]
     )
     if density_given:
         materials[:, 1] = np.nan
@@ -82,11 +83,16 @@ def _decades_off(materials: Array) -> float:
 
     `materials` : (n, 2) Young's moduli [Pa] and densities [kg/m³]; NaN: not known.
     """
-    table = [record(name) for name in names()]
-    real = np.array([*((np.max(one.E), one.rho) for one in table), *OF_SANDWICHES])
-    decades = np.nan_to_num(np.abs(np.log10(materials[:, None] / real)))
+    decades = np.nan_to_num(np.abs(np.log10(materials[:, None] / _real_materials())))
     off = DECADES_OF_MODULUS * decades[:, :, 0] + np.minimum(decades[:, :, 1], DUMMY)
     return float(np.quantile(off.min(axis=1), 0.5, method="lower"))
+
+
+@cache
+def _real_materials() -> Array:
+    """(n, 2) Young's moduli [Pa], the largest of wood, and densities [kg/m³] of known materials."""
+    table = [record(name) for name in names()]
+    return np.array([*((np.max(material.E), material.rho) for material in table), *OF_SANDWICHES])
 
 
 def _modulus_and_density(material: Any) -> tuple[float, float]:
