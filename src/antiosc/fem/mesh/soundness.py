@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError, UnmeshableError, warn
+from antiosc.fem.mesh.flat_cells import without_flat
 from antiosc.fem.platform import agree, compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
 from antiosc.io.reading import keys, piece_of_cells, pieces_error
@@ -268,6 +269,10 @@ def sound(
         Cells that fold over, lock in bending or overlap, cracks and hanging nodes.
     """
     kind = raw.kind
+    flat = _collapsed_of(raw)
+    if made_here and len(flat):
+        raw = without_flat(raw, flat, name)
+        flat = _collapsed_of(raw)
     vertices = raw.cells[:, : kind.vertices]
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     fills = kind.dim == raw.points.shape[1]
@@ -307,7 +312,7 @@ def sound(
             "they overlap; delete the superfluous ones",
         )
     refuse(
-        collapsed(raw.points, cells, kind.shape, kind.order),
+        flat,
         f"have no {('length', 'area', 'volume')[kind.dim - 1]}",
         "merge the nodes that coincide, or mesh it anew",
     )
@@ -359,6 +364,13 @@ def sound(
         if not pieces:
             _tell_cracks(raw, vertices, name)
     return raw
+
+
+def _collapsed_of(raw: RawMesh) -> IntArray:
+    """Numbers of the cells of a mesh without length, area or volume."""
+    kind = raw.kind
+    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
+    return collapsed(raw.points, cells, kind.shape, kind.order)
 
 
 def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
