@@ -237,7 +237,8 @@ def equal_stiffness(
     deepest = float(hit.indentation.max())
     if not hit.peak_force > 0 or not deepest > 0:
         raise InputError("the impactor does not strike the model: give it a velocity > 0.")
-    low, high = 0.0, inf
+    low = 0.0
+    high = inf
     stiffness = 1.25 * hit.peak_force / deepest
     for _ in range(60):
         peak = simulate(model, impactor, Linear(stiffness), duration=duration).peak_force

@@ -343,7 +343,8 @@ def _numbers(name: str, data: RunData) -> str:
     specs = ", ".join(f"{{{kind}, {index}}}" for kind, index in data.outputs.tolist())
     lines.append(f"static const axm_output_spec {name}_outputs[] = {{{specs}}};")
     modes, rows, contacts, breaks, sites, parameters, count, _, stretch = data.counts()
-    offset, contact_lines = 0, []
+    offset = 0
+    contact_lines = []
     scales = arrays["contacts"].reshape(contacts, 7)
     for c, values in zip(data.given.contacts, scales, strict=True):
         row = [_number(x) for x in values]

@@ -261,7 +261,8 @@ def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read, Sequence
         except PiecesError as error:
             if "piece" in read:
                 raise
-            read["piece"], pieces = 1, error.pieces
+            read["piece"] = 1
+            pieces = error.pieces
         except InputError as error:
             if "no density" not in str(error) or "density" in read:
                 raise

@@ -49,7 +49,8 @@ class FreeModes:
         from antiosc.extension import ModeSolver
 
         structure.factorize(np.inf)  # a click is one solve
-        self._structure, self._solver = structure, ModeSolver(structure)
+        self._structure = structure
+        self._solver = ModeSolver(structure)
         #: numbers of modes of the remaining rounds
         self.left = list(ROUNDS)
         self._known: tuple[Array, Array] | None = None
@@ -84,7 +85,8 @@ class FreeModes:
         from antiosc.reduce.site import functional, surfaces
 
         assert self._known is not None
-        structure, (omega, phi) = self._structure, self._known
+        structure = self._structure
+        omega, phi = self._known
         load = functional(structure, site)
         y = structure.factorize().solve_block(load.b[:, None])[:, 0]
         inertia = float(y @ multiply(structure.M, y))

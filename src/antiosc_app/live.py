@@ -47,7 +47,8 @@ FOLDER = Path(__file__).with_name("page")
 #: Scripts of the page in the order of their dependence.
 SCRIPTS = ("units", "engine", "data", "view", "part", "map", "chart", "verdict", "page", "fall")
 #: Starting scripts: of a report, which contains its data, and of `antiosc open`.
-REPORT, OPEN = "start", "open"
+REPORT = "start"
+OPEN = "open"
 #: The kinds of arrays on the page; JavaScript's names of them are in data.js.
 KINDS = {"<f8": "f8", "<f4": "f4", "<i2": "i2", "<u4": "u4", "|u1": "u1"}
 
@@ -113,7 +114,8 @@ def _packed(values: Array) -> Data:
 
 
 #: Relative force error of the runs on the page; of those that colour a map.
-TOL, COARSE = 1e-6, 1e-3
+TOL = 1e-6
+COARSE = 1e-3
 #: Number of points of the computed curve on the page.
 CURVE = 2000
 #: Translates digits to superscripts.
@@ -257,7 +259,8 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in budget.items()}
     if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
         return {"shares": {}, "variants": {}, "word": ""}
-    model, variants = hit.model, {}
+    model = hit.model
+    variants = {}
     moving = hit.assembly.bodies["structure"].start.any()
     linear = not hit.assembly.stretched
     if shares and linear and not moving and getattr(model, "strain_error", None) is not None:

@@ -54,7 +54,8 @@ SAME_SIDE_COSINE = np.cos(np.radians(15.0))
 #: A supporting plane contains at most this share of the nodes.
 LARGEST_PLANE = 0.6
 #: Radius of a site over the distance to the edge of its face; largest radius over the longest side.
-RADIUS, LARGEST_RADIUS = 0.4, 0.02
+RADIUS = 0.4
+LARGEST_RADIUS = 0.02
 #: Default material of a part.
 MATERIAL = "steel S235"
 #: Largest radius of the ball of a new scene [m], and over that of the patch (False: known material,
@@ -73,15 +74,18 @@ UP = np.array([0.1, 0.2, 1.0])
 ROOM = 0.1
 #: Number of sites that are tried first, and then among the others; words of the warning about a
 #: partly held patch.
-MOST_TRIED, PARTLY_HELD = 40, "supports fix"
+MOST_TRIED = 40
+PARTLY_HELD = "supports fix"
 #: Nodes lie on a plane if their distance is below this share of the part's size.
 ON_PLANE = 1e-6
 #: Guessed thickness of a sheet and diameter of a bar, over the longest side.
-THICKNESS_RATIO, DIAMETER_RATIO = 0.005, 0.03
+THICKNESS_RATIO = 0.005
+DIAMETER_RATIO = 0.03
 #: Anti-oscillators of a new scene, by family.
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
 #: A part of at most so many nodes is struck for this time [s] before its scene is written.
-MOST_NODES, MOMENT = 4000, 2e-4
+MOST_NODES = 4000
+MOMENT = 2e-4
 #: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
 #: Longest run of a new scene in periods of its impact's highest frequency: stresses are evaluated

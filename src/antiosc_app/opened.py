@@ -125,7 +125,8 @@ class Opened:
         self._given = structure
         self._unit = unit
         self._work = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
-        self._waiting, self._lock = 0, threading.Lock()
+        self._waiting = 0
+        self._lock = threading.Lock()
         self._turns: Kept[int] = Kept(TABS)
         self._structures: Kept[Structure] = Kept(STRUCTURES)
         self._models: Kept[AntiOscillators] = Kept(MODELS)
@@ -417,18 +418,15 @@ class Opened:
             compiled=compiled(read_document(scene)), title=result.sections["title"]
         )
         if isinstance(result, Dropped):
-            page_results.structure, page_results.fall, page_results.worst = (
-                result.fall.body.structure,
-                result.fall,
-                result.worst,
-            )
+            page_results.structure = result.fall.body.structure
+            page_results.fall = result.fall
+            page_results.worst = result.worst
         else:
-            page_results.structure, page_results.model, page_results.history = (
-                result.structure,
-                result.model,
-                result.hit,
-            )
-            page_results.impactor, page_results.stresses = result.hit.impactor, _strengths(result)
+            page_results.structure = result.structure
+            page_results.model = result.model
+            page_results.history = result.hit
+            page_results.impactor = result.hit.impactor
+            page_results.stresses = _strengths(result)
         report.write_page(page_results, results.presentations(page_results), page)
         return {"written": names}
 

@@ -195,7 +195,8 @@ def write_report(
         page_results.map = reported
         page_results.structure = structure
     elif isinstance(reported, Fall):
-        page_results.fall, page_results.structure = reported, reported.body.structure
+        page_results.fall = reported
+        page_results.structure = reported.body.structure
         if page_results.structure is not None:
             page_results.worst = worst_by_strengths(reported)
     else:
@@ -281,7 +282,8 @@ def _untold(
 
 def _rows_untold(rows: list[tuple[str, object]], in_headline: set[str]) -> list[tuple[str, object]]:
     """Rows whose values are not in the headline; a row without a name gets the one above."""
-    remaining, name = [], ""
+    remaining = []
+    name = ""
     for row_name, value in rows:
         name = row_name or name
         if _plain(str(value)) not in in_headline:

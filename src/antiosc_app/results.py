@@ -89,7 +89,8 @@ def drawn(pictures: Iterable[Picture]) -> Iterator[Drawn]:
     for picture in pictures:
         if picture.same_view and not data_url:
             continue
-        caption, data_url = picture.caption, ""
+        caption = picture.caption
+        data_url = ""
         with progress.doing(f"drawing: {picture.heading}"), tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"picture{picture.ending}"
             try:

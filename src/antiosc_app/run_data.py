@@ -333,7 +333,8 @@ def _contact_outputs(
     contacts: Sequence[tuple[str, str]], plain: bool
 ) -> tuple[NDArray[np.int32], list[Variable]]:
     """Output specifications and variables of contacts."""
-    specs, variables = [], []
+    specs = []
+    variables = []
     for c, (a, b) in enumerate(contacts):
         for kind, (name, unit) in OF_CONTACT.items():
             specs.append((kind, c))
@@ -345,7 +346,8 @@ def _contact_outputs(
 
 def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variable]]:
     """Output specifications and variables of sites."""
-    specs, variables = [], []
+    specs = []
+    variables = []
     for i, prefix in enumerate(names):
         of = f"the {prefix.rstrip('._')}" if prefix else "the site"
         for kind, (name, unit) in OF_SITE.items():
@@ -377,7 +379,8 @@ def distinct(names: Iterable[str]) -> list[str]:
     """The names, made distinct by "_2", "_3", …."""
     taken: dict[str, None] = {}
     for name in names:
-        unique, copies = name, 1
+        unique = name
+        copies = 1
         while unique in taken:
             copies += 1
             unique = f"{name}_{copies}"

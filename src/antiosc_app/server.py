@@ -74,7 +74,8 @@ class Server(ThreadingHTTPServer):
         super().__init__((HOST, 0), _Request)
         self.token = secrets.token_urlsafe(24)
         self.calls = calls
-        self.page, self.policy = page[0].encode(), page[1]
+        self.page = page[0].encode()
+        self.policy = page[1]
         self.hosts = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.server_port}/{self.token}/"
         self._room = threading.BoundedSemaphore(MOST_REQUESTS)

@@ -31,10 +31,12 @@ NEIGHBOURS = 12
 #: Largest number of held faces.
 MOST_HELD = 200
 #: Anti-oscillators of a solid or a bar, and of a sheet.
-COUNT, COUNT_OF_SHEET = 20, 100
+COUNT = 20
+COUNT_OF_SHEET = 100
 #: Names of isotropic materials; default of a part and of a ball.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
-FIRST, FIRST_OF_BALL = "steel S235", "bearing steel 100Cr6"
+FIRST = "steel S235"
+FIRST_OF_BALL = "bearing steel 100Cr6"
 #: Names of floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
@@ -162,7 +164,8 @@ def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
 
 def scene_of(source: Source, asked: SetUp, duration: float) -> Table:
     """The sections of the scene of a set-up; `duration` of the impact [s]."""
-    look, title = source.look, f"An impact on {source.name}"
+    look = source.look
+    title = f"An impact on {source.name}"
     if asked.striker.kind == FLOOR:
         part = _part(source, replace(asked, finer=False))
         return {"title": f"A fall of {source.name}", **part, "drop": _drop(asked), "worst": {}}

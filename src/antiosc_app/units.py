@@ -33,7 +33,8 @@ OF_SANDWICHES = (
 )
 #: A decade of a modulus counts as this many of a density; a density that is further off than this
 #: many decades is no real one (of 87 decks by others 5 state 1.0, or 1e-4, as a density).
-DECADES_OF_MODULUS, DUMMY = 5.0, 2.0
+DECADES_OF_MODULUS = 5.0
+DUMMY = 2.0
 #: Up to this difference, decades, units are equally likely; densities are taken as weights where
 #: that is nearer to real ones by more.
 EQUAL = 0.5

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from antiosc import Site, Structure
 
 #: Sources that may show the page in a frame: none, or notebooks of this machine.
-NOBODY, NOTEBOOKS = "'none'", "'self' http://127.0.0.1:* http://localhost:*"
+NOBODY = "'none'"
+NOTEBOOKS = "'self' http://127.0.0.1:* http://localhost:*"
 #: Height of the frame in a notebook [pixels].
 HEIGHT = 900
 

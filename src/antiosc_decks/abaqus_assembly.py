@@ -261,7 +261,8 @@ def _divided(
     top: list[Card] = []
     parts: Parts = {}
     placed: list[tuple[Card, list[Card]]] = []
-    current, in_step = top, False
+    current = top
+    in_step = False
     names: set[tuple[str, str]] = set()
     for card in cards:
         if card.keyword in ("PART", "INSTANCE"):

@@ -173,7 +173,8 @@ def cards(sources: Sources) -> list[Card]:
 
 def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Card]) -> None:
     """Append the cards of one file to `cards_read`, and those of files it includes."""
-    number, surface = 0, None
+    number = 0
+    surface = None
     while number < len(lines):
         line = lines[number].strip()
         number += 1
@@ -378,7 +379,8 @@ CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), r
 def account_for(cards: list[Card], name: str) -> Account:
     """What becomes of each card of a deck; the model and its first step are read."""
     account = Account(name)
-    count, step = 0, -1
+    count = 0
+    step = -1
     for card in cards:
         if card.keyword == "STEP":
             count, step = count + 1, count

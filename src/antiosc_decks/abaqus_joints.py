@@ -112,7 +112,8 @@ def tie(
     therefore not tied.
     """
     place.needs(master.faces, "the master surface.node_tables *TIE must be of faces of elements.")
-    faces, edges = [], []
+    faces = []
+    edges = []
     for corners, mids in master.faces:
         quadratic = len(mids) and (mids >= 0).all()
         nodes = np.concatenate([corners, mids]) if quadratic else corners
@@ -333,7 +334,8 @@ class _Joints:
 
     def _pair(self, kind: str, nodes: list[int], place: Place) -> bool:
         """Apply a TIE, PIN, LINK or BEAM between two nodes; False if `kind` is none of these."""
-        joints, (a, b) = self.joints, nodes
+        joints = self.joints
+        a, b = nodes
         place.needs(a != b, f"the *MPC of type {kind} joins a node with itself.")
         if kind in ("TIE", "PIN"):
             with_rotations = all(not joints.used[n] or joints.has_rotations[n] for n in nodes)

@@ -333,7 +333,8 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
     rows: list[list[int]] = []
     places: list[Place] = []
     current: list[int] = []
-    start, longer = card.place, 0
+    start = card.place
+    longer = 0
     for line, place in zip(card.lines, card.places, strict=True):
         if not current:
             start = place

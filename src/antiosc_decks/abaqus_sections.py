@@ -236,7 +236,8 @@ class Sections:
         if card.keyword == "SOLIDSECTION" and roles == {"rod"}:
             area = _positive(card, "area of rods") * self.builder.units.length**2
             arguments_of_rod = {**self._isotropic(card, "solids"), "area": area, "torsion": 0.0}
-            kind, arguments = "Truss", arguments_of_rod
+            kind = "Truss"
+            arguments = arguments_of_rod
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:

@@ -43,7 +43,8 @@ SHAPES = {
     **{(role, n): "triangle" for n in (3, 6) for role in ("shell", "plane")},
 }
 #: Number of columns before an element's nodes; number of nodes in its first line.
-HEAD, FIRST = 11, 8
+HEAD = 11
+FIRST = 8
 MOTION_LABELS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(6), strict=True))
 Line = tuple[str, Place]
 
@@ -82,7 +83,8 @@ def read(ask: Request) -> FileMesh:
         _take(archive, [word.strip() for word in text.split("!")[0].split(",")], place, rows)
     deck, owners = _deck(archive, ask.elements)
     if ask.model is not None:
-        deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
+        deck.wanted = ask.model.get("parts")
+        deck.piece = ask.model.get("piece")
         deck.free = ask.model.get("free", False)
         builder = ModelBuilder(deck, UnitSystem(*ask.unit), ask.model.get("density"))
         _model(archive, deck, owners, builder)

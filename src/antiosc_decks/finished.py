@@ -291,7 +291,8 @@ def _drop_alone(builder: ModelBuilder) -> None:
         return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
 
     dampers = [entry for entry in joints.dampers if resists(entry[0])]
-    dropped, joints.dampers = dropped + len(joints.dampers) - len(dampers), dampers
+    dropped += len(joints.dampers) - len(dampers)
+    joints.dampers = dampers
     if dropped:
         message = "springs, dampers, masses and constraints that nothing joins to an element"
         builder.ignored.append(f"{dropped} {message}")
@@ -299,7 +300,8 @@ def _drop_alone(builder: ModelBuilder) -> None:
 
 def _attach(builder: ModelBuilder) -> None:
     """Convert point masses to mass matrices at numbered nodes."""
-    masses, builder.masses = builder.masses, []
+    masses = builder.masses
+    builder.masses = []
     size = builder.units.length
     for node, place, mass, inertia in masses:
         inertia_matrix = np.diag([mass] * 3 + [value / size**2 for value in inertia])
@@ -391,7 +393,8 @@ def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
         lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone))
     )
     masses = [members for members in builder.masses if not gone[members[0]]]
-    dropped, builder.masses = dropped + len(builder.masses) - len(masses), masses
+    dropped += len(builder.masses) - len(masses)
+    builder.masses = masses
     if dropped:
         message = "constraints, springs, dampers or masses on parts that are left out"
         builder.ignored.append(f"{dropped} {message}")

@@ -33,7 +33,8 @@ from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, 
 from antiosc_decks.nastran_cards import fields_of
 
 #: Form numbers: one triangle of a symmetric matrix; a full square matrix.
-SYMMETRIC_FORM, SQUARE_FORM = 6, 1
+SYMMETRIC_FORM = 6
+SQUARE_FORM = 1
 #: Numbers of grid points are below this.
 MOST_GRID = 2**31
 
@@ -301,7 +302,8 @@ def read_op4(source: Source) -> dict[str, Entries]:
     reader = _Text(source) if is_text(source.content) else _Binary(source)
     matrices: dict[str, Entries] = {}
     while (header := reader.header()) is not None:
-        label, size = f"{source.name}: the matrix {header.name}", header.rows
+        label = f"{source.name}: the matrix {header.name}"
+        size = header.rows
         if header.kind not in (1, 2):
             raise InputError(f"{label} is complex: stiffness and mass must be real.")
         if size != header.columns or size < 1:
@@ -354,7 +356,9 @@ class _Text:
     """Reads OP4 records from text."""
 
     def __init__(self, source: Source) -> None:
-        self._source, self._lines, self._at = source, source.lines(), 0
+        self._source = source
+        self._lines = source.lines()
+        self._at = 0
 
     def begin(self) -> None:
         """Records are lines."""
@@ -481,7 +485,8 @@ class _Binary:
 
     def _values(self, kind: np.dtype[S], count: int) -> NDArray[S]:
         """The next `count` numbers of the record."""
-        at, self._next = self._next, self._next + count * kind.itemsize
+        at = self._next
+        self._next += count * kind.itemsize
         if count < 0 or self._next > len(self._record):
             size = len(self._record)
             raise self.bad(f"{count} numbers are expected, in a record of {size} bytes")

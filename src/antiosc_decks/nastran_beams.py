@@ -58,7 +58,8 @@ class BeamProfiles:
         #: offset of the neutral axis from the shear centre: (end, along planes 1 and 2)
         self.neutral = np.zeros((2, 2))
         #: profile whose numbers `stations` replace; whether the beams deform in shear
-        self.form, self.sheared = profiles.rectangle(1.0, 1.0), True
+        self.form = profiles.rectangle(1.0, 1.0)
+        self.sheared = True
         read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
         #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
@@ -130,12 +131,14 @@ class BeamProfiles:
             self.told.append(f"K1 and K2 of {label}, which differ: {what}")
         if not values[4]:
             self.told.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
-        self.form, self.sheared = replace(self.form, shear=shear or self.form.shear), shear > 0
+        self.form = replace(self.form, shear=shear or self.form.shear)
+        self.sheared = shear > 0
         return rows
 
     def _along(self, rows: dict[float, Station]) -> int:
         """Add PBEAM's further stations to `rows`; returns the field after them."""
-        entry, starts = self.entry, {}
+        entry = self.entry
+        starts = {}
         words = ("YES", "YESA", "NO")
         # the places of stresses at the first end may be left out
         start = 8 if entry.text(8).upper() in words else 16
@@ -202,7 +205,8 @@ class BeamProfiles:
                 profile = profiles.walled(
                     profile, profiles.box_torsion(*d) if kind == "BOX1" else None
                 )
-            self.form, mixed = profile, profile.mixed if kind in ("L", "Z") else 0.0
+            self.form = profile
+            mixed = profile.mixed if kind in ("L", "Z") else 0.0
             return [profile.A, profile.I, profile.I_side, mixed, profile.J, extra]
         except ValueError as error:
             message = (

@@ -235,7 +235,8 @@ class Bulk:
                 name, number = ("BEGIN SUPER", [part[1]]) if part else ("BEGIN", [])
                 self._begin(Entry(name, place, number))
             return
-        continued, self._continued = self._continued, "," in line and line.endswith(",")
+        continued = self._continued
+        self._continued = "," in line and line.endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
         if words[0].startswith(TEXTS):
@@ -542,7 +543,8 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
     for entry in entries:
         if entry.name not in OLDER:
             continue
-        old, (entry.name, order) = entry.name, OLDER[entry.name]
+        old = entry.name
+        entry.name, order = OLDER[entry.name]
         if old in OF_MATERIAL:
             material = entry.text(1)
             solids.setdefault(material, Entry("PSOLID", entry.place, [material, material]))

@@ -136,7 +136,8 @@ NEAR = 1e-5
 
 def scope_parts(entries: list[Entry]) -> None:
     """Set the scopes of all entries if the parts use numbers for different things."""
-    part, scopes = 0, []
+    part = 0
+    scopes = []
     known: dict[tuple[str, str], tuple[int, list[str]]] = {}
     clash = any(entry.name == "SELOC" for entry in entries)
     for entry in entries:
@@ -461,10 +462,12 @@ def _rods_of_bars(deck: NastranDeck) -> None:
     rods = {entry.text(0): entry for entry in without_bending}
     for entry in deck.named("CBAR"):
         if (entry.text(1) or entry.text(0)) in rods:
-            entry.name, entry.fields = "CROD", entry.fields[:4]
+            entry.name = "CROD"
+            entry.fields = entry.fields[:4]
     for entry in rods.values():
         area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
-        entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
+        entry.name = "PROD"
+        entry.fields = [*entry.fields[:2], area, torsion, "", extra]
         message = "PBAR without I1 and I2, read as rods: bending, pins and offsets"
         deck.account.options.append((message, entry.place, Fate("ignored")))
 

@@ -259,9 +259,11 @@ class Joints:
         tell = self.builder.tell_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
         if name == "CVISC":  # along the line, and against the twist about it
-            values["B"][0], values["B"][3] = prop.real(1), prop.real(2)
+            values["B"][0] = prop.real(1)
+            values["B"][3] = prop.real(2)
         elif name == "CBUSH1D":
-            values["K"][0], values["B"][0] = prop.real(1), prop.real(2)
+            values["K"][0] = prop.real(1)
+            values["B"][0] = prop.real(2)
             if prop.words(3):
                 tell(f"what of PBUSH1D {prop.text(0)} is not K or C")
         elif name == "CGAP":

@@ -337,7 +337,8 @@ class Properties:
     def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add PCOMP or PCOMPG."""
         plies = []
-        material, thickness = "", ""
+        material = ""
+        thickness = ""
         step, first = (8, 9) if entry.name == "PCOMPG" else (4, 8)
         for start in range(8, len(entry.fields), step):
             if not entry.words(start, start + 4):

@@ -297,7 +297,8 @@ def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) ->
     """Each element's vector at its centre [m], and at the centres of a quadrilateral's
     triangles.
     """
-    places, directions = [], []
+    places = []
+    directions = []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
         thirds = range(4) if len(x) == 4 else ()
         cut = [x.mean(axis=0), *(np.delete(x, k, axis=0).mean(axis=0) for k in thirds)]

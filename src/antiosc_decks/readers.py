@@ -33,7 +33,8 @@ def _reader(
         deck = deck_and_model.deck
         deck.name_elements(ask.elements, deck_and_model.element_labels())
         if ask.model is not None:
-            deck.wanted, deck.piece = options.get("parts"), options.get("piece")
+            deck.wanted = options.get("parts")
+            deck.piece = options.get("piece")
             deck.free = options.get("free", False)
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), options.get("density"))
         if not deck.n_elements:

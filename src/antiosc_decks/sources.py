@@ -40,7 +40,9 @@ class Sources:
     def __init__(
         self, path: Path, name: str, on_size: Watch = lambda size: None, root: str | None = None
     ) -> None:
-        self.path, self.name, self.folder = path, name, path.resolve().parent
+        self.path = path
+        self.name = name
+        self.folder = path.resolve().parent
         self.root = _root(path) if root is None else Path(root)
         self.size = 0
         self._on_size = on_size
@@ -81,7 +83,8 @@ class Sources:
             inside = path.is_relative_to(self.root)
             exists = inside and os.path.isfile(path)
         except (OSError, ValueError):
-            inside, exists = True, False
+            inside = True
+            exists = False
         folder = "/".join(self.root.parts[-2:])
         at.needs(
             inside,

@@ -38,7 +38,8 @@ C = TypeVar("C")
 
 #: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
 #: numbers stay within double precision (1e±308).
-SMALLEST, LARGEST = 1e-60, 1e60
+SMALLEST = 1e-60
+LARGEST = 1e60
 #: Largest whole number: every one up to it is a float too.
 LARGEST_WHOLE = 2**53
 

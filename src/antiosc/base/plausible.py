@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from antiosc.base.errors import InputError, MeshError, warn
 
 #: Speeds √(E/ρ) of waves in bars, m/s: soft rubber has some 45, diamond 18 000.
-SLOWEST_WAVE, FASTEST_WAVE = 40.0, 20_000.0
+SLOWEST_WAVE = 40.0
+FASTEST_WAVE = 20_000.0
 #: Speed of waves, √(E/ρ), that readers of decks give a material without mass, m/s: its mass is
 #: some 1e-9 of that of a real one.
 MASSLESS_WAVE = 1e8

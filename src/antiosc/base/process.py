@@ -200,7 +200,8 @@ WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
 WORTHWHILE = 0.8
 #: Looks at what runs on this machine, of which the median counts, and seconds between them.
-LOOKS, LOOK_PAUSE = 5, 0.004
+LOOKS = 5
+LOOK_PAUSE = 0.004
 
 
 def user_threads() -> tuple[str, str] | None:

@@ -143,7 +143,8 @@ def _write_in_notebook() -> None:
     if _lines.shown is None:
         if not _lines.texts:
             return
-        _lines.began, _lines.work = now, _lines.texts[0]
+        _lines.began = now
+        _lines.work = _lines.texts[0]
     elif _lines.texts and now - _lines.written < REFRESH:
         return
     elapsed = now - _lines.began

@@ -187,7 +187,8 @@ def extreme_principal(components: Array) -> Array:
 
     The trigonometric solution of the cubic (O. K. Smith, Commun. ACM 4 (1961) 168).
     """
-    normal, (s23, s13, s12) = components[..., :3], np.moveaxis(components[..., 3:], -1, 0)
+    normal = components[..., :3]
+    s23, s13, s12 = np.moveaxis(components[..., 3:], -1, 0)
     mean = normal.mean(axis=-1)
     d1, d2, d3 = np.moveaxis(normal - mean[..., None], -1, 0)
     size = np.sqrt((d1**2 + d2**2 + d3**2 + 2 * (s23**2 + s13**2 + s12**2)) / 6)

@@ -219,9 +219,11 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     if not isfinite(value):
         return "–"
     if unit == "kg" and 0 < abs(value) < 1:
-        value, unit = 1e3 * value, "g"
+        value = 1e3 * value
+        unit = "g"
     if unit == "m/s" and 0 < abs(value) < 0.1:
-        value, unit = 1e3 * value, "mm/s"
+        value = 1e3 * value
+        unit = "mm/s"
     if value == 0:
         return f"0 {unit}".rstrip()
     rounded = float(f"{value:.{digits - 1}e}")

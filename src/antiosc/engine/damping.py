@@ -178,7 +178,8 @@ CLUSTERED = 0.05
 #: Share of the largest singular value of a branch's factor below which it has no spring.
 SPRINGLESS = 1e-9
 #: Errors of the receptance, relative: one that serves, and the largest.
-EXACT, INEXACT = 1e-7, 1e-4
+EXACT = 1e-7
+INEXACT = 1e-4
 #: Relative change of a damping whose poles fall together.
 DAMPING_CHANGE = 1e-7
 
@@ -292,7 +293,8 @@ class StackedModes:
             if begun is not None:
                 found[:, span] = begun
             elif first is None:
-                found[0, span], found[1, span] = q[free], v[free]
+                found[0, span] = q[free]
+                found[1, span] = v[free]
             elif q[free].any() or v[free].any():
                 state = np.concatenate((q[free], v[free]))
                 found[:, span] = (first.inverse @ state).reshape(2, -1)
@@ -303,14 +305,13 @@ class StackedModes:
         q, v, deceleration = (np.empty((len(a), self.free)) for _ in range(3))
         for free, span, d, first in self._spans():
             if first is None:
-                q[:, free], v[:, free], deceleration[:, free] = (
-                    a[:, span],
-                    b[:, span],
-                    2 * d * b[:, span],
-                )
+                q[:, free] = a[:, span]
+                v[:, free] = b[:, span]
+                deceleration[:, free] = 2 * d * b[:, span]
                 continue
             both = np.hstack([a[:, span], b[:, span]])
-            q[:, free], v[:, free] = both @ first.at_q.T, both @ first.at_v.T
+            q[:, free] = both @ first.at_q.T
+            v[:, free] = both @ first.at_v.T
             deceleration[:, free] = both @ first.deceleration.T
         return q, v, deceleration
 
@@ -338,7 +339,8 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     A double pole is no mode: such damping is changed by its NUDGE. AccuracyError where rounding
     leaves no such modes.
     """
-    least, best = np.inf, None
+    least = np.inf
+    best = None
     for change in (0.0, DAMPING_CHANGE, -DAMPING_CHANGE):
         root = np.sqrt(1 + change)
         nudged = from_factors(
@@ -348,7 +350,8 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
             modes = _first_order_modes(omega, nudged)
             off = _receptance_error(modes, omega, damping)
         if off < least:
-            least, best = off, modes
+            least = off
+            best = modes
         if least <= EXACT:
             break
     if best is None or least > INEXACT:
@@ -390,7 +393,8 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
     deceleration = np.zeros((J, 2 * both))
     deceleration[np.ix_(coupled, second)] = braked
-    springs, row = [], 0
+    springs = []
+    row = 0
     for L, _ in own_damping.factors:
         moved = np.zeros((J, 2 * both))
         end = row + len(L)
@@ -433,8 +437,11 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     y = slice(e + k, e + k + tau.size)
     A = np.zeros((y.stop, y.stop))
     A[q, v] = np.diag(omega)[moving]
-    A[v, q], A[v, v], A[v, y] = -A[q, v].T, -damping.matrix, -L.T
-    A[y, v], A[y, y] = L, -np.diag(1 / tau)
+    A[v, q] = -A[q, v].T
+    A[v, v] = -damping.matrix
+    A[v, y] = -L.T
+    A[y, v] = L
+    A[y, y] = -np.diag(1 / tau)
     sign = np.concatenate((-np.ones(e), np.ones(k), -np.ones(tau.size)))
     poles, Z = np.linalg.eig(A) if len(A) else (np.zeros(0), A)
     poles = poles.astype(complex)
@@ -442,7 +449,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     for cluster in _real_clusters(poles):
         poles[cluster], Z[:, cluster] = _in_subspace(A, sign, poles[cluster], Z[:, cluster])
     Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
-    Y[:k], Y[k : 2 * k] = Z[v] / poles, Z[v]
+    Y[:k] = Z[v] / poles
+    Y[k : 2 * k] = Z[v]
     Y[moving] = Z[q] / omega[moving, None]
     Y[2 * k :] = L @ Y[:k] - Z[y]
     pairs: list[tuple[float, float, Array, Array]] = []
@@ -466,7 +474,8 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
                 (plus if value > 0 else minus).append((min(float(pole.real), 0.0), column))
     for j in np.flatnonzero(omega == 0):  # a braked motion comes to rest anywhere
         column = np.zeros(len(Y))
-        column[j], column[2 * k :] = 1.0, L[:, j]
+        column[j] = 1.0
+        column[2 * k :] = L[:, j]
         deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
         plus.append((0.0, column / np.sqrt(deceleration)))
     pairs += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))

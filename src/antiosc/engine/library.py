@@ -37,7 +37,8 @@ VERSION = 10
 #: numbers that a contact may remember
 MEMORY = 8
 #: numbers of an `aom_exit`; parameters of a law that `aom_gradient` gives derivatives by
-EXIT, LAW_SLOPES = 13, 4
+EXIT = 13
+LAW_SLOPES = 4
 #: `aom_touch`
 TOUCH = np.dtype(
     [*((name, float) for name in ("start", "end", "speed", "impulse", "peak")),

@@ -69,7 +69,8 @@ class Run:
         last = int(np.searchsorted(self.time, t * (1 + 1e-12), side="right")) - 1
         found = list(system.kept or [None] * len(system.laws))
         for c, law in enumerate(system.laws):
-            one, begin = found[c], 0
+            one = found[c]
+            begin = 0
             if one is None and system.closed[c]:
                 one = Kept(True, 0.0, law.touch(0.0))
             own = self.events[:, 1] == c
@@ -123,7 +124,8 @@ class Buffers:
         """Enlarge the arrays; with `keep` also the states, of every second node where there are
         many.
         """
-        r, (p, m, size) = self.record, self.shape
+        r = self.record
+        p, m, size = self.shape
         nodes = r.max_nodes
         full = r.n_events + 1 > r.max_events or (keep and r.n_exits + 1 > r.max_exits)
         if r.n_nodes + 2 > nodes or full:
@@ -144,8 +146,11 @@ class Buffers:
         written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
         for new, old, count in zip(arrays, self.arrays, written, strict=False):
             new[:count] = old[:count]
-        self.arrays, self.nbytes = arrays, sum([each.nbytes for each in arrays])
-        r.max_nodes, r.max_events, r.max_exits = nodes, len(arrays[4]), len(arrays[5])
+        self.arrays = arrays
+        self.nbytes = sum([each.nbytes for each in arrays])
+        r.max_nodes = nodes
+        r.max_events = len(arrays[4])
+        r.max_exits = len(arrays[5])
         r.max_states = len(arrays[3]) - 1  # and the state of the end
         r.time, r.force, r.depth, r.states, r.events, r.exits = map(library.address, arrays)
         if not keep:
@@ -157,11 +162,13 @@ class Buffers:
         states = self.arrays[3]
         half = states[: r.n_states : 2].copy()
         states[: len(half)] = half
-        r.n_states, r.every = len(half), 2 * r.every
+        r.n_states = len(half)
+        r.every = 2 * r.every
 
     def run(self, answer: int, told: library.Summary, keep: bool) -> Run:
         """A copy of what was written, as a run."""
-        r, (time, force, depth, states, events, exits) = self.record, self.arrays
+        r = self.record
+        time, force, depth, states, events, exits = self.arrays
         while keep and 16 * r.n_states * self.shape[2] > STATES:
             self.thin()
         nodes = r.n_nodes

@@ -175,7 +175,8 @@ def stepped(
     if grew or (found.refused and not failure):
         unstable = _unstable(system, stiffness(), step, t, grew)
         if unstable:
-            found.answer, failure = library.GREW, unstable
+            found.answer = library.GREW
+            failure = unstable
     return found, failure
 
 

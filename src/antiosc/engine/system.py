@@ -207,8 +207,11 @@ class System:
         given.failed()
         if not isfinite(found.depth + found.speed + found.time):
             raise OverflowError("the depth of the contact")
-        self.mass[0], self.depth[0], self.speed[0] = mass, found.depth, found.speed
-        contact.expected_depth, contact.expected_speed = found.depth, found.speed
+        self.mass[0] = mass
+        self.depth[0] = found.depth
+        self.speed[0] = found.speed
+        contact.expected_depth = found.depth
+        contact.expected_speed = found.speed
         contact.slowest = float(self.slowest[0])
         return float(found.time)
 
@@ -319,7 +322,9 @@ class Given:
 
     def __init__(self, system: System) -> None:
         s = system
-        p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
+        p = len(s.laws)
+        m, size = s.beta.shape
+        breaks = s.breaks.size
         block = s.block
         numbers = s.numbers
         if block is None or any([each.base is not block for each in numbers]):
@@ -367,7 +372,8 @@ class Given:
         for contact, one, law in zip(self.contacts, kept, laws, strict=True):
             if one is not None:
                 state = np.array([*one.state, law.origin(one.state), 0.0], dtype=float)
-                contact.state, contact.closed = library.address(state), one.closed
+                contact.state = library.address(state)
+                contact.closed = one.closed
                 states.append(state)
         return states
 

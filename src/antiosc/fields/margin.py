@@ -163,10 +163,8 @@ class Maxima(NamedTuple):
         times = np.where(other.values > self.values, other.times, self.times)
         margins = [maxima.margin for maxima in (self, other) if maxima.margin is not None]
         worst = max(margins, key=lambda margin: margin.exposure, default=None)
-        values, error = (
-            np.maximum(self.values, other.values),
-            _larger_error(self.error, other.error),
-        )
+        values = np.maximum(self.values, other.values)
+        error = _larger_error(self.error, other.error)
         return Maxima(values, times, error, values, worst)
 
 
@@ -231,7 +229,8 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
         criterion = "yield"
         if principal:
             strengths[:] = np.nan
-    exposures, margin = None, None
+    exposures = None
+    margin = None
     if np.isfinite(strengths).any():
         share = np.nan_to_num(extremes / strengths)
         exposures, _ = nodal_maxima(found.nodes, share, then, len(points))
@@ -267,7 +266,8 @@ def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tup
     order = np.argsort(values, kind="stable")  # the largest is written last
     best = np.zeros(count)
     time = np.zeros(count)
-    best[nodes[order]], time[nodes[order]] = values[order], when[order]
+    best[nodes[order]] = values[order]
+    time[nodes[order]] = when[order]
     return best, time
 
 

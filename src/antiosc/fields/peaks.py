@@ -55,13 +55,16 @@ if TYPE_CHECKING:
 Reals = NDArray[np.floating[Any]]
 #: Share of a node's value that the times before refinement may miss; values below this share of
 #: the largest one count as that.
-TIME_ERROR, FLOOR = 0.01, 0.1
+TIME_ERROR = 0.01
+FLOOR = 0.1
 #: Steps over the run, at least and at most.
-FEWEST, MOST = 500, 40_000
+FEWEST = 500
+MOST = 40_000
 #: Nodes of a history that are looked at, however few steps its modes need.
 NODES = 5000
 #: Times that are looked at together, and parts of a step about a maximum.
-WINDOW, PARTS = 1000, 8
+WINDOW = 1000
+PARTS = 8
 #: Bytes of the values of a block of nodes at these times.
 BLOCK_BYTES = 2**26
 #: Two nodes of a history closer than this share of the run are one.
@@ -105,7 +108,8 @@ def refined_maxima(
                 index = candidates.argmax(axis=1)
                 top = candidates[np.arange(len(index)), index]
                 higher = np.flatnonzero(top > best[block])
-                best[block][higher], k[block][higher] = top[higher], first + index[higher]
+                best[block][higher] = top[higher]
+                k[block][higher] = first + index[higher]
     values, when = _refined_near(motion, columns, scalar, times, near[0])
     second_best, then = _refined_near(motion, columns, scalar, times, near[1])
     above = second_best > values
@@ -121,7 +125,8 @@ def sampled_maxima(
     for block in _blocks(columns, len(times)):
         found = _values(columns[block], factors, scalar)
         k = found.argmax(axis=1)
-        values[block], when[block] = found[np.arange(len(k)), k], times[k]
+        values[block] = found[np.arange(len(k)), k]
+        when[block] = times[k]
     return values, when
 
 

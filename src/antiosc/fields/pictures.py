@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 
 #: The format of the file, and the largest array that is loaded, bytes.
-FORMAT, LARGEST = "antiosc-fields", 2**32
+FORMAT = "antiosc-fields"
+LARGEST = 2**32
 #: Corners of the faces of cells in VTK's order of nodes; of sheets the cells themselves.
 FACES: dict[str, list[list[int]]] = {
     "triangle": [[0, 1, 2]],

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 #: Oscillators a decade where no frequencies are given, and the lowest of them [Hz], as standards of
 #: shock tests have it (MIL-STD-810, IEC 60068-2-81); lower ones only of signals that last longer.
-PER_DECADE, LOWEST = 48, 10.0
+PER_DECADE = 48
+LOWEST = 10.0
 #: Samples of a period of each oscillator; between them the extremes are those of parabolas.
 SAMPLES_OF_A_PERIOD = 20
 #: Unequal steps are replaced by this share of their lower decile.
@@ -33,7 +34,8 @@ UNEVEN = 1e-6
 MOST_SAMPLES = 5_000_000
 #: Largest distance (rms) of samples from the mean of their neighbours, over the rms of the signal,
 #: at which they resolve it: that of a sine with 6 samples a period; and least number of samples.
-ROUGH, SAMPLED = 0.5, 50
+ROUGH = 0.5
+SAMPLED = 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -297,7 +299,8 @@ def _even_step(t: Array) -> tuple[float, bool]:
 
 def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
     """The signal at equal steps of at most `step`, linear between its samples."""
-    (own, even), span = _even_step(t), float(t[-1] - t[0])
+    own, even = _even_step(t)
+    span = float(t[-1] - t[0])
     if even:
         count = _checked_samples((t.size - 1) * max(1.0, np.ceil(own / step * (1 - UNEVEN))))
     else:

@@ -284,7 +284,8 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
         refuse_stretch(scene.bodies)
     bodies = {n: scene_body(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     stacked = scene_parts.stacked_bodies(bodies)
-    find, ends = scene_parts.find_site, []
+    find = scene_parts.find_site
+    ends = []
     for contact in scene.contacts:
         ends.append((find(contact.a, bodies), find(contact.b, bodies)))
     scene_parts.set_axes(scene, ends, bodies)
@@ -332,7 +333,8 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
     """The laws without the half-space compliance of the patches, and notes on it."""
-    laws, notes = [], []
+    laws = []
+    notes = []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
         given = contact.tangential_stiffness
         if contact.friction and given and given * local > (1 - LEAST_COMPLIANCE) * MINDLIN:

@@ -637,7 +637,8 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                     f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
                     f" {placed.omega.size}."
                 )
-            placed.initial_displacements, placed.start = motion.displacements, motion.velocities
+            placed.initial_displacements = motion.displacements
+            placed.start = motion.velocities
             placed.first_order_start = given = motion.first_order
             first = placed.modes.first_order
             own = 0 if first is None else first.omega.size
@@ -691,7 +692,8 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
         sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
         pushes[site] = np.asarray(push)
     matrix = np.zeros((6, 6))
-    matrix[:3, :3], matrix[3:, 3:] = body.mass * np.eye(3), body.inertia
+    matrix[:3, :3] = body.mass * np.eye(3)
+    matrix[3:, 3:] = body.inertia
     momentum = np.zeros((6, 6))
     momentum[:3, :3] = np.sqrt(body.mass) * np.eye(3)
     momentum[3:, 3:] = (axes * np.sqrt(moments)).T

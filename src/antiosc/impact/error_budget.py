@@ -201,7 +201,8 @@ RESOLVED = 1.2
 #: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py). Impacts that are too
 #: short for the cells of a shell cause errors that neither the raw nor the corrected model shows:
 #: if the strain errors exceed the share COARSE_SHELL of the energy, a bar is at least this share.
-SHELL, COARSE_SHELL = 1.5, 0.05
+SHELL = 1.5
+COARSE_SHELL = 0.05
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 SAFETY_INSIDE = 5.0
 #: Time integration error of the compared runs over that of the history; its limits.
@@ -278,7 +279,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
 #: Factor of safety on the change by two more second-order modes, and least error, which is that of
 #: the tensors themselves. With these values 55 of 56 random sheets have bars that cover the error
 #: (50 with a factor of 2 and no least error); tried with others (benchmarks/random_sheets.py).
-STRETCH_SAFETY, STRETCH_LEAST = 3.0, 1e-3
+STRETCH_SAFETY = 3.0
+STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 NOT_ESTIMATED = (
     'Mesh and truncation are not in these bars: extract(…, stretch=…, error="estimate") has them.'
@@ -362,7 +364,8 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     which no recovery sees. They grow as the size of the faces over the radius, for the compliance
     of a patch is inverse to its radius.
     """
-    safety, doubts = SAFETY, []
+    safety = SAFETY
+    doubts = []
     if share > (COARSE if model.strain_misfit is None else COARSE_SHELL):
         safety = SAFETY_COARSE
         doubts.append(

@@ -86,7 +86,8 @@ class SceneStep(SceneMethod):
         """Integrate while a contact is closed; see `SceneMethod`."""
         s = self.system
         contacts = self.contacts
-        (q, v), gap = begin, self.loads_at(t)[1]
+        q, v = begin
+        gap = self.loads_at(t)[1]
         node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
         nodes = [node]
         times = [t]
@@ -110,7 +111,8 @@ class SceneStep(SceneMethod):
                 if contacts.touches > max_contacts:
                     answer = library.TOO_MANY_CONTACTS
                 self.steps += 1
-                node, t = new, t + h
+                node = new
+                t = t + h
                 nodes.append(node)
                 times.append(t)
         return _segment_of(np.array(times), nodes), answer
@@ -383,7 +385,8 @@ def _segment_of(times: Array, nodes: list[Step]) -> Segment:
     time = np.empty(2 * n + 1)
     force = np.empty((2 * n + 1, m))
     depth = np.empty((2 * n + 1, m))
-    time[::2], force[::2] = times, [node.force for node in nodes]
+    time[::2] = times
+    force[::2] = [node.force for node in nodes]
     depth[::2] = [node.delta for node in nodes]
     if n:
         time[1::2] = (times[:-1] + times[1:]) / 2
@@ -403,7 +406,8 @@ SCENE_STEPS: dict[str, type[SceneStep]] = {
 METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)
 
 #: Default bounds of a run; a million steps with two anti-oscillators take 6 s.
-MAX_CONTACTS, MAX_STEPS = 10_000, 1_000_000
+MAX_CONTACTS = 10_000
+MAX_STEPS = 1_000_000
 FIRST_STEPS = 24  # steps in the shortest contact that is expected, at first
 MOST_RUNS = 24  # each has at least twice the steps of the one before: 20 reach MAX_STEPS
 IVP_STEP = 1 / 10  # step of solve_ivp, of the shortest contact: none is stepped over
@@ -504,7 +508,8 @@ def _converged(
         if not diverged:
             force, peak, certain = difference(coarse, fine, tol)
             control.update(force, peak)
-        coarse, step = fine, finer
+        coarse = fine
+        step = finer
         if control.reached and fine.answer == library.DONE:
             break
     return Converged(coarse, step, control.error["force"], control.error["peak"], certain)
@@ -575,7 +580,8 @@ def _rate(ratio: float, before: float, now: float) -> float:
     """Error ratio rho per halving, from the ratio of two successive differences over `before` and
     `now` halvings.
     """
-    low, high = _LEAST, _SLOWEST_RATE
+    low = _LEAST
+    high = _SLOWEST_RATE
     for _ in range(14):
         rho = 0.5 * (low + high)
         if rho**before * (1 - rho**now) / (1 - rho**before) < ratio:

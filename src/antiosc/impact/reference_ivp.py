@@ -148,7 +148,8 @@ class JointContacts:
         """Solve for the normal force [N] of contact c while the other forces keep their values."""
         law = self.laws[c]
         state = self.state(c)
-        free_rate, rate_compliance = 0.0, 0.0
+        free_rate = 0.0
+        rate_compliance = 0.0
         if law.rate_dependent:
             rate_compliance = float(A_rate[c, c])
             free_rate = float(rate[c] - A_rate[c] @ F) + rate_compliance * float(F[c])
@@ -215,7 +216,8 @@ class SceneMethod(ABC):
         self.step = step
         self.driven = driven
         self.contacts = JointContacts(system, laws)
-        self.p, self.still = len(laws), np.zeros(len(system.beta))
+        self.p = len(laws)
+        self.still = np.zeros(len(system.beta))
         self.steps = 0
         self.highest = 0.0
 
@@ -396,7 +398,8 @@ class SceneIVP(SceneMethod):
         s = self.system
         contacts = self.contacts
         y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
-        answer, idle = library.DONE, 0
+        answer = library.DONE
+        idle = 0
         self.most = EVALUATIONS * max_steps
         depth = s.free_rows(*begin)[0] - self.loads_at(t)[1] - s.R @ force
         pieces = [Segment(np.array([t]), force[None], depth[None], begin[None])]
@@ -552,7 +555,8 @@ class SceneIVP(SceneMethod):
         """
         _, rate, force = self._contact_state(t, y)
         for c in range(self.p):
-            z, (mu, stiffness) = self._elongation(c, y), self.system.slip[c]
+            z = self._elongation(c, y)
+            mu, stiffness = self.system.slip[c]
             if not self.contacts.closed[c]:
                 z[:] = 0.0
             elif z.size and self.sliding[c]:
@@ -579,7 +583,8 @@ class SceneIVP(SceneMethod):
 
         def switch(t: float, y: Array) -> float:
             free, rate, force = self._contact_state(t, y)
-            z, (mu, stiffness) = self._elongation(c, y), self.system.slip[c]
+            z = self._elongation(c, y)
+            mu, stiffness = self.system.slip[c]
             if self.sliding[c]:
                 return -self._slip(c, free, z, rate, force)
             return float(stiffness * np.linalg.norm(z) - mu * force[c])

@@ -374,7 +374,8 @@ def _relative_row(
     contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
 ) -> Array:
     """Row (P,) of the displacement of b against a along a direction."""
-    row, (a, b) = np.zeros(len(stacked.r)), ends
+    row = np.zeros(len(stacked.r))
+    a, b = ends
     for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
         row[stacked.columns[body.name]] += sign * site_row(body, site, direction, end)
     return row

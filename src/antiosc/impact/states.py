@@ -154,7 +154,8 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
         np.maximum.at(most_ahead, which[here] - begin, ahead[here])
         for k in range(int(most_ahead.max()) + 1):
             there = here[ahead[here] == k]
-            q[there], v[there] = x[which[there] - begin], y[which[there] - begin]
+            q[there] = x[which[there] - begin]
+            v[there] = y[which[there] - begin]
             on = np.flatnonzero(most_ahead > k)
             own = kept[begin + on] * run.every + k
             h = run.time[2 * own + 2] - run.time[2 * own]
@@ -171,7 +172,8 @@ def _advanced(
     v: Array,
 ) -> tuple[Array, Array]:
     """States after these times since the starts of steps."""
-    whole, system = system, system.marched
+    whole = system
+    system = system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
     start = run.time[2 * step]

@@ -30,7 +30,8 @@ Integrate = Callable[[Assembly], H]
 NEGLIGIBLE = 3e-3
 #: Modes that an automatic choice begins with, and the share of the error that it aims at, at least:
 #: the tensors themselves are within 1e-3 of the full second-order strain.
-FIRST, LEAST_TOL = 2, 2e-3
+FIRST = 2
+LEAST_TOL = 2e-3
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
 #: random sheets (benchmarks/thin_sheets.py).
 AGREE = 2

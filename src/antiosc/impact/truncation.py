@@ -181,7 +181,8 @@ def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begi
 Run = Callable[[AntiOscillators, float], History]
 
 #: Safety of the estimate, and of that between the two extremes of the Krylov method.
-TRUNCATION_SAFETY, TRUNCATION_SAFETY_RITZ = 2.0, 4.0
+TRUNCATION_SAFETY = 2.0
+TRUNCATION_SAFETY_RITZ = 4.0
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.
 SMALL_GAUSS_SHARE = 1e-6
 

@@ -185,7 +185,8 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     system = pair.posed(law, gap)
     check_span(system, duration)
     contact_time = system.expect_contact(pair.mass, duration)
-    parts, (one, other) = partial(_parts, contact, gap, gravity, pair), pair.modes
+    parts = partial(_parts, contact, gap, gravity, pair)
+    one, other = pair.modes
     turns = may_rotate(one) or may_rotate(other)
     thin = is_thin(model) or is_thin(impactor)
     return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin, stretches)
@@ -309,7 +310,8 @@ class ImpactRows:
     def __init__(
         self, impacts: Sequence[Impact], tol: float, max_contacts: int, max_steps: int
     ) -> None:
-        self.pair, count = modal_pair(impacts[0]), len(impacts)
+        self.pair = modal_pair(impacts[0])
+        count = len(impacts)
         self.laws = _laws_without_patch([each.contact for each in impacts], self.pair.local)
         gaps = np.array([self.pair.gap(each.gap) for each in impacts])
         durations = [checks.positive("duration", each.duration, "s") for each in impacts]
@@ -412,9 +414,11 @@ class _Workspace:
         process.require(need, f"an impact with {size} modes", "use fewer of them")
         self.memory = np.empty(-(-need // 16), dtype=np.complex128)
         room = max(library.library.aom_batch_nodes(size), _NODES)
-        self.time, self.force = np.empty(room), np.empty(room)
+        self.time = np.empty(room)
+        self.force = np.empty(room)
         self.nodes = library.PulseNodes(room, 0, *map(library.address, (self.time, self.force)))
-        self.batch, self.size = c_void_p(), -1
+        self.batch = c_void_p()
+        self.size = -1
 
     def reset(self, size: int) -> bool:
         """Prepare for impacts with `size` modes; False if the memory is too small.

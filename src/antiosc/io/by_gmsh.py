@@ -126,7 +126,8 @@ def _extent(gmsh: ModuleType) -> float:
 
 def _refined(ask: Request, dim: int) -> float:
     """Estimated number of additional cells at refined points: the integral of their size field."""
-    far, (growth, reach) = ask.size or 1.0, ask.grading
+    far = ask.size or 1.0
+    growth, reach = ask.grading
     count = 0.0
     for _, local in ask.refine:
         ball = CELLS_PER_SIZE[dim] * (2 * reach / SHORTER) ** dim
@@ -212,7 +213,8 @@ EDGE_OVER_SIZE = 1.1
 CELLS_MADE = {2: 1.35, 3: 0.95}
 #: Least number of flat faces, and of curved faces, around a full turn of a curved surface; with
 #: fewer, elements cut off parts of a cylinder.
-AROUND_FLAT, AROUND_CURVED = 12, 6
+AROUND_FLAT = 12
+AROUND_CURVED = 6
 #: Gmsh's names of scalars on triangles and on tetrahedra.
 LISTS = {3: "ST", 4: "SS"}
 

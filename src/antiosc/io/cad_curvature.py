@@ -33,7 +33,9 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
             tensors = -tensors
             others = (others[0], -others[1], others[2])
         poles = ~known & others[2]
-        normals[poles], tensors[poles], known[poles] = others[0][poles], others[1][poles], True
+        normals[poles] = others[0][poles]
+        tensors[poles] = others[1][poles]
+        known[poles] = True
         # seams have their nodes twice
         kept = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]
         number = np.full(len(kept), tag, dtype=np.int64)

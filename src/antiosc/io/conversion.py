@@ -319,7 +319,8 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         inside[elements] = True
         rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
-    mesh.node_sets, mesh.labels = dict(deck.node_sets), deck.labels
+    mesh.node_sets = dict(deck.node_sets)
+    mesh.labels = deck.labels
     joined = bool(deck.model and deck.model["joined"])
     # else those of lower dimension are sides of the first
     for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
@@ -375,7 +376,8 @@ def _of_dimension(
     """(cells of one dimension with all their nodes, the element of each)."""
     for block, _ in blocks if order == 2 and split else ():
         _note_cuts(block, nodes)
-    tables, owners = [], []
+    tables = []
+    owners = []
     for block, elements in blocks:
         every = np.arange(len(block))
         corners, rows = _simplices(block) if split else (block.corners, every)

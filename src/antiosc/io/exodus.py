@@ -94,7 +94,8 @@ def _variables(path: Path, name: str) -> tuple[Mapping[str, Any], dict[int, str]
             raise MissingDependencyError(
                 f"{name} needs h5py, which is not installed: sudo apt install python3-h5py"
             ) from error
-        found, types = {}, {}
+        found = {}
+        types = {}
         with h5py.File(path, "r") as file:
             for key, value in file.items():
                 if isinstance(value, h5py.Dataset) and value.shape is not None:

@@ -359,7 +359,8 @@ def _finer(skin: Skin, size: float) -> Skin:
             break
         edges, middle = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
         m = len(points) + middle.reshape(3, -1).T  # of the sides 01, 12, 20
-        (a, b, c), (ab, bc, ca) = triangles.T, m.T
+        a, b, c = triangles.T
+        ab, bc, ca = m.T
         points = np.vstack([points, points[edges].mean(axis=1)])
         parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
         triangles = np.vstack([np.column_stack(part) for part in parts])

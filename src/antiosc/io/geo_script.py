@@ -149,7 +149,8 @@ def _tokens(text: str, name: str) -> Iterator[Token]:
 
 def _check(tokens: list[Token], k: int, name: str) -> str | None:
     """Check the command at token k; returns the name of the file if it merges a permitted one."""
-    token, (after, second, before) = tokens[k], (_at(tokens, j) for j in (k + 1, k + 2, k - 1))
+    token = tokens[k]
+    after, second, before = (_at(tokens, j) for j in (k + 1, k + 2, k - 1))
     if token.kind != "name":
         return None
     word = token.text

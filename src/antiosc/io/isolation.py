@@ -154,7 +154,8 @@ def _raise(name: str, head: Json, memory: int) -> None:
 
 
 def _arrays(shapes: Sequence[tuple[str, list[int]]], content: bytes) -> list[NDArray[np.generic]]:
-    arrays, start = [], 0
+    arrays = []
+    start = 0
     for dtype, shape in shapes:
         count = int(np.prod(shape, dtype=object))
         arrays.append(np.frombuffer(content, dtype, count, start).reshape(shape))
@@ -220,7 +221,8 @@ def _running() -> subprocess.Popen[bytes]:
 def _end() -> None:
     """End the reader process and its forks."""
     global _process
-    process, _process = _process, None
+    process = _process
+    _process = None
     if process is None or _owner != os.getpid():
         return
     with contextlib.suppress(ProcessLookupError):

@@ -416,7 +416,8 @@ def _take(found: _Content, number: int, rows: Lines) -> None:
         place.needs(found.per_metre > 0, "the factor of length in data set 164 must be positive.")
     elif number in (NODES_SET, OLD_NODES_SET):
         for k in range(0, len(rows) - 1, 2):
-            (head, at), (text, place) = rows[k], rows[k + 1]
+            head, at = rows[k]
+            text, place = rows[k + 1]
             _node(found, head.split()[:1], at, text.split()[:3], place)
     elif number == SINGLE_NODES_SET:
         for text, place in rows:

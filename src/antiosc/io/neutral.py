@@ -339,7 +339,8 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         mesh.fixed.setdefault(name, {})[dim] = part
         start += count * width
     mesh.told = [str(sentence) for sentence in head.get("told", [])]
-    mesh.model, mesh.cad = head.get("model"), cad
+    mesh.model = head.get("model")
+    mesh.cad = cad
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

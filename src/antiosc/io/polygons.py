@@ -34,7 +34,8 @@ PLY_TYPES = {
 }
 #: Byte orders of binary PLY files; fields of the corners of a face.
 PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-SIZE, CORNERS = "number of corners", "corners"
+SIZE = "number of corners"
+CORNERS = "corners"
 
 
 def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
@@ -151,7 +152,8 @@ def _of_ply_text(
         return None
     columns = [fields.index(axis) for axis in "xyz"]
     count, faces = (number for _, number in elements[:2])
-    points, table = [], []
+    points = []
+    table = []
     for words, place in rows[:count]:
         place.needs(len(words) > max(columns), "a point needs three coordinates.")
         points.append([real_number(words[column], place) for column in columns])

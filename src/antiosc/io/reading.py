@@ -67,7 +67,9 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         rows = grouped
     label, chosen = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
     raw = RawMesh(mesh.points, mesh.cells[label][chosen], kind_of(label), mesh.convention)
-    raw.told, raw.model, raw.cad = mesh.told, mesh.model, mesh.cad
+    raw.told = mesh.told
+    raw.model = mesh.model
+    raw.cad = mesh.cad
     if len(mesh.labels):
         raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
         raw.labels[: len(mesh.labels)] = mesh.labels

@@ -140,7 +140,8 @@ def semidefinite(matrix: Array) -> Array:
     """The symmetric matrix (p, p) without negative eigenvalues due to rounding."""
     scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
     unit = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
-    unit[scale == 0], unit[:, scale == 0] = 0.0, 0.0
+    unit[scale == 0] = 0.0
+    unit[:, scale == 0] = 0.0
     values, vectors = np.linalg.eigh((unit + unit.T) / 2)
     if values.size and values[0] < 0:
         unit = (vectors * np.maximum(values, 0.0)) @ vectors.T

@@ -190,7 +190,8 @@ def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ..
     for i, a in enumerate(along):
         real = m[i] > 0
         masses_left[i], own, w, _, _ = with_rigid_mode(k0[i], m0[i], m[i, real], omega[i, real], a)
-        wide[0][i, : len(w)], wide[1][i, : len(w)] = w, own
+        wide[0][i, : len(w)] = w
+        wide[1][i, : len(w)] = own
     return np.zeros_like(k0), masses_left, 1 / along**2, *wide
 
 
@@ -383,7 +384,8 @@ def _lanczos(
         real = left > EXHAUSTED**2 * before
         beta = np.sqrt(np.where(real, left, 0.0))
         scale = np.where(real, 1 / np.where(real, beta, 1.0), 0.0)[:, None]
-        V[:, k], F[:, k] = w * scale, f * scale
+        V[:, k] = w * scale
+        F[:, k] = f * scale
         H[:, : k + 1, k] = H[:, k, : k + 1] = np.einsum("skj,sj->sk", V[:, : k + 1], V[:, k])
         w = flexed(V[:, k])
     theta, turn = np.linalg.eigh(H)

@@ -153,7 +153,8 @@ _STRETCH = {
 }
 #: version of the files of models of several sites, and of those that stretch; those of one site are
 #: of version 1
-_SEVERAL, _STRETCHES = 2, 3
+_SEVERAL = 2
+_STRETCHES = 3
 
 
 def save(model: Parameters, path: str | os.PathLike[str]) -> None:

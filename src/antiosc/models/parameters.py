@@ -403,7 +403,9 @@ def corrected(model: ModelType) -> ModelType:
     unit = Q / np.sqrt(model.m)[:, None]
     c = unit.T @ (model.m * static)
     transform = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
-    transform[0, 0], transform[1:, 0], transform[1:, 1:] = 1.0, static - 1, unit * c
+    transform[0, 0] = 1.0
+    transform[1:, 0] = static - 1
+    transform[1:, 1:] = unit * c
     kept = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
     transform = transform[:, np.append(True, kept)]
     p = model.participation

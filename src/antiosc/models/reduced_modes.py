@@ -69,11 +69,13 @@ def _coupled_modes(model: Parameters) -> ModalBody:
     rigid = np.full((1, int(model.k0 == 0)), 1 / np.sqrt(model.m_st))
     damped = damped_modes(model, k0, m0, root[None], rigid)
     transform = np.eye(model.n + 1)  # lambda_i = lambda_0 + eta_i/sqrt(m_i)
-    transform[1:, 0], transform[1:, 1:] = 1.0, np.diag(1 / root)
+    transform[1:, 0] = 1.0
+    transform[1:, 1:] = np.diag(1 / root)
     size = len(transform)
     hidden = model.hidden_count
     shapes = np.zeros((size + hidden, hidden + damped.omega.size))
-    shapes[:size, hidden:], shapes[size:, :hidden] = damped.shape, np.eye(hidden)
+    shapes[:size, hidden:] = damped.shape
+    shapes[size:, :hidden] = np.eye(hidden)
     omega = np.concatenate((np.zeros(hidden), damped.omega))
     shape = transform @ damped.shape
     residual = transform @ damped.residual[:, 0]
@@ -224,7 +226,10 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     size = p + omega.size
     K = np.diag(np.append(np.zeros(p), omega**2))
     M = np.eye(size)
-    K[:p, :p], M[:p, :p], M[:p, p:], M[p:, :p] = k0, m0 + P @ P.T, P, P.T
+    K[:p, :p] = k0
+    M[:p, :p] = m0 + P @ P.T
+    M[:p, p:] = P
+    M[p:, :p] = P.T
     rigid_shapes = np.zeros((size, q))
     rigid_shapes[:p] = rigid
     try:

@@ -27,7 +27,8 @@ Count = int | Literal["auto"]
 
 #: Modes that an impact takes, at most, those to compare with included; of a map that has many sites
 #: there may be more.
-MOST, MOST_OF_MAP = 12, 24
+MOST = 12
+MOST_OF_MAP = 24
 #: Asymmetry of the tensors over their size.
 ASYMMETRY = 1e-6
 

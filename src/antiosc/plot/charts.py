@@ -426,7 +426,8 @@ def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None
 
 
 #: Points of a dynamic stiffness between two neighbouring antiresonances, and in total.
-POINTS_BETWEEN, MOST_POINTS = 160, 20_000
+POINTS_BETWEEN = 160
+MOST_POINTS = 20_000
 #: Lowest frequency of the picture of a model, over its first antiresonance.
 LOWEST = 0.2
 

@@ -255,7 +255,8 @@ def _recovered(
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
     with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
     mine = closest.rank == mesh.comm.rank
-    here, error = None, None
+    here = None
+    error = None
     try:
         at = PointsInCells(member.part, with_ghosts, closest.cell[mine], closest.X[mine])
         here = with_branches(evaluate(at), shares[number], material[at.cells])
@@ -579,7 +580,8 @@ def stress_jumps(
     if "solid" not in families(structure, shapes, part):
         return None
     parts = with_parts(structure).fields(shapes, part)
-    found, start = [], 0
+    found = []
+    start = 0
     for member, shapes_of_part in parts:
         comm = member.part.mesh.comm
         sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))

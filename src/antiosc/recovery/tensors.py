@@ -45,7 +45,9 @@ class PointsInCells:
     """
 
     def __init__(self, part: MeshedStructure, shapes: Array, cells: IntArray, X: Array) -> None:
-        self.part, self.cells, self.X = part, np.asarray(cells), np.asarray(X)
+        self.part = part
+        self.cells = np.asarray(cells)
+        self.X = np.asarray(X)
         self._shapes = shapes
         self._space = part.form.space
         self._first = next(iter(part.form.components.values()))
@@ -454,7 +456,8 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
                 across = _times(np.linalg.inv(layer.transverse_shear()), across)
                 half = 0.5
                 result[of_part, 2, 2] = thin[:, 0]
-            result[of_part, 0, 0], result[of_part, 1, 1] = plane[:, 0], plane[:, 1]
+            result[of_part, 0, 0] = plane[:, 0]
+            result[of_part, 1, 1] = plane[:, 1]
             for (i, j), value in (
                 ((0, 1), plane[:, 2]),
                 ((0, 2), across[:, 0]),

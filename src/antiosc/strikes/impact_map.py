@@ -92,7 +92,8 @@ MOST_MODES = 100
 COUNTS = (12, 25, 50, 100)
 #: A site is doubtful if its force exceeds that on a rigid wall by this share; tolerance of the
 #: impact on the wall.
-BEYOND, COARSE = 0.003, 1e-3
+BEYOND = 0.003
+COARSE = 1e-3
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
 
@@ -386,10 +387,15 @@ def _refined(
         if bound >= error[i]:
             continue
         size = len(kept.m)
-        omega[i], m[i] = np.inf, 0.0
-        omega[i, :size], m[i, :size] = kept.omega, kept.m
-        k0[i], m0[i], m_st[i] = kept.k0, kept.m0, kept.m0 + kept.m.sum()
-        error[i], direct[i] = bound, True
+        omega[i] = np.inf
+        m[i] = 0.0
+        omega[i, :size] = kept.omega
+        m[i, :size] = kept.m
+        k0[i] = kept.k0
+        m0[i] = kept.m0
+        m_st[i] = kept.m0 + kept.m.sum()
+        error[i] = bound
+        direct[i] = True
     return SiteModels(k0, m0, m_st, omega, m), error, direct
 
 
@@ -451,7 +457,8 @@ def _struck(
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
     mine = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
-    part, error = None, None
+    part = None
+    error = None
     try:
         if len(mine):
             models = [result.model(i) for i in mine]

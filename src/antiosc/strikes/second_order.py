@@ -30,7 +30,8 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
         with _held() as other:
             stretched = _stretched(structure, model, run)
         if stretched is not None and stretched.assembly.stretched:
-            linear, warnings = stretched, other
+            linear = stretched
+            warnings = other
     for sentence in warnings:
         warn(sentence, AccuracyWarning)
     return linear

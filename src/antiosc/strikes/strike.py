@@ -57,7 +57,8 @@ from antiosc.strikes.advice import advise
 AIM = 0.8
 #: Least share of the tolerance left for the mesh, and largest goal of a further mesh over its
 #: present error.
-LEAST_ROOM, LEAST_STEP = 0.05, 0.8
+LEAST_ROOM = 0.05
+LEAST_STEP = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
 EAGER = 0.6
 #: Size of the cells of the first mesh over the thickness of the part and the degree.
@@ -65,7 +66,8 @@ FIRST_SIZE = 1.5
 #: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
 CELLS_OF_SHEET = 10
 #: Most meshes, and largest growth of the number of cells from one to the next.
-MOST_MESHES, GROWTH = 12, 8.0
+MOST_MESHES = 12
+GROWTH = 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
 SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
@@ -73,13 +75,16 @@ SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 FACTOR_BYTES = {1: 200.0, 2: 400.0, 3: 240.0}
 FACTOR_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
 #: Shares of the tolerance for the truncation and for the time steps.
-TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
+TRUNCATION_SHARE = 0.2
+TIME_SHARE = 0.05
 #: Least truncation error for which the number of anti-oscillators is chosen.
 LEAST_TRUNCATION = 1e-7
 #: Bounds of the tolerance of the time integration.
-FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
+FINEST_TIME = 1e-6
+COARSEST_TIME = 1e-3
 #: First and largest number of anti-oscillators.
-FIRST_N, MOST_N = 20, 300
+FIRST_N = 20
+MOST_N = 300
 #: Growth of that number from one mesh of lines to the next.
 MORE_ON_LINES = 1.5
 #: Least and largest power of that number by which the truncation error is taken to fall.
@@ -217,7 +222,8 @@ def struck(
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _begin(place, site, impactor, material, order)
     before: Answer | None = None
-    n, records = FIRST_N, []
+    n = FIRST_N
+    records = []
     while True:
         structure = Structure(mesh, material, supports, order=order, prestress=prestress)
         answer = answered(structure, site, run, tol, n)

@@ -280,7 +280,8 @@ class Builder:
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, object], bool]:
         """The sound values of a table, and whether all are sound and there."""
-        values, whole = {}, True
+        values = {}
+        whole = True
         for key, value in table.items():
             if key == KIND and key not in known:
                 continue

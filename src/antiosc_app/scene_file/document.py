@@ -26,7 +26,8 @@ LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
 #: Most sentences of one report, and number of mistakes after which no further ones are looked for.
-MOST_SHOWN, MOST_FOUND = 100, 1000
+MOST_SHOWN = 100
+MOST_FOUND = 1000
 #: Control characters, line ends among them.
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
@@ -186,7 +187,8 @@ def _numbered(text: str) -> str:
     for token in _TOKEN.findall(text + "\n"):
         if token == "\n" and not open_brackets:
             rows.append(f'\n"\\u0000line" = {line}\n' if header else "\n")
-            header, state = False, "key"
+            header = False
+            state = "key"
         elif token[0] in " \t\r\n#":
             pass
         elif header or (token == "[" and state == "key"):  # [table] and [[table]]

@@ -45,7 +45,8 @@ GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs"
 POINTS = ("sites", "probes", "accelerometers", "sensors")
 KEYS = ("point", "at", "where")
 #: Names of groups that are listed, and digits of a box.
-MOST_NAMES, DIGITS = 12, 4
+MOST_NAMES = 12
+DIGITS = 4
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,8 @@ def on_first(work: Callable[[], T]) -> T:
 
 
 #: Most impacts of a sweep, and most structures.
-MOST_IMPACTS, MOST_MODELS = 100_000, 1000
+MOST_IMPACTS = 100_000
+MOST_MODELS = 1000
 #: What the other sections give to a batch.
 _GIVEN = ("models", "impactors", "contacts")
 

@@ -189,10 +189,8 @@ FILES = ("Structure.from_files.map", "find_impact.signals")
 #: Parameters that take an object of a class or its name, beside those whose annotation says it.
 OBJECTS = {"Floor.material": "Solid", "AntiOscillators.with_surface.material": "Solid"}
 #: Functions and classes that only check and store values, or do more than that.
-LIGHT, HEAVY = (
-    ("material", "named_impactor", "normal", "lognormal", "uniform", "soil_cone"),
-    ("Structure", "Scene", "AntiOscillators", "Fall"),
-)
+LIGHT = ("material", "named_impactor", "normal", "lognormal", "uniform", "soil_cone")
+HEAVY = ("Structure", "Scene", "AntiOscillators", "Fall")
 
 #: (name, value) -> the value, or InputError
 Check = Callable[[str, Any], object]

@@ -32,13 +32,15 @@ from antiosc_studies.chance.sample import Sample
 
 #: Runs are chunk_results and stored (and sent to an executor) in chunks: least size, largest number
 #: of chunks.
-TOGETHER, PARTS = 100, 100
+TOGETHER = 100
+PARTS = 100
 #: Most runs of a study.
 MOST = 10_000_000
 #: Results of an impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
 #: Columns of a stored campaign: number of the run, and why it failed.
-NUMBER, ERROR = "run", "error"
+NUMBER = "run"
+ERROR = "error"
 #: Results of a run by name, or the message of its failure.
 Row = dict[str, float] | str
 

@@ -43,7 +43,8 @@ IN_A_ROW = 3
 COVERED = 0.998
 #: Growth rates s at which models are compared: the smallest over the lowest frequency; their
 #: number.
-FROM, RATES = 0.1, 40
+FROM = 0.1
+RATES = 40
 
 
 @dataclass(eq=False)
@@ -88,7 +89,8 @@ class Family:
         """Add the shapes of a structure's model to the space."""
         assert model.shapes is not None
         if not self.basis.size:
-            self.rigid, self.shift = structure.rigid_modes.shape[1], structure.shift
+            self.rigid = structure.rigid_modes.shape[1]
+            self.shift = structure.shift
             self.basis = np.zeros((rows(structure.K), 0))
         new = np.column_stack([structure.rigid_modes, model.shapes])
         comm = structure.comm
@@ -218,7 +220,8 @@ def nearby(
 
     trial_points = [np.zeros(low.size), *_trials(low.size)]
     extracted: list[tuple[Array, AntiOscillators]] = []
-    described, error = 0, np.inf
+    described = 0
+    error = np.inf
     for x in trial_points:
         structure, struck = family.made(at(x))
         model = extract(structure, struck, n)
@@ -239,7 +242,8 @@ def nearby(
             rows.append(family.projected(*family.made(at(np.array([PLACES[k] for k in term])))))
         nodes = np.array([[PLACES[k] for k in term] for term in terms])
         models._coefficients = np.linalg.solve(_powers(nodes, terms), np.array(rows))
-        models._terms, models.assemblies = terms, len(rows)
+        models._terms = terms
+        models.assemblies = len(rows)
         with suppress(np.linalg.LinAlgError):  # a mass that is not positive
             models.error = max(_misfit(models._at(x), model) for x, model in extracted)
             if models.error <= tol:

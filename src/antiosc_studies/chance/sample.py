@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Number of bootstrap samples, and the share of them within a confidence interval.
-RESAMPLES, CONFIDENCE = 200, 0.95
+RESAMPLES = 200
+CONFIDENCE = 0.95
 #: Least number of runs for indices of sensitivity.
 LEAST = 50
 
@@ -175,7 +176,8 @@ class Sample(Result):
         rng = np.random.default_rng(0)
         picks = rng.integers(len(y), size=(RESAMPLES, len(y)))
         ends = [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2]
-        first, bars = [], []
+        first = []
+        bars = []
         for x in self.inputs.values():
             groups = _groups(x[finite])
             first.append(_share_of_variance(groups, y))

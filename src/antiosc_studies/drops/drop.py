@@ -315,7 +315,8 @@ def _tumble(
 
 
 #: Longest first flight [s]; least height [m], below which there is no flight.
-LONGEST, LEAST_HEIGHT = 1e4, 1e-9
+LONGEST = 1e4
+LEAST_HEIGHT = 1e-9
 #: Number of standard deviations within which an ensemble's falls must be plausible.
 DRAWN = 3.0
 #: Least mass of a floor's model at its site over that of the part. An impact of a block of 0.5 kg

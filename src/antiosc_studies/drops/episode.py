@@ -31,7 +31,8 @@ from antiosc_studies.drops.floor import Setting, law_at
 from antiosc_studies.drops.layer import layer_energy, with_layer_laws
 from antiosc_studies.drops.lines import STATIONS, landing
 
-BODY, FLOOR = "part", "floor"
+BODY = "part"
+FLOOR = "floor"
 #: Directions of the columns of a site: normal to the floor, and along it.
 AXES = np.eye(3)[[2, 0, 1]]
 #: Largest number of contacts and of steps of a scene.
@@ -45,7 +46,8 @@ SWEEPS = 5
 JAMMED = 1e-6
 #: Error tolerance of the coarser over that of the finer run; error of the finer run over their
 #: difference, twice 1/(COARSER - 1).
-COARSER, LEFT = 4.0, 2 / 3
+COARSER = 4.0
+LEFT = 2 / 3
 #: Replaces 0 in denominators.
 TINY = float(np.finfo(float).tiny)
 
@@ -95,7 +97,8 @@ def scene_of(
     rigid = body.rigid_modes(start.R)[0] @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
     if floor.ground is not None:
-        bodies[FLOOR], motion[FLOOR] = floor.ground.body, floor.ground.start(start.floor)
+        bodies[FLOOR] = floor.ground.body
+        motion[FLOOR] = floor.ground.start(start.floor)
     ongoing = [held.get(int(i)) for i in which]
     contacts = [
         Contact(
@@ -147,17 +150,16 @@ def scene_of(
     begin(assembly, (kept, force[:p]) if held else None)
     if extension.any():
         offsets = system.offsets[:1] - [np.zeros(len(extension)), extension]
-        breaks, loads = (
-            np.array([0.0, DRAWN * assembly.contact_time_estimate]),
-            np.repeat(system.loads[:1], 2, axis=0),
-        )
+        breaks = np.array([0.0, DRAWN * assembly.contact_time_estimate])
+        loads = np.repeat(system.loads[:1], 2, axis=0)
         system = replace(system, breaks=breaks, loads=loads, offsets=offsets)
     return replace(assembly, system=system)
 
 
 def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
     """The body in the floor's axes at the start of the episode."""
-    (W, momentum), (phi, r) = body.rigid_modes(start.R), body.sites(which)
+    W, momentum = body.rigid_modes(start.R)
+    phi, r = body.sites(which)
     rotation = AXES @ start.R
     size = body.omega.size
     rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], start.arms(body, which))) @ AXES.T
@@ -245,7 +247,8 @@ def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneH
 
 def _jam(system: System) -> AccuracyError:
     """The error of a scene that stopped at its start, as friction jams or no forces fit."""
-    friction, wedge = 0.0, 0.0
+    friction = 0.0
+    wedge = 0.0
     for k, sides in enumerate(system.sides):
         across = float(np.linalg.norm(system.R[k, sides]))
         across /= max(float(system.R[k, k]), TINY)
@@ -429,7 +432,8 @@ def handed_over(
 
 
 #: Duration of the first run over the expected contact time; of the longest run over the first.
-LONG, LONGEST = 3.0, 32.0
+LONG = 3.0
+LONGEST = 32.0
 #: Largest rotation [rad] of the body in an episode; if it still touches, another episode follows.
 TURNS = 0.6
 #: A later contact belongs to the same episode if the body has turned by less than this [rad].
@@ -453,7 +457,8 @@ CUTS = 8
 GROWS = 1.5
 #: A scene stalls after this many runs if its change exceeds half of that two runs earlier; most
 #: runs.
-FEW_RUNS, MOST_RUNS = 4, 12
+FEW_RUNS = 4
+MOST_RUNS = 12
 #: Runs are coarse until the change is less than SWITCH times tol. Their accuracy is first ROUGH,
 #: then GAIN times the change; the error of a step is SHARE times the accuracy.
 ROUGH = 1e-2
@@ -724,7 +729,8 @@ def _followed(
             history = run_once(following, duration, share, history.error, scale)
         else:
             if (finer := max(GAIN * change, tol)) <= accuracy / 2:
-                accuracy, changes = finer, []
+                accuracy = finer
+                changes = []
             history = run_once(following, duration, SHARE * accuracy, {})
 
 

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 #: Name of a channel frequency class -> its frequency [Hz].
 CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
 #: Corner frequency of one pass, and least sampling rate, both over the class (SAE J211-1).
-CORNER, LEAST_RATE = 2.0775, 10.0
+CORNER = 2.0775
+LEAST_RATE = 10.0
 #: Memory of a filter in periods of its class.
 MEMORY = 2.0
 
@@ -76,7 +77,8 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
 
 
 #: Samples of a period of the highest mode, and most samples of a signal.
-SAMPLES, MOST = 12, 200_000
+SAMPLES = 12
+MOST = 200_000
 #: Samples of stresses in a period of the highest mode; least and most samples in an episode.
 LOOKS = 8
 FEW = 20
@@ -86,7 +88,8 @@ STIFFENS = 0.02
 #: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
 #: Test of the predictability: rotation of the start [rad], allowed relative change of a peak force.
-NUDGE, SPREAD = 1e-4, 0.05
+NUDGE = 1e-4
+SPREAD = 0.05
 
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
 At: TypeAlias = Sequence[float] | str | None

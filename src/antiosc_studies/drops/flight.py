@@ -148,9 +148,11 @@ TURN = 0.05
 #: Largest number of samples of a flight.
 MOST_LOOKS = 1_000_000
 #: Samples in a period of the fastest mode that moves a point by more than `SEEN` of the extent.
-LOOKS, SEEN = 12, 1e-6
+LOOKS = 12
+SEEN = 1e-6
 #: Number of times at which heights are computed together: rigid body alone; with the modes.
-AT_ONCE, AT_ONCE_ELASTIC = 4096, 256
+AT_ONCE = 4096
+AT_ONCE_ELASTIC = 256
 #: A body's lowest point must not be higher over the centre of mass than this share of the extent.
 SIDES = 0.01
 #: Height over the floor at which a point touches, over the extent.
@@ -295,7 +297,8 @@ class Flight:
     def _floor_at(self, t: Array) -> Array:
         """Displacements and rates (2, n, F) of the modes of an elastic floor."""
         assert self.ground is not None
-        modes, (q, p) = self.ground.modes, self.start.floor
+        modes = self.ground.modes
+        q, p = self.start.floor
         return np.array(ringing(modes.omega, modes.decay, q, p, t))
 
     def touch(self, until: float) -> float | None:
@@ -366,7 +369,8 @@ class Flight:
         """Bounds (n, V) [m] on the elastic displacements of all points after times (n,)."""
         size = displacement_bounds(self.body.omega, *self._ringing(t)) @ self.body.sizes.T
         if self.ground is not None:
-            omega, (a, b) = self.ground.modes.omega, np.abs(self.ground.shape)
+            omega = self.ground.modes.omega
+            a, b = np.abs(self.ground.shape)
             size = (
                 size + (displacement_bounds(omega, *self._floor_at(t)) @ (a + omega * b))[:, None]
             )

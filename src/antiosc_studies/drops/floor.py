@@ -181,7 +181,8 @@ class Ground:
     @property
     def _under_unit_force(self) -> Array:
         """The state (2, F) of the modes at rest under 1 N."""
-        (by_a, by_b), omega = self.shape, self.modes.omega
+        by_a, by_b = self.shape
+        omega = self.modes.omega
         return np.array([np.divide(by_a, omega**2, where=omega > 0, out=0 * omega), -by_b])
 
     def speed(self, floor: Array, force: float) -> float:
@@ -189,11 +190,9 @@ class Ground:
 
         Modes of different frequencies add up as the root of the sum of squares.
         """
-        (a, b), (by_a, by_b), omega = (
-            floor - force * self._under_unit_force,
-            self.shape,
-            self.modes.omega,
-        )
+        a, b = floor - force * self._under_unit_force
+        by_a, by_b = self.shape
+        omega = self.modes.omega
         squares = (by_a**2 + (omega * by_b) ** 2) * (b**2 + (omega * a) ** 2)
         return float(np.sqrt(squares.sum()))
 

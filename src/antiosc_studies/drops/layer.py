@@ -26,7 +26,8 @@ from antiosc_studies.drops.layer_contact import LayerContact
 from antiosc_studies.drops.skin import skin_of
 
 #: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
-PIECE, BENT = 0.35, 0.35
+PIECE = 0.35
+BENT = 0.35
 #: The law of a piece is taken at a depth of at least this share of the greatest depth.
 SHALLOW = 0.05
 #: Depths over the extent at which the displaced volumes of a part that does not rotate are
@@ -34,7 +35,8 @@ SHALLOW = 0.05
 DEPTHS = np.geomspace(1e-7, 1.0, 29)
 #: Largest exponent of a law; least share of its area with which a piece faces the floor, for its
 #: law.
-STEEPEST, LEAN = 6.0, 0.1
+STEEPEST = 6.0
+LEAN = 0.1
 
 
 def with_layer_contact(body: FreeBody) -> FreeBody:
@@ -139,7 +141,8 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
                 todo += [piece[along < 0], piece[along >= 0]]
                 break
         else:
-            number[piece], count = count, count + 1
+            number[piece] = count
+            count += 1
     return number
 
 

@@ -43,7 +43,8 @@ LOOKS = 40
 #: Radius of the patches along a line over that of the cylinder; their largest number. On steel
 #: cylinders of 20 x 100 mm with cells of 10, 6, 4 mm the compliance is then 0.99, 1, 1 of the
 #: limit.
-PATCH, PATCHES = 0.4, 40
+PATCH = 0.4
+PATCHES = 40
 #: Largest gap between the vertices around an axis [rad] of a whole cylinder.
 WHOLE = 1.2
 #: 2 (1 - ln 2): under a uniform line force the mean displacement is smaller than that in the middle
@@ -132,7 +133,8 @@ def landing(body: FreeBody, start: State) -> FreeBody:
     placed = dict(body._placed)
     for cylinder, which in zip(body.cylinders, body.stations, strict=True):
         if cylinder.lands(up):
-            idle[which], idle[cylinder.members] = False, True
+            idle[which] = False
+            idle[cylinder.members] = True
             shapes[which] = cylinder.shapes_at(up)
             no_compliance = np.zeros((3, 3))
             radii = np.full(2, cylinder.radius)

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Frames per second of a film; number of times at which heights are drawn.
-RATE, DRAWN = 25, 500
+RATE = 25
+DRAWN = 500
 #: Largest number of triangles of a surface that is drawn; their colour.
 TRIANGLES = 6000
 COLOUR = (0.35, 0.55, 0.8)

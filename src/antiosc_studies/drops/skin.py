@@ -26,7 +26,8 @@ ROUND = 0.5
 STRAIGHT = 0.2
 #: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets;
 #: number of directions in which it is checked.
-REACH, WAYS = 0.05, 200
+REACH = 0.05
+WAYS = 200
 #: An extent below this share of the largest counts as zero.
 THIN = 1e-9
 

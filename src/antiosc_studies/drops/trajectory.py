@@ -38,7 +38,8 @@ STILL = 1e-6
 SUNK = 2e-3
 #: Number of impacts after which a fall without rest is ended; largest number of contacts over that
 #: of impacts: on a soft floor without losses successive impacts merge into one.
-MOST_IMPACTS, CONTACTS = 200, 3
+MOST_IMPACTS = 200
+CONTACTS = 3
 #: Largest indentation over the radius for which finite strain was measured (`ElasticPlastic`).
 DEEP = 0.25
 NO_IMPACT = "the fall has no impact; let it last longer (until=)."

@@ -175,7 +175,8 @@ MODES = 60
 STIFFNESS = 1e9
 #: Largest standard deviation of an unknown that counts as determined: of a logarithm; of the place
 #: over the extent of the sites.
-DETERMINED, DETERMINED_PLACE = 0.3, 0.05
+DETERMINED = 0.3
+DETERMINED_PLACE = 0.05
 #: Half-width of a 95 % interval in standard deviations, by the dimension of the unknown.
 BAR = {0: 1.96, 1: 1.96, 2: 2.45}
 #: Standard deviation of a place by the interpolation between sites, over their spacing (from 17

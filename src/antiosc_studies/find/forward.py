@@ -49,7 +49,8 @@ class Chart:
         count, extra = terms.shape
         A = np.zeros((count + extra, count + extra))
         A[:count, :count] = np.linalg.norm(y[:, None] - y[None], axis=2) ** 3
-        A[:count, count:], A[count:, :count] = terms, terms.T
+        A[:count, count:] = terms
+        A[count:, :count] = terms.T
         right = np.append(np.linalg.norm(y - x, axis=1) ** 3, terms_at_x)
         return np.asarray(np.linalg.lstsq(A, right, rcond=1e-12)[0][:count])
 
@@ -236,7 +237,8 @@ class Struck:
     def hit(self, blow: Blow, site_data: Array) -> History:
         """The impact at a place with the modal data `seen` (J + 2,)."""
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
-        b, (r, local) = site_data[:-2], np.maximum(site_data[-2:], 0.0) / blow.E
+        b = site_data[:-2]
+        r, local = np.maximum(site_data[-2:], 0.0) / blow.E
         modes = ModalBody(omega, b, r=float(r), decay=self.decay)
         radius = float(self.radius[blow.site])
         body = ModalModel(modes, float(local), None if np.isnan(radius) else radius)

@@ -115,7 +115,8 @@ STRAINS = {
     **dict.fromkeys(("µm/m", "μm/m", "um/m", "µε", "με", "microstrain"), 1e-6),
 }
 #: Least number of samples; largest number of values of all signals.
-FEWEST, MOST = 32, 200_000
+FEWEST = 32
+MOST = 200_000
 #: Share of a signal's power above the noise that its band contains.
 IN_BAND = 0.995
 #: Largest relative deviation of a table's time steps.
@@ -123,7 +124,8 @@ UNEVEN = 0.01
 #: Least highest frequency of the band over the inverse of the record's length.
 LINES = 4
 #: Width of the filter's transition over its band; attenuation [dB].
-TRANSITION, ATTENUATION = 0.3, 60.0
+TRANSITION = 0.3
+ATTENUATION = 60.0
 #: Least noise of a signal over its root mean square.
 LEAST_NOISE = 1e-3
 

@@ -136,7 +136,8 @@ LONGEST_PLACE = 1.5
 LONGEST = 0.7
 LONGEST_START = 0.3
 #: Decrease of chi² below which a search ends: absolute; relative to chi².
-CONVERGED, ENOUGH = 0.01, 1e-6
+CONVERGED = 0.01
+ENOUGH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +197,8 @@ class Search:
 
     def refined(self, blow: Blow, steps: int) -> Fit:
         """The impact of least cost near the start, after at most `steps` steps."""
-        damping, step = 1e-3, -1
+        damping = 1e-3
+        step = -1
         while True:
             step += 1
             chart, site_data, seen = self.at(blow)
@@ -230,10 +232,8 @@ class Search:
                     5 * blow.contact_time_estimate,
                 )
             )
-            blow, cost_before = (
-                replace(trial, contact_time_estimate=contact_time_estimate),
-                float(np.sum((factor * residual) ** 2)),
-            )
+            blow = replace(trial, contact_time_estimate=contact_time_estimate)
+            cost_before = float(np.sum((factor * residual) ** 2))
             if cost_before - float(new @ new) < max(CONVERGED, ENOUGH * cost_before):
                 steps = step + 1
         return self._finished(blow, chart, seen, residual, J, gains)
@@ -345,11 +345,13 @@ def strength(hit: History) -> Array:
 
 
 #: Number of places at which searches start; their least distance over the spacing of sites.
-PLACES, APART = 8, 2.5
+PLACES = 8
+APART = 2.5
 #: Initial masses of the impactor, over that of the structure.
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
 #: Number of searches that begin, and that are continued.
-BEGUN, KEPT = 4, 2
+BEGUN = 4
+KEPT = 2
 FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
 #: A second search is not continued if its cost exceeds this times the first's.
 HOPELESS = 10.0
@@ -358,7 +360,8 @@ HOPELESS = 10.0
 POOR = 2.0
 HEAVIER = (1.3, 2.0)
 #: Impact on a rigid wall: contact time × velocity/approach; impulse over mass × velocity.
-HERTZ_TIME, REBOUND = 2.943, 1.6
+HERTZ_TIME = 2.943
+REBOUND = 1.6
 
 
 def most_probable(

@@ -51,7 +51,8 @@ from antiosc_studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]
 #: Error tolerance of the comparison runs over that of the run; least relative tolerance.
-FINER, LEAST = 0.1, 1e-7
+FINER = 0.1
+LEAST = 1e-7
 #: Share of the anti-oscillators that the comparison run for the truncation error omits.
 FEWER = 0.25
 #: Modes whose frequencies differ by less than this share are a group: they mix under small changes.

@@ -269,11 +269,13 @@ def _touches(record: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
         if which != c:
             continue
         if before == library.APART:
-            begin, parted = step, False
+            begin = step
+            parted = False
         elif after == library.APART and begin is not None:
             if step > begin:
                 spans.append((begin, step))
-            begin, parted = None, True
+            begin = None
+            parted = True
     if begin is not None:
         spans.append((begin, record.edges.size - 1))
     if not spans:
@@ -368,7 +370,8 @@ def _peak_displacement(record: Recorded, c: int, to: Seeds) -> None:
     _read_displacement(record, c, to, *peak_place)
     if to.value < 0:
         to.value = -to.value
-        to.B, to.r = -to.B, -to.r
+        to.B = -to.B
+        to.r = -to.r
         to.readings = [(place, -weight, -columns) for place, weight, columns in to.readings]
 
 

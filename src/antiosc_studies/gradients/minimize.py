@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 #: Relative step of an input in differences of the bodies.
 CHANGE = 1e-4
 #: Error tolerance of the runs; relative change of the goal at which the search ends.
-TOL, ENOUGH = 1e-5, 1e-7
+TOL = 1e-5
+ENOUGH = 1e-7
 MOST_STEPS = 100  # the quick tests need 7 at most
 #: The values that `build` returns, in this order.
 ARGUMENTS = ("model", "impactor", "contact", "duration")
@@ -146,14 +147,16 @@ class _Search:
         self.build = build
         self.goal = goal
         self.scale = scale
-        self.runs, self.at = 0, np.full(scale.size, np.nan)
+        self.runs = 0
+        self.at = np.full(scale.size, np.nan)
         self.hit: Any = None
 
     def value(self, y: Array) -> float:
         """The goal at scaled inputs."""
         if not np.array_equal(y, self.at):
             self.hit = simulate(*self._arguments(y), tol=TOL)
-            self.at, self.runs = np.array(y), self.runs + 1
+            self.at = np.array(y)
+            self.runs += 1
             self.record, self.wanted, self.by = derived(self.hit, self.goal)
         return self.wanted.value
 

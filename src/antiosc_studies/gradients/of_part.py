@@ -67,7 +67,8 @@ OF_LAYERS = {"thickness", "angle"}
 
 #: Step of the models over `CHANGE` (an extraction in few shapes has small rounding errors);
 #: tolerance of an extraction that keeps all modes.
-SHRUNK, EVERY = 0.1, 1e-30
+SHRUNK = 0.1
+EVERY = 1e-30
 
 #: A function that gives the models of two parts.
 Ends = Callable[[Structure, Structure], list[AntiOscillators]]
@@ -492,7 +493,8 @@ def _relative(
             return (meshed.form.stiffness, [])
         return ([], meshed.form.mass)
     assert part.made_of is not None
-    K, M = [], []
+    K = []
+    M = []
     for sign in (1, -1):
         changed: list[Any] = []
         for material, cells in meshed.parts:

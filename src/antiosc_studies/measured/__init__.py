@@ -30,13 +30,16 @@ DampingForm = Literal["viscous", "hysteretic"]
 MOST_FITTED = 100_000
 #: chi^2 over the degrees of freedom above which a poor fit is reported, unless its median error is
 #: below SLIGHT: for data without noise the noise level is unknown.
-POOR, SLIGHT = 2.0, 0.005
+POOR = 2.0
+SLIGHT = 0.005
 #: Median |H - fit| over |H| above which a measurement is refused, and above which it is reported.
-UNFITTED, ROUGH = 0.5, 0.15
+UNFITTED = 0.5
+ROUGH = 0.15
 #: Rigid-body modes that move the sites by less than this share of the largest are dropped.
 LEAST_RIGID = 0.05
 #: Least eigenvalue of a residual compliance over the largest; shift over the lowest omega^2.
-LEAST_RESIDUAL, SHIFT = 1e-7, 0.1
+LEAST_RESIDUAL = 1e-7
+SHIFT = 0.1
 #: Largest number of a mesh's modes above the band; relative standard deviations of their
 #: frequencies and squared displacements.
 MOST_GIVEN = 30
@@ -44,7 +47,8 @@ GIVEN_SPREAD = 0.03
 GIVEN_DOUBT = 0.3
 #: Share of the power at the driving points that flows out of the part: above TURNED the sign is
 #: reversed, above BESIDE the sensor is not at the driving point.
-TURNED, BESIDE = 0.8, 0.2
+TURNED = 0.8
+BESIDE = 0.2
 #: Report of modes with outflow: height of their peaks over the largest, lines on either side over
 #: which the power is summed, largest number of modes listed.
 SHOWN = 0.03

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Number of shifts that are tried first; number of samples of the computed force.
-SHIFTS, SAMPLES = 801, 4001
+SHIFTS = 801
+SAMPLES = 4001
 #: Fewest samples of a measured force.
 FEWEST = 8
 
@@ -110,10 +111,8 @@ def compare(
     if isinstance(hit, type) or not isinstance(hit, ForceHistory):
         raise InputError(f"hit must be the History of an impact; got {checks.shown(hit)}.")
     t, F = _history(measured)
-    time, force = (
-        checks.array("hit.time", hit.time, (None,)),
-        checks.array("hit.force", hit.force, None),
-    )
+    time = checks.array("hit.time", hit.time, (None,))
+    force = checks.array("hit.force", hit.force, None)
     if not np.any(force > 0) or not np.any(F > 0):
         which = "computed" if not np.any(force > 0) else "measured"
         raise InputError(f"the {which} force is nowhere > 0: there is no impact to compare.")

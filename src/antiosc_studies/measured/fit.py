@@ -42,9 +42,11 @@ T = TypeVar("T")
 #: Number of relocations of the poles.
 RELOCATED = 8
 #: Least height of a peak of the level over its surroundings [nepers], and over the noise.
-PROMINENCE, OVER_NOISE = 0.3, 4.0
+PROMINENCE = 0.3
+OVER_NOISE = 4.0
 #: Additional poles: as a share of the number of peaks; least number.
-SPARE, LEAST_SPARE = 0.4, 4
+SPARE = 0.4
+LEAST_SPARE = 4
 #: Number of rows of a matrix in one block of a QR decomposition.
 ROWS = 1024
 #: Damping ratio of the initial poles.
@@ -115,7 +117,8 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     state[np.arange(n), np.arange(n)] = a.real
     low = n + np.arange(len(pairs))
     state[low, low] = a.real[pairs]
-    state[pairs, low], state[low, pairs] = a.imag[pairs], -a.imag[pairs]
+    state[pairs, low] = a.imag[pairs]
+    state[low, pairs] = -a.imag[pairs]
     drive = np.append(np.where(real, 1.0, 2.0), np.zeros(len(pairs)))
     zeros = np.linalg.eigvals(state - np.outer(drive, c[:-1]) / c[-1])
     zeros = -np.abs(zeros.real) + 1j * zeros.imag
@@ -354,9 +357,11 @@ def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
 
 #: Standard deviations by which a mode's displacement must exceed 0 to be kept; by which its part in
 #: the residual must, to be added.
-STANDS, ADDED = 6.0, 5.5
+STANDS = 6.0
+ADDED = 5.5
 #: Rounds of adding and dropping modes; largest number of modes added in one round.
-ROUNDS, AT_ONCE = 10, 12
+ROUNDS = 10
+AT_ONCE = 12
 #: Least damping ratio of a pole that becomes a mode.
 LEAST_DAMPED = 1e-6
 #: Number of residual peaks where a mode is sought; trial damping ratios over the median.
@@ -375,7 +380,8 @@ LEAST_MOTION = 0.01
 NEITHER = 0.5
 #: Number of the lowest lines; largest misfit there of a free body over that of a supported one. At
 #: higher lines a rigid-body motion may merely compensate a poor tail.
-LOWEST, SEEN = 5, 2.0
+LOWEST = 5
+SEEN = 2.0
 #: Ratio of the weights after and before a round below which the noise level has converged.
 SETTLED = 1.05
 
@@ -417,7 +423,8 @@ def fitted(
             best_round = (modes, weight, normal)
             least = score
         elif count > 1:  # so many modes at once have led the search astray
-            (modes, weight, normal), count = best_round, count // 4
+            modes, weight, normal = best_round
+            count //= 4
         significant = _standing(modes, covariance(normal))
         modes = modes.with_seen(*(values[: modes.seen][significant] for values in _of_modes(modes)))
         extended = _missing(data, weight, modes, count)

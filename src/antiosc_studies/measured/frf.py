@@ -30,14 +30,16 @@ Pairs = list[tuple[int, int]]
 #: The lowest mode above the band lies above the band's top by at least this share.
 BEYOND = 0.02
 #: Damping ratio if no mode is seen; least squared displacement over the expected one.
-TYPICAL, LEAST_SQUARE = 0.01, 1e-3
+TYPICAL = 0.01
+LEAST_SQUARE = 1e-3
 #: Modes above the band: highest frequency over the band's top; least spacing over the frequency;
 #: number of modes in the band whose mean spacing and mean square they continue.
 TAIL_END = 5.0
 TAIL_STEP = 0.15
 GOING_ON = 6
 #: Standard deviations: of a frequency over the spacing; of a squared displacement over its mean.
-SPREAD, DOUBT = 0.5, 1.0
+SPREAD = 0.5
+DOUBT = 1.0
 #: Variance of the relative mean square times the number of averaged modes.
 FEW = 2.0
 #: Standard deviation of the logarithm of a common factor on all spacings.
@@ -281,9 +283,11 @@ Quantity = Literal["receptance", "mobility", "accelerance"]
 #: Power of iw between the receptance and what was measured.
 POWER: dict[str, int] = {name: power for power, name in enumerate(get_args(Quantity))}
 #: Least number of frequencies of a measurement; largest number of values.
-FEWEST_LINES, MOST_VALUES = 16, 20_000_000
+FEWEST_LINES = 16
+MOST_VALUES = 20_000_000
 #: Excess of a coherence above 1 that counts as rounding; least coherence that is used.
-COHERENCE_ROUNDING, LEAST_COHERENCE = 1e-6, 1e-4
+COHERENCE_ROUNDING = 1e-6
+LEAST_COHERENCE = 1e-4
 #: Default number of averaged blows.
 AVERAGES = 5
 #: Least |1 + w^2 m H| at which a sensor's mass can be removed.

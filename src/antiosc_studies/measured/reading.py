@@ -29,7 +29,8 @@ from antiosc_studies.measured.tables import (
 )
 
 #: Function types of data set 58.
-RESPONSE, COHERENCE = 4, 6
+RESPONSE = 4
+COHERENCE = 6
 #: Data types of the ordinate -> measured quantity; data types of a force in the denominator.
 MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 FORCES = (0, 9, 13)  # unknown, reaction force, excitation force

@@ -109,7 +109,8 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
             denominator = name
     if numerator not in MOTIONS or MOTIONS.get(denominator or "n", (0.0, "mobility"))[1]:
         return None, None
-    (factor, quantity), (divisor, _) = MOTIONS[numerator], MOTIONS[denominator or "n"]
+    factor, quantity = MOTIONS[numerator]
+    divisor, _ = MOTIONS[denominator or "n"]
     return factor / divisor, quantity
 
 

@@ -220,7 +220,8 @@ class Without(ContactLaw):
     def valid_force(self) -> float:
         law = self.law
         state = self.law.touch(0.0)
-        low, high = 1e-30, 1e30
+        low = 1e-30
+        high = 1e30
         for _ in range(80):
             middle = (low * high) ** 0.5
             if self.compliance * law.tangent(middle, 0.0, state)[0] <= TAKEN:
@@ -232,7 +233,8 @@ class Without(ContactLaw):
 
     def _whole(self, delta: float, rate: float, state: State) -> float:
         """The indentation of the law itself: delta and the indentation of the patch."""
-        law, low = self.law, delta
+        law = self.law
+        low = delta
         share = 2 / 3 * TAKEN  # of the depth beyond the origin
         room = share / (1 - share) * max(delta - law.origin(state), 0.0)
         high = delta + room

@@ -12,7 +12,8 @@ from antiosc.base.errors import InputError
 from antiosc.engine.contact.laws import Tabulated
 
 #: Points of the table, from this share of its last force on.
-POINTS, FIRST = 100, 1e-9
+POINTS = 100
+FIRST = 1e-9
 #: Half the width of the contact over its length and over the radius, up to which the law holds.
 NARROW = 0.25
 

@@ -88,7 +88,8 @@ class Layout:
         placed = [m.vertices for m in self.members.values()]
         placed += [c.points for c in self.condensed.values()]
         x = np.vstack([*placed, *self.points.values()])
-        self.low, self.high = x.min(axis=0), x.max(axis=0)
+        self.low = x.min(axis=0)
+        self.high = x.max(axis=0)
 
     @property
     def names(self) -> list[str]:

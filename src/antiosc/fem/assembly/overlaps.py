@@ -125,12 +125,16 @@ class Overlap:
 
     def exchanged(self) -> Overlap:
         """The overlap with its two sides exchanged."""
-        (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
+        f, g = self.face
+        xi, eta = self.xi
+        x, y = self.x
         return Overlap((g, f), (eta, xi), (y, x), self.weight)
 
     def only(self, keep: BoolArray) -> Overlap:
         """The overlap at the points in the mask `keep`."""
-        (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
+        f, g = self.face
+        xi, eta = self.xi
+        x, y = self.x
         sides = (f[keep], g[keep]), (xi[keep], eta[keep]), (x[keep], y[keep])
         return Overlap(*sides, self.weight[keep])
 
@@ -183,7 +187,8 @@ def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array
     at = np.zeros((len(points), faces.dim))
     found = np.full((len(points), 3), np.inf)
     face[point[order]] = item[order]  # the nearest is written last
-    at[point[order]], found[point[order]] = xi[order], x[order]
+    at[point[order]] = xi[order]
+    found[point[order]] = x[order]
     return face, at, found
 
 

@@ -212,7 +212,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     def along(axis: Expr, stiffness: Expr, a: Expr, b: Expr) -> Expr:
         return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
 
-    (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
+    u, turn = parts_of(w)
+    u_v, turn_v = parts_of(v)
     centroid = u + offset * ufl.cross(turn, y)
     centroid_v = u_v + offset * ufl.cross(turn_v, y)
     motion = (

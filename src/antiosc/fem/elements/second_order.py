@@ -153,7 +153,8 @@ def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
         return axial - offset * ufl.dot(turn, z)
 
     def eta(a: Expr, b: Expr) -> Expr:
-        (u, turn), (v, turned) = slopes(a), slopes(b)
+        u, turn = slopes(a)
+        v, turned = slopes(b)
         along = ufl.dot(u, v)
         if z is None:
             return along

@@ -186,10 +186,14 @@ def _of_sheets(part: MeshedStructure) -> Points:
         e1 = e[:, :3]
         e2 = e[:, 3:]
         stretch, bend = np.zeros((2, at.weight.size, 3, 2, 6))
-        stretch[:, 0, 0, :3], stretch[:, 1, 1, :3] = e1, e2
-        stretch[:, 2, 0, :3], stretch[:, 2, 1, :3] = e2, e1
-        bend[:, 0, 0, 3:], bend[:, 1, 1, 3:] = e2, -e1
-        bend[:, 2, 0, 3:], bend[:, 2, 1, 3:] = -e1, e2
+        stretch[:, 0, 0, :3] = e1
+        stretch[:, 1, 1, :3] = e2
+        stretch[:, 2, 0, :3] = e2
+        stretch[:, 2, 1, :3] = e1
+        bend[:, 0, 0, 3:] = e2
+        bend[:, 1, 1, 3:] = -e1
+        bend[:, 2, 0, 3:] = -e1
+        bend[:, 2, 1, 3:] = e2
         if section.coupling is None:
             return stretch
         coupling = matrix(at, section.coupling)

@@ -153,7 +153,8 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> Strains:
     def columns(of: Expr) -> tuple[Expr, Expr]:
         return tuple(ufl.as_vector([of[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
 
-    (u1, u2), (r1, r2) = columns(du), columns(dr)
+    u1, u2 = columns(du)
+    r1, r2 = columns(dr)
     gradient = ufl.as_matrix(
         [[ufl.dot(e1, u1), ufl.dot(e1, u2)], [ufl.dot(e2, u1), ufl.dot(e2, u2)]]
     )
@@ -195,7 +196,8 @@ def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
     """Density of the mass form of the motions u + z θ×n, and of the drilling rotation θ·n about
     the middle of the mass.
     """
-    (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
+    u, turn = _halves(w)
+    u_v, turn_v = _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
     if section.I1 is not None:
         across = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(ufl.cross(turn, frame.n), u_v)
@@ -310,7 +312,8 @@ def _dropped_of_cubics() -> Array:
 
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
-FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
+FOR_SHEAR = 10.0
+FOR_MEMBRANE = 1000.0
 #: Default radius of a site's patch over the thickness: with it, a plate deforms as a solid without
 #: the half-space deformation under its patch (compared by benchmarks/fidelity.py).
 PATCH_RADIUS = 1.0

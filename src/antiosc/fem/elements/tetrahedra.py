@@ -29,7 +29,8 @@ from antiosc.fem.platform import compat
 NO_DOFS = np.zeros(0, dtype=np.int32)
 
 #: `AOM_LANES` and `AOM_TETRA_DATA` of the C library
-LANES, DATA = 8, 12
+LANES = 8
+DATA = 12
 #: Least number of dofs for products cell by cell.
 FEWEST_DOFS = 20_000
 
@@ -84,7 +85,8 @@ class Tetrahedra:
         self.rows = compat.local_size(form.space)
         self._held = self._fixed[self._fixed < self.rows]
         #: matrices added to K and M at points, and whether they have entries
-        self.added, self.carries = (self._empty(), self._empty()), False
+        self.added = (self._empty(), self._empty())
+        self.carries = False
 
     def _empty(self) -> PETSc.Mat:
         """A matrix without entries, with the rows of this part."""

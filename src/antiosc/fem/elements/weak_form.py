@@ -79,7 +79,8 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
     sides = compat.cellwise(mesh.dolfinx)
     axis = axes.x.array.reshape(-1, 3)
     side = sides.x.array
-    axis[:], side[:] = x[:, 1] - x[:, 0], 1.0
+    axis[:] = x[:, 1] - x[:, 0]
+    side[:] = 1.0
     has_sides = np.zeros(len(x), dtype=bool)
     stated = np.zeros(len(x), dtype=bool)
 

@@ -204,7 +204,8 @@ class Mesh(ReprMixin):
 
     def _side(self, name: str) -> Mapping[int, IntArray]:
         """The facets on the side `name` ("-x", "+z", …) of the bounding box."""
-        axis, (low, high) = "xyz".index(name[1]), self.box
+        axis = "xyz".index(name[1])
+        low, high = self.box
         end = (low if name[0] == "-" else high)[axis]
         dim = self.tdim - 1
         near = ON_SIDE * self.extent()

@@ -14,7 +14,8 @@ from antiosc.fem.platform import compat
 
 #: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them; the
 #: remaining error is the square of this step.
-FOOT_STEPS, FOOT_SETTLED = 12, 1e-8
+FOOT_STEPS = 12
+FOOT_SETTLED = 1e-8
 #: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0
 
@@ -149,7 +150,10 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     for i in np.flatnonzero(~inside.any(axis=0)):
         nearest = _closest_here(mesh, points[i])
         if nearest is not None:
-            cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance
+            cell[i] = nearest.cell
+            X[i] = nearest.X
+            x[i] = nearest.x
+            distance[i] = nearest.distance
     rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
     mine = rank == mesh.comm.rank
     mine_or_zero = [
@@ -205,7 +209,8 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     xi = xi[holds]
     off = off[holds]
     order = np.lexsort((-item, point))  # the first cell is written last
-    cell[point[order]], X[point[order]] = item[order], xi[order]
+    cell[point[order]] = item[order]
+    X[point[order]] = xi[order]
     distance[point[order]] = off[order]
     return cell, X, distance
 

@@ -35,11 +35,13 @@ SHARP_ANGLE = 40.0
 #: Radius of the fit over the radius of curvature.
 SHARE = 1 / 3
 #: Largest radius of a fit over the size of the part, and over the size of the faces at the point.
-WIDEST, FACES_WIDE = 0.1, 5.0
+WIDEST = 0.1
+FACES_WIDE = 5.0
 #: Ratio of the radii of two fits, whose difference is the uncertainty.
 OTHER = 1.5
 #: Most iterations of the radius of a fit, and the relative change that ends them.
-CHOICES, SETTLED = 8, 0.1
+CHOICES = 8
+SETTLED = 0.1
 #: Degrees of the polynomials, and nodes over coefficients that each needs.
 DEGREES = (4, 3, 2)
 NODES_EACH = 1.5
@@ -47,7 +49,8 @@ NODES_EACH = 1.5
 RANK = 1e-6
 #: Least cosine between the normals of the faces in a fit and that of the point; and the cosine at
 #: which the first fit ends.
-TURNED, STARTS = 0.35, 0.75
+TURNED = 0.35
+STARTS = 0.75
 #: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
 ON_PLANE = 1e-6
 #: Distance of a middle node from the chord over the length of the side, from which it is curved.
@@ -67,7 +70,8 @@ CUT_OFF = 0.35, 0.15
 UNRESOLVED = 0.8
 #: Curvatures of CAD are interpolated from nodes within this many side lengths of the point, with
 #: the weights exp(-NEARER r^2), r being the distance over the largest distance.
-NODES_WIDE, NEARER = 2.0, 2.0
+NODES_WIDE = 2.0
+NEARER = 2.0
 #: Points tried along a line, refinements of the place of its end, and largest deviation of the
 #: surface from the line over its radius.
 LOOKS = 200
@@ -286,7 +290,8 @@ def _on_cad(mesh: Mesh, at: Patch) -> OnCad | None:
         return None
     cad = mesh.cad
     tree = mesh.cad_tree
-    rows, signs = [], []
+    rows = []
+    signs = []
     for corners, normals, sides in zip(at.corners, at.normals, at.sides, strict=True):
         nodes_at_corners = tree.query_ball_point(corners, TOUCH * float(sides.min()))
         surfaces = [set(cad.surfaces[candidates].tolist()) for candidates in nodes_at_corners]
@@ -575,7 +580,8 @@ def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
 
 def _end(there: Callable[[Array], BoolArray], size: float) -> float:
     """Distance [m] along a line at which the surface ends, up to `size`."""
-    inside, outside = 0.0, size
+    inside = 0.0
+    outside = size
     for _ in range(1 + CLOSER):
         t = np.linspace(inside, outside, LOOKS)
         last = int(np.argmin(np.append(there(t[1:-1]), False)))
@@ -590,9 +596,11 @@ def _around(
     """Length and middle of a curved line, followed step by step along its crest, as the top of a
     torus.
     """
-    length, step = 0.0, STEP * radius
+    length = 0.0
+    step = STEP * radius
     for start in (along, -along):
-        x, way = curvature.point, start
+        x = curvature.point
+        way = start
         for number in range(int(LONGEST * size / step)):
             across: Array = np.cross(curvature.normal, way).astype(float)
             looks = x + step * way + radius * ACROSS[:, None] * across

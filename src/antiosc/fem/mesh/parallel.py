@@ -45,7 +45,8 @@ def grids(file: Path) -> Grids | None:
     name, *others = (one.get("Name", "") for one in found)
     tags = []
     for tagged, grid in zip(others, found[1:], strict=True):
-        topology, attribute = grid.find("Topology"), grid.find("Attribute")
+        topology = grid.find("Topology")
+        attribute = grid.find("Attribute")
         if topology is not None and attribute is not None:
             kind = topology.get("TopologyType", "").lower().partition("_")[0]
             tags.append((tagged, DIMENSIONS.get(kind, 3)))

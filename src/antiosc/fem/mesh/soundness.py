@@ -409,7 +409,8 @@ LEAST_MEASURE = 1e-7
 #: Arc height over thickness of second-order hexahedra above which a warning is given; the square of
 #: this ratio times LOCKING is the relative error of their bending stiffness (4.6 to 5.3 in rings of
 #: one layer).
-MOST_BENT, LOCKING = 0.15, 5.0
+MOST_BENT = 0.15
+LOCKING = 5.0
 #: A cell is a point if its size over that of the mesh is below this.
 POINT = 1e-12
 #: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.

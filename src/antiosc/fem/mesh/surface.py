@@ -199,7 +199,8 @@ SAME_FACE = 0.5
 #: A site closer to the edge of a face than this share of the face's size lies on the edge.
 AT_EDGE = 0.25
 #: Faces touch a point within this share of their size; normals that differ by less are equal.
-TOUCH, LEVEL = 1e-6, 1e-6
+TOUCH = 1e-6
+LEVEL = 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
 OUTSIDE_FACE = 1e-8
 #: A point of a curved face, projected on the face's tangent plane, may lie outside the face by this
@@ -290,7 +291,8 @@ class Faces(Entities):
         facing = np.einsum("nd,nd->n", normal, directions[site])
         if self.sheet:
             turned = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
-            normal[turned], facing[turned] = -normal[turned], -facing[turned]
+            normal[turned] = -normal[turned]
+            facing[turned] = -facing[turned]
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
             least = _least(comm, measure[best], site[best], count)
@@ -366,7 +368,8 @@ class Faces(Entities):
         order = np.lexsort(
             (-item, -distances, point)
         )  # the nearest, then the first, is written last
-        face[point[order]], xi[point[order]] = item[order], xi_found[order]
+        face[point[order]] = item[order]
+        xi[point[order]] = xi_found[order]
         distance[point[order]] = distances[order]
         return face, xi, distance
 

@@ -238,7 +238,8 @@ T = TypeVar("T")
 class Serial:
     """The methods of an MPI communicator that antiosc uses, for one rank."""
 
-    rank, size = 0, 1
+    rank = 0
+    size = 1
 
     def allreduce(self, value: T) -> T:
         """The value itself: the sum over one rank."""
@@ -327,7 +328,8 @@ def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
         return
     texts = comm.allgather({key: named(value) or shown(value) for key, value in arguments.items()})
     rank = next(k for k, other in enumerate(ranks) if other != ranks[0])
-    (arguments_first, first), (arguments_other, other) = ranks[0], ranks[rank]
+    arguments_first, first = ranks[0]
+    arguments_other, other = ranks[rank]
     if arguments_first != arguments_other:
         raise InputError(
             f"rank 0 calls {_public(arguments_first)} where rank {rank} calls "

@@ -692,9 +692,12 @@ class Exchange:
     """
 
     def __init__(self, space: fem.FunctionSpace) -> None:
-        self._rows, self._comm = local_size(space), communicator(space.mesh)
-        imap, bs = space.dofmap.index_map, space.dofmap.index_map_bs
-        ghosts, (first, _) = np.asarray(imap.ghosts), imap.local_range
+        self._rows = local_size(space)
+        self._comm = communicator(space.mesh)
+        imap = space.dofmap.index_map
+        bs = space.dofmap.index_map_bs
+        ghosts = np.asarray(imap.ghosts)
+        first, _ = imap.local_range
         self._dofs = self._rows + bs * len(ghosts)
         owners = np.searchsorted(self._comm.allgather(first), ghosts, side="right") - 1
         ranks = range(self._comm.size)
@@ -733,7 +736,8 @@ class Exchange:
         self, values: Array, sent: Mapping[int, IntArray], received: Mapping[int, IntArray]
     ) -> tuple[list[tuple[IntArray, Array]], Callable[[], object]]:
         """([(dofs, buffer of the values that arrive for them)], function that waits for them)."""
-        found, requests = [], []
+        found = []
+        requests = []
         for rank, dofs in received.items():
             found.append((dofs, np.empty((len(dofs), *values.shape[1:]), values.dtype)))
             requests.append(self._comm.Irecv(found[-1][1], rank, GHOSTS))

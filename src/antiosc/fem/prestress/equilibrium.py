@@ -34,7 +34,8 @@ CONVERGED = 1e-14
 MOST_STEPS = 40
 #: Relative error in energy at which conjugate gradients end, and their most iterations, after which
 #: the tangent is factored.
-STEP_ERROR, MOST_CG_STEPS = 1e-12, 60
+STEP_ERROR = 1e-12
+MOST_CG_STEPS = 60
 #: A step length is accepted if the slope of the energy there, over that at the start, is below
 #: this.
 FLAT_END = 0.1

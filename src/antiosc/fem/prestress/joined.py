@@ -169,7 +169,9 @@ class _LoadedAssembly(Loaded):
         bolts: Mapping[str, Bolt],
         solver: Solver,
     ) -> None:
-        self.K, self.solver, self._base = base.K, solver, base
+        self.K = base.K
+        self.solver = solver
+        self._base = base
         self._loads = loads
         self._initial = initial
         self._parts: list[tuple[Member, LoadedPart]] = []

@@ -103,7 +103,8 @@ class LoadedPart:
         slopes = [ufl.derivative(one, self._u, w) for one in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
         # sums, as matrices of cells and of facets have entries at different places
-        self._forces, self._tangent = sum(forces), sum(slopes)
+        self._forces = sum(forces)
+        self._tangent = sum(slopes)
         self._geometric = sum([of_stress, *slopes[1:]])
 
     def forces(self, u: Array) -> Array:

@@ -72,7 +72,8 @@ class _LoadedMesh(Loaded):
         initial: Mapping[str, float],
         solver: Solver,
     ) -> None:
-        self.K, self.solver = base.K, solver
+        self.K = base.K
+        self.solver = solver
         self._part = LoadedPart(base, loads, initial)
         self.dead = freed(base, dead_forces(base, loads) + weight(base, loads))
 

@@ -96,7 +96,8 @@ class Placement(Checked):
         """R (3, 3), by Rodrigues' formula; exact for quarter turns about a coordinate axis."""
         unit = np.array(self.axis) / np.linalg.norm(self.axis)
         cross = skew(unit)
-        sine, cosine = np.sin(self.angle), np.cos(self.angle)
+        sine = np.sin(self.angle)
+        cosine = np.cos(self.angle)
         R = np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
         whole = np.round(R)
         return whole if np.abs(R - whole).max() < 1e-15 else R
@@ -116,13 +117,17 @@ def skew(a: Array) -> Array:
     """The matrix (3, 3) with skew(a) b = a × b; (n, 3, 3) for vectors (n, 3)."""
     a = np.asarray(a, dtype=float)
     zero = np.zeros(a.shape[:-1])
-    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    x = a[..., 0]
+    y = a[..., 1]
+    z = a[..., 2]
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 #: What a dof is: the amplitude of a mode, a displacement or a rotation.
-AMPLITUDE, MOVE, TURN = 0, 1, 2
+AMPLITUDE = 0
+MOVE = 1
+TURN = 2
 #: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
 Field = Callable[[Array], tuple[Array, Array]]
 
@@ -158,7 +163,8 @@ class DofPlaces:
 
     def rigid_motions(self, centre: Array, rows: IntArray | slice = slice(None)) -> Array:
         """Unit translations along x, y, z and rotations about `centre` (3,): (dofs, 6)."""
-        axes, moves = self.axes[rows], self.kind[rows] == MOVE
+        axes = self.axes[rows]
+        moves = self.kind[rows] == MOVE
         result = np.zeros((len(axes), 6))
         result[moves, :3] = axes[moves]
         result[moves, 3:] = np.cross(self.nodes[self.node[rows][moves]] - centre, axes[moves])
@@ -265,7 +271,8 @@ def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float
 
     The solver is None for a singular K. `given` is a basis of K's null space, if known.
     """
-    comm, n = communicator(K), algebra.rows(K)
+    comm = communicator(K)
+    n = algebra.rows(K)
     regular = _regular(comm, K) if given is None else None
     if regular is not None:
         return np.zeros((n, 0)), 0.0, regular
@@ -576,7 +583,8 @@ class NodalMatrices(StructureMatrices):
         """Node, direction and kind of each row; rows without coordinates or direction are
         amplitudes.
         """
-        component, points = self.map.component, self.map.points
+        component = self.map.component
+        points = self.map.points
         known = np.isfinite(points).all(axis=1)
         kind = np.where(component > 3, TURN, MOVE)
         kind[~known | (component < 1) | (component > 6)] = AMPLITUDE
@@ -591,7 +599,8 @@ class NodalMatrices(StructureMatrices):
         None if a row is not placed or no translation is a null vector of K: then supports have
         taken rows away, or coordinates do not fit.
         """
-        component, points = self.map.component, self.map.points
+        component = self.map.component
+        points = self.map.points
         moving = (component >= 1) & (component <= 6)
         if not self.rigid_modes.shape[1] or not moving.all() or not np.isfinite(points).all():
             return None

@@ -41,11 +41,13 @@ MIRRORED = 1e-9
 ENTRY_ROUNDING = 1e-15
 #: A diagonal entry that holds a dof: over the sum of the row's other entries, and over the typical
 #: one of all rows. The dof moves 1e-14 of what its neighbours do.
-PENALTY_OVER_ROW, PENALTY_OVER_TYPICAL = 1e14, 1e12
+PENALTY_OVER_ROW = 1e14
+PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DROWNS = 1e12
 #: A negative eigenvalue over the largest, of M scaled to a unit diagonal, and the steps to find it.
-NEGATIVE, NEGATIVE_STEPS = 1e-8, 30
+NEGATIVE = 1e-8
+NEGATIVE_STEPS = 30
 
 
 # -- one matrix
@@ -350,7 +352,8 @@ def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M")
     before = np.zeros_like(v)
     beta = 0.0
     v /= norm(comm, v)
-    alphas, betas = [], []
+    alphas = []
+    betas = []
     for _ in range(min(NEGATIVE_STEPS, int(np.count_nonzero(diagonal > 0)))):
         w = weights * multiply(M, weights * v) - beta * before
         alphas.append(float(dot(comm, v, w)))
@@ -359,7 +362,8 @@ def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M")
         betas.append(beta)
         if beta <= ENTRY_ROUNDING:
             break
-        before, v = v, w / beta
+        before = v
+        v = w / beta
     values = np.linalg.eigvalsh(np.diag(alphas) + np.diag(betas[:-1], 1) + np.diag(betas[:-1], -1))
     if values[0] < -NEGATIVE * values[-1]:
         raise InputError(

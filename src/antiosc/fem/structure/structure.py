@@ -257,9 +257,11 @@ class Structure(ReprMixin):
     def _hold(self, matrices: StructureMatrices, started: float) -> None:
         """Set the attributes from matrices whose assembly began at the time `started`."""
         self.matrices = matrices
-        self.K, self.M = matrices.K, matrices.M
+        self.K = matrices.K
+        self.M = matrices.M
         algebra.free_when_dropped(self.K, self.M)
-        self.fixed, self.rigid_modes = matrices.fixed, matrices.rigid_modes
+        self.fixed = matrices.fixed
+        self.rigid_modes = matrices.rigid_modes
         owned = int((self.fixed < self.rows).sum())
         self.dofs = self.size - self.comm.allreduce(owned)
         self.seconds = {"assembly": time.perf_counter() - started}

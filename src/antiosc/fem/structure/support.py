@@ -359,7 +359,8 @@ def first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
     """A Rayleigh–Ritz estimate of the lowest elastic ω²; the fields are overwritten."""
-    shares, count = dot(comm, multiply(M, motions), fields), 0
+    shares = dot(comm, multiply(M, motions), fields)
+    count = 0
     for column, share in zip(fields.T, shares.T, strict=True):
         elastic = column - motions @ share
         before, after = comm.allreduce(np.array([column @ column, elastic @ elastic]))
@@ -381,7 +382,8 @@ def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     every = polynomials(3 if "z" in form.components else 2)
     kept = [field for moves, field in every if moves or not rigid]
-    size, places = float((high - low).max()), places_of(form)
+    size = float((high - low).max())
+    places = places_of(form)
     result = np.empty((compat.local_size(form.space), len(kept)), order="F")
     for column, field in zip(result.T, kept, strict=True):
         column[:] = places.values(field, (low + high) / 2, size)
@@ -406,7 +408,8 @@ def _field(component: int, powers: tuple[int, ...]) -> Field:
     """u_component = Π s_j over `powers`, with half its curl as rotation."""
 
     def value(s: Array) -> tuple[Array, Array]:
-        displacement, rotation = np.zeros((3, len(s))), np.zeros((3, len(s)))
+        displacement = np.zeros((3, len(s)))
+        rotation = np.zeros((3, len(s)))
         displacement[component] = np.prod(s[:, list(powers)], axis=1)
         for axis in range(3):
             if axis == component or axis not in powers:
@@ -425,7 +428,8 @@ def _field(component: int, powers: tuple[int, ...]) -> Field:
 
 def _difference(a: Field, b: Field) -> Field:
     def value(s: Array) -> tuple[Array, Array]:
-        (u, r), (v, q) = a(s), b(s)
+        u, r = a(s)
+        v, q = b(s)
         return u - v, r - q
 
     return value
@@ -444,7 +448,8 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
     Collective: every rank gets the same text.
     """
     low, high = mesh.box
-    centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    centre = (low + high) / 2
+    size = float(np.linalg.norm(high - low)) / 2
     unit = places_of(form).rigid_motions(centre)
     unit[:, 3:] /= size
     # the coefficients (6, r) of each mode: exact, the modes lie in the span of the unit motions

@@ -282,7 +282,8 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     h = step[::2] + step[1::2]
     h = np.where(h > 0, h, 1.0)
     slopes, bends = np.empty((2, step.size, run.force.shape[1]))
-    slopes[::2], slopes[1::2] = (4 * f1 - 3 * f0 - f2) / h, (f2 - f0) / h
+    slopes[::2] = (4 * f1 - 3 * f0 - f2) / h
+    slopes[1::2] = (f2 - f0) / h
     bends[::2] = bends[1::2] = 4 * (f0 - 2 * f1 + f2) / h**2
     load = a.load(run.time)
     slope = np.diff(load, axis=0) / np.where(step > 0, step, 1.0) - slopes @ system.beta

@@ -32,7 +32,8 @@ def warn_large_rotation(name: str, angle: float) -> None:
 #: circle's half thickness the stretching adds 11 % to the force (1 + 0.443 (w/h)²).
 SMALL_DEFLECTION = 0.5
 #: Looks at a run in a period of the lowest mode, as a flight is one step, and at most in all.
-SAMPLES_PER_PERIOD, MOST_SAMPLES = 32, 4096
+SAMPLES_PER_PERIOD = 32
+MOST_SAMPLES = 4096
 REMEDY = (
     'take stretch="auto" of extract or impact_map, which has these forces of a part of one mesh'
 )
@@ -72,7 +73,8 @@ def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
 
 def large_deflection_message(history: RunHistory) -> str:
     """Warning of the worst deflection of a supported sheet beyond linear theory; "" if none."""
-    worst, message = 0.0, ""
+    worst = 0.0
+    message = ""
     for name, body, h in _sheets(history):
         if not body.omega.all():  # it is free
             continue
@@ -94,7 +96,8 @@ def large_deflection_message(history: RunHistory) -> str:
 #: `antiosc.impact.stretching`): the force is at most 1 + 1.85 (w/h)² that of linear theory, of
 #: a disc with a hinged edge that does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of
 #: Plates and Shells*, table 82). The same as a change of the force of a curved sheet.
-SLIGHT_DEFLECTION, SLIGHT_CHANGE = 0.04, 3e-3
+SLIGHT_DEFLECTION = 0.04
+SLIGHT_CHANGE = 3e-3
 
 
 def may_stretch(history: RunHistory) -> bool:

@@ -265,7 +265,8 @@ class RunHistory(OneContact):
         for first, last in blocks(run, a.system.omega.size):
             q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
-            found[::2, nodes], found[1::2, nodes] = (q @ (a.B @ rows)).T, (v @ (a.B @ rows)).T
+            found[::2, nodes] = (q @ (a.B @ rows)).T
+            found[1::2, nodes] = (v @ (a.B @ rows)).T
         found[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
         return found
 

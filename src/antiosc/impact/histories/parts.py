@@ -145,7 +145,9 @@ class OneContact:
     @cached_property
     def _numbers(self) -> library.Numbers:
         """The numbers of the contact, and those of each of its touches."""
-        run, a, (found, goes_on) = self._record.run, self._record.assembly, self._touches
+        run = self._record.run
+        a = self._record.assembly
+        found, goes_on = self._touches
         record, held = record_of(run)
         system = posed = a.system
         size = system.omega.size

@@ -144,10 +144,8 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
     if ended.touches or np.any(system.pressed):
         return ""
     p = len(assembly.laws)
-    speed, push = (
-        _without_rounding(system.beta[:p], system.v),
-        _without_rounding(system.beta[:p], system.loads[0]),
-    )
+    speed = _without_rounding(system.beta[:p], system.v)
+    push = _without_rounding(system.beta[:p], system.loads[0])
     for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
         c = int(np.argmax(motion))
         contact = assembly.scene.contacts[c]

@@ -389,7 +389,8 @@ class UnitBeam:
         for (start, length), coefficients in zip(self.segments, c, strict=True):
             here = (x >= start) & (x <= start + length)
             states = self._states(Omega, length, x[here] - start)
-            w[here], theta[here] = states[0] @ coefficients, states[1] @ coefficients
+            w[here] = states[0] @ coefficients
+            theta[here] = states[1] @ coefficients
         return w, theta
 
     def respond(self, Omega: float, *, force: bool, x: Array | None = None) -> Response:

@@ -70,7 +70,8 @@ UNOBSERVABLE_SHARE = 1e-12
 #: What a plate is made of, beside Poisson's ratio.
 PLATE_UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
 #: Most modes of one point, and most terms of a double series in each direction.
-MOST_MODES, MOST_TERMS = 100_000, 5000
+MOST_MODES = 100_000
+MOST_TERMS = 5000
 #: Mindlin's shear coefficient for the static and dynamic plate alike (Reissner's).
 SHEAR = 5 / 6
 
@@ -382,10 +383,12 @@ class SupportedLaminate:
 
 #: Wave numbers times the thickness below which the integrand is a straight line (its terms cancel
 #: there), and beyond which a layer is a half-space.
-LONG, HALF_SPACE = 0.05, 40.0
+LONG = 0.05
+HALF_SPACE = 40.0
 #: Wave numbers times the radius of the disc below which its spread is a parabola, and beyond which
 #: it carries nothing.
-NARROW, SMOOTH = 0.01, 300.0
+NARROW = 0.01
+SMOOTH = 300.0
 #: Poisson's ratios below it ask for a disc too small for a mesh.
 LEAST_NU = 0.01
 

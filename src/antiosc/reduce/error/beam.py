@@ -132,7 +132,8 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
 AT_NODE = 1e-3
 #: Range of angles in degrees between two cells of a polygon that approximates a curve: above
 #: rounding, and at most that of a circle of 16 cells.
-LEAST_ANGLE, MOST_ANGLE = 0.2, 23.0
+LEAST_ANGLE = 0.2
+MOST_ANGLE = 23.0
 
 
 def halved(mesh: Mesh, point: Array | None = None) -> Mesh:

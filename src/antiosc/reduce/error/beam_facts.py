@@ -27,7 +27,8 @@ SIDES = 2.5
 NU = (0.2, 0.4)
 #: Largest component of a direction across the required one, and largest deviation from a straight
 #: line over the length.
-ALONG, STRAIGHT = 0.02, 1e-6
+ALONG = 0.02
+STRAIGHT = 1e-6
 #: Message where there is no figure.
 UNKNOWN = "Not included: the error of the beam model itself, for {}."
 

@@ -28,7 +28,8 @@ from antiosc.io.reading import keys
 
 #: Least and largest ratio of sizes in one step: coarse cells do not become much coarser, since
 #: their errors would grow by more than expected.
-FINEST, COARSEST = 0.15, 1.3
+FINEST = 0.15
+COARSEST = 1.3
 #: q by dimension: power of the size by which the energy of errors falls where it is largest.
 POWER = {1: 4.0, 2: 2.0, 3: 1.0}
 #: The search for log λ covers this range about the value for cells with the mean error.
@@ -81,7 +82,8 @@ def edge_lengths(mesh: Mesh) -> Array:
 
 
 #: A cell is divided if the ratio of its sizes is below DIVIDED; most rounds of division.
-DIVIDED, ROUNDS = 0.75, 3
+DIVIDED = 0.75
+ROUNDS = 3
 #: Kinds of cells that can be divided, by dolfinx's names.
 KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
 

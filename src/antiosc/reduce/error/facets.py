@@ -21,7 +21,8 @@ from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Range of angles in degrees between neighbouring faces of a curved surface: above rounding, and at
 #: most that of seven faces around a hole, the fewest that gmsh makes.
-LEAST_ANGLE, MOST_ANGLE = 0.2, 52.0
+LEAST_ANGLE = 0.2
+MOST_ANGLE = 52.0
 #: Sides of an exterior facet as positions of its corners.
 FACET_SIDES: dict[int, list[tuple[int, ...]]] = {
     2: [(0,), (1,)],

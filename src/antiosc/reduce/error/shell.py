@@ -60,7 +60,8 @@ from antiosc.reduce.site import Functional
 
 #: Angles in degrees between neighbouring cells: from FOLD on there is a fold; above FLAT the cells
 #: approximate a curved surface.
-FOLD, FLAT = 20.0, 0.2
+FOLD = 20.0
+FLAT = 0.2
 #: Edges of a triangle, and their corners.
 EDGES = 3
 ENDS = [[1, 2], [0, 2], [0, 1]]
@@ -228,7 +229,8 @@ class StrainsOfSheets:
     """Evaluates strains of blocks of shapes (rows of this rank, k), on one rank."""
 
     def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
-        self._part, self._axes = part, pieces.axes
+        self._part = part
+        self._axes = pieces.axes
         self._shapes = compat.with_ghosts(part.form.space, shapes)
         self.X, self._weights = compat.quadrature(part.mesh.cell, RULE_DEGREE)
         space = part.form.space
@@ -274,8 +276,12 @@ class StrainsOfSheets:
         near = (across.reshape(-1, 1, 1, 6) @ near)[:, :, 0]
         gap = np.swapaxes(along, 1, 2) @ near - lean
         own = np.empty((len(every), STRAINS, k))
-        own[:, 0], own[:, 1], own[:, 2] = du[:, 0, 0], du[:, 1, 1], du[:, 0, 1] + du[:, 1, 0]
-        own[:, 3], own[:, 4], own[:, 5] = dr[:, 1, 0], -dr[:, 0, 1], dr[:, 1, 1] - dr[:, 0, 0]
+        own[:, 0] = du[:, 0, 0]
+        own[:, 1] = du[:, 1, 1]
+        own[:, 2] = du[:, 0, 1] + du[:, 1, 0]
+        own[:, 3] = dr[:, 1, 0]
+        own[:, 4] = -dr[:, 0, 1]
+        own[:, 5] = dr[:, 1, 1] - dr[:, 0, 0]
         own[:, SHEAR] = du[:, 2] + lean + gap
         own[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
         own[:, DRILLING] -= self._middle[every, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
@@ -310,7 +316,8 @@ class SheetRecovery:
     """The L2 projection (consistent mass) of the strains of shapes (rows, k), piece by piece."""
 
     def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
-        self._part, self.count = part, shapes.shape[1]
+        self._part = part
+        self.count = shapes.shape[1]
         self._strains = strains = StrainsOfSheets(part, shapes, pieces)
         self._space = compat.lagrange(part.mesh.dolfinx, DEGREE, 0)
         every = np.arange(compat.cell_map(part.mesh.dolfinx).size_local)
@@ -320,7 +327,8 @@ class SheetRecovery:
             pieces.number[:, None] * (dofs.max() + 1) + dofs, return_inverse=True
         )
         self._dofs = dofs.reshape(len(every), -1)
-        table, self._points = compat.tabulate(self._space, (), strains.X), len(strains.X)
+        table = compat.tabulate(self._space, (), strains.X)
+        self._points = len(strains.X)
         width = max(1, BLOCK_NUMBERS // (STRAINS * self._points * self.count))
         # the strains of all blocks may not fit the memory: they are taken anew
         self._blocks: list[tuple[slice, scipy.sparse.csr_matrix]] = []
@@ -369,8 +377,10 @@ def section_forces(part: MeshedStructure) -> Array:
     D = np.zeros((len(part.parts), STRAINS, STRAINS))
     for own, (material, _) in zip(D, part.parts, strict=True):
         s = material.section
-        own[MEMBRANE, MEMBRANE], own[SHEAR, SHEAR] = s.A, s.S
-        own[MEMBRANE, BENDING], own[BENDING, MEMBRANE] = s.B, s.B.T
+        own[MEMBRANE, MEMBRANE] = s.A
+        own[SHEAR, SHEAR] = s.S
+        own[MEMBRANE, BENDING] = s.B
+        own[BENDING, MEMBRANE] = s.B.T
         own[BENDING, BENDING] = s.bending + s.B.T @ np.linalg.solve(s.A, s.B)
         own[DRILLING, DRILLING] = s.drilling
     return D

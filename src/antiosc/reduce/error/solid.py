@@ -36,9 +36,11 @@ from antiosc.reduce.site import Functional
 #: Quadrature degree of all integrals of strains, and of elements of degree two on products of
 #: intervals: their strains hold terms of degree two in one direction, which are errors too and
 #: vanish at the points of the lower rule (effectivities of 0.2 to 0.5 in place of 0.6 to 1.2).
-RULE_DEGREE, PRODUCT_DEGREE = 2, 4
+RULE_DEGREE = 2
+PRODUCT_DEGREE = 4
 #: Numbers of a block of arrays that are held at once, which stay in a cache; most blocks.
-BLOCK_NUMBERS, MOST_BLOCKS = 250_000, 32
+BLOCK_NUMBERS = 250_000
+MOST_BLOCKS = 32
 #: Places of the strains (ε11, ε22, ε33, γ23, γ13, γ12), or in the plane (ε11, ε22, γ12).
 STRAIN_PLACES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
 
@@ -92,7 +94,8 @@ class CellStrains:
     """Evaluates strains of blocks of shapes (rows of this rank, k) of a solid."""
 
     def __init__(self, mesh: Mesh, form: WeakForm, shapes: Array) -> None:
-        self.mesh, self._space = mesh, form.space
+        self.mesh = mesh
+        self._space = form.space
         self.count = shapes.shape[1]
         self.components = len(STRAIN_PLACES[mesh.gdim])
         self._values = compat.with_ghosts(form.space, shapes)
@@ -124,7 +127,8 @@ class CellStrains:
 
 
 #: Relative residual at which the solve ends (the energies lose the square of it), and most steps.
-CG_RESIDUAL, CG_STEPS = 1e-5, 200
+CG_RESIDUAL = 1e-5
+CG_STEPS = 200
 
 
 class Projection:
@@ -140,7 +144,8 @@ class Projection:
         #: corners of this rank, ghosts included
         self.size = int(index_map.size_local + index_map.num_ghosts)
         corners = compat.cell_dofs(self._space, (0,), cells)
-        self._points, self._count = len(quadrature.X), corners.shape[1]
+        self._points = len(quadrature.X)
+        self._count = corners.shape[1]
         weight = quadrature.weights[cells]
         # rows of matrices are points: the functions there, and those times the points' weights
         self._columns = np.repeat(corners[:, None], self._points, axis=1).reshape(-1, self._count)
@@ -220,7 +225,8 @@ class Projection:
 #: and from which by a factor of 2 and more: they lock, and the strains that they lack are smooth in
 #: their place, so that recovery sees nothing. Clamped bars of 16 to 64 elements, in plane strain
 #: (true errors at 0.45, 0.49, 0.499, 0.4999: 2.6, 5.1, 9.9, 11 %; bars: 3.0, 4.4, 3.7, 2.2 %).
-LOCKING, LOCKED = 0.4, 0.48
+LOCKING = 0.4
+LOCKED = 0.48
 
 
 def refuse_locking(structure: MeshedStructure) -> None:

@@ -43,9 +43,11 @@ if TYPE_CHECKING:
 
 #: Relative error in energy of the static solve beside rigid-body modes: the goal, and the largest
 #: accepted if rounding allows no less (the error of the compliance is its square).
-STATIC_TOL, STATIC_SOUND = 1e-13, 1e-8
+STATIC_TOL = 1e-13
+STATIC_SOUND = 1e-8
 #: Most steps of that solve, and steps without progress after which only rounding is left.
-STATIC_STEPS, STATIC_IDLE = 200, 5
+STATIC_STEPS = 200
+STATIC_IDLE = 5
 #: Rounding of the terms of RᵀB: those of R, and their sum.
 SUM_ROUNDING = 4 * float(np.finfo(float).eps)
 #: A site follows the motion of others if less than this share of its compliance is independent of
@@ -238,7 +240,8 @@ def independent(C: Array) -> tuple[IntArray, Array]:
         k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
         chosen.append(k)
         left = left - np.outer(left[k], left[k]) / pivots[k]
-        left[k], left[:, k] = 0.0, 0.0
+        left[k] = 0.0
+        left[:, k] = 0.0
     kept = np.sort(np.array(chosen, dtype=int))
     follow = np.linalg.solve(unit[np.ix_(kept, kept)], unit[kept]).T
     follow = follow * size[:, None] * scale[kept]

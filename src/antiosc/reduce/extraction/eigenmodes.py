@@ -204,7 +204,8 @@ NO_MASS = 1e-12
 #: Modes are not orthogonalised further if their ω² differ by less than this, relative.
 CLOSE_MODES = 1e-8
 #: Residuals (of forces, relative) above which natural and constraint modes are searched again.
-LOST_NATURAL, LOST_CONSTRAINT = 1e-6, 1e-3
+LOST_NATURAL = 1e-6
+LOST_CONSTRAINT = 1e-3
 
 
 @dataclass(frozen=True)

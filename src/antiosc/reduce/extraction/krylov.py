@@ -149,9 +149,12 @@ def band_error(
     shift = structure.shift
     K = np.zeros((p + k, p + k))
     M = np.zeros((p + k, p + k))
-    M[:p, :p], M[p:, :p], M[:p, p:] = static.mass, c, c.T
+    M[:p, :p] = static.mass
+    M[p:, :p] = c
+    M[:p, p:] = c.T
     M[p:, p:] = H
-    K[:p, :p], K[p:, p:] = static.k0, np.eye(k) - shift * M[p:, p:]
+    K[:p, :p] = static.k0
+    K[p:, p:] = np.eye(k) - shift * M[p:, p:]
     damping = projected(structure.comm, terms, np.column_stack([static.phi, vectors]))
     used = slice(0, p + n)
     theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
@@ -183,7 +186,8 @@ BASIS_STEP = 16
 #: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
 #: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
 #: again).
-STEPS_PER_ONE, MORE = 3, 20
+STEPS_PER_ONE = 3
+MORE = 20
 
 log = logging.getLogger(__name__)
 
@@ -209,12 +213,16 @@ class Lanczos:
         self._structure = structure
         self._static = static
         self._terms = terms
-        self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
+        self._comm = structure.comm
+        self._M = structure.M
+        self._shift = structure.shift
         self._solver = static.solver
         self._A = self._solver.A
         rows, self._locked = static.nodal.shape
         self._most = structure.dofs - static.load.shape[1] - self._locked
-        self.steps, self.H, self.applied = 0, np.zeros((0, 0)), -1
+        self.steps = 0
+        self.H = np.zeros((0, 0))
+        self.applied = -1
         # V. In front stand the rigid-body modes that do not move the sites, which no step may pick
         # up again, and A times these.
         self._V = np.empty((rows, self._locked + room), order="F")
@@ -278,7 +286,8 @@ class Lanczos:
         column = dot(self._comm, self.vectors, loads)
         H = np.zeros((self.steps, self.steps))
         H[:first, :first] = self.H
-        H[:, first:], H[first:] = column, column.T
+        H[:, first:] = column
+        H[first:] = column.T
         self.H = (H + H.T) / 2
         return loads
 

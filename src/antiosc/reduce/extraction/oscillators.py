@@ -105,7 +105,8 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         residual = residual - phi @ part
     m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
-    m0[massless], m0[:, massless] = 0.0, 0.0
+    m0[massless] = 0.0
+    m0[:, massless] = 0.0
     parts = []
     for own in _slices(phi.shape[1]):
         k_phi, m_phi = (multiply(matrix, phi[:, own]) for matrix in (structure.K, structure.M))

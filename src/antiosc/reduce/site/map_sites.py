@@ -199,7 +199,8 @@ def _at_points(
         distance = np.min([m.closest(points).distance for m in members], axis=0)
         on_structure(points, distance, structure.layout.size)
     struck = nearest_parts(structure, points, _in_space(direction))
-    found, order = [], []
+    found = []
+    order = []
     for member in members:
         of_part = np.flatnonzero([one.name == member.name for one in struck])
         if len(of_part):

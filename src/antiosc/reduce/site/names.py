@@ -117,7 +117,8 @@ def node_of(matrices: MeshedParts, number: int, part: str | None = None) -> tupl
 
 def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
     """(part, group) for the name of a group of one mesh, or "part:group"."""
-    (member, *_), group = matrices.members(), name
+    member, *_ = matrices.members()
+    group = name
     if matrices.assembled:
         from antiosc.fem.assembly.joint import group_end
 

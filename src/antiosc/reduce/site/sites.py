@@ -29,7 +29,8 @@ RINGS = 4
 MOST_RINGS = {1: 500, 2: 60}
 #: A surface is flat if it rises by less than the first share of the radius; a patch may rise by the
 #: second.
-FLAT_RISE, MOST_RISE = 1e-6, 0.5
+FLAT_RISE = 1e-6
+MOST_RISE = 0.5
 #: Points of patches that are processed at once.
 POINTS_AT_ONCE = 200_000
 
@@ -201,12 +202,14 @@ def _columns(
 ON_SHEET = 1e-6
 #: A patch counts as whole if at least the first share of its load is on the face, and as partly
 #: supported if supports carry more than the second share.
-WHOLE_PATCH, PARTLY = 0.9, 0.1
+WHOLE_PATCH = 0.9
+PARTLY = 0.1
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 SIZE_ROUNDING = 1e-6
 #: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low. If
 #: cells exceed the second number times the thickness, bending hides this error.
-COARSE_SHEET, THIN = 8.0, 4.0
+COARSE_SHEET = 8.0
+THIN = 4.0
 #: An impact is along the surface if its cosine with the normal is below this.
 ALONG_SURFACE = 0.1
 
@@ -289,7 +292,8 @@ def located(
         pairs = zip(contact.label, cosines, strict=True)
         half_space = [structure.parts[k][0].half_space_compliance(float(c)) for k, c in pairs]
         local[patch] = np.array(half_space) / radii[patch]
-        depth[patch], size[patch] = contact.depth, contact.largest
+        depth[patch] = contact.depth
+        size[patch] = contact.largest
         deep = np.flatnonzero(np.isinf(depth))
         if len(deep):  # how deep is told to the caller
             far = np.full(len(deep), mesh.extent())
