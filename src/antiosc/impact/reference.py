@@ -112,7 +112,7 @@ class SceneStep(SceneMethod):
                     answer = library.TOO_MANY_CONTACTS
                 self.steps += 1
                 node = new
-                t = t + h
+                t += h
                 nodes.append(node)
                 times.append(t)
         return _segment_of(np.array(times), nodes), answer
