@@ -231,7 +231,7 @@ def _card(line: str, place: Place) -> Card:
 
 
 def _outside_quotes(text: str) -> list[str]:
-    """Split a line at the commas outside quotes; text never contains zero bytes."""
+    """Split a line at the commas outside quotes. The text must not contain zero bytes."""
     parts = text.split('"')
     parts[::2] = [part.replace(",", "\0") for part in parts[::2]]
     return '"'.join(parts).split("\0")

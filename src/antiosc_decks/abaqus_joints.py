@@ -353,7 +353,7 @@ class _Joints:
         return True
 
     def rigid_body(self, card: Card) -> None:
-        """*RIGID BODY: nodes that follow one reference node, pinned ones without rotations."""
+        """*RIGID BODY: nodes that follow a reference node; those of PINNSET= without rotation."""
         joints = self.joints
         place = card.place
         groups = [card.nodes(option) for option in ("NSET", "TIENSET") if card.option(option)]

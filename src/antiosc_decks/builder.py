@@ -277,7 +277,7 @@ class ModelBuilder:
             self.joints.masses.append((rows, M[np.ix_(nonzero, nonzero)], mass * self.units.mass))
 
     def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
-        """Add a mass `value` on a sum of motions; `mass` of it counts as total mass."""
+        """Add a scalar mass on a sum of motions, in the deck's units; the total grows by `mass`."""
         unit = self.units.mass
         alias = self.joints.alias
         aliased = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]

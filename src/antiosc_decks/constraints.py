@@ -262,7 +262,7 @@ class Constraints:
                 self._sum_is_zero(terms, place)
 
     def keep(self, stays: Callable[[list[Term]], bool]) -> int:
-        """Keep what acts on motions for which `stays` is true; returns how many were dropped."""
+        """Drop all whose terms fail `stays`: constraints, springs, dampers, masses. Their count."""
         before = len(self.every())
         self.equations = [terms for terms in self.equations if stays(terms)]
         self.springs = [element for element in self.springs if stays(element[0])]

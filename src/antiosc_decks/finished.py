@@ -259,7 +259,7 @@ def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, b
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
-    """Drop masses on fixed nodes of no element, and what nothing joins to an element."""
+    """Drop what is not connected to an element, and dampers with an end that has no mass."""
     joints = builder.joints
     used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
@@ -287,7 +287,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
         acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
 
     def resists(terms: Sequence[Term]) -> bool:
-        """Whether each end of a damper has mass or is held by something else."""
+        """Whether each end of a damper has mass, or a spring or constraint acts on it."""
         return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
 
     dampers = [entry for entry in joints.dampers if resists(entry[0])]

@@ -297,11 +297,15 @@ ALONG = 1e-9
 
 
 class End(NamedTuple):
-    """An end of a beam off its grid point: both rows, the motions that follow, the beam's axes."""
+    """The end node of a beam that lies off its grid point, and how it follows this point."""
 
+    #: row of the end node
     row: int
+    #: row of the grid point
     node: int
+    #: motions (0 to 5) along `axes` in which the end follows the grid point
     held: tuple[int, ...]
+    #: tangent, height and width of the beam, as rows (3, 3)
     axes: Array
     entry: Entry
     #: vector from the shear centre, about which the beam twists, to the end
@@ -371,7 +375,7 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
 def _own_ends(
     deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
-    """End (0 or 1) -> (place, motions that follow the grid point, axes of the beam)."""
+    """End (0, 1) with its own node -> (its place, motions that follow the grid point, axes)."""
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = offsets_of(deck, entry)
     if not any(pins) and not offsets.any() and not neutral.any():

@@ -196,7 +196,7 @@ class Nodes:
         return self._single[number, motion]
 
     def prepare(self, wanted: Iterable[tuple[int, int]]) -> None:
-        """Compute several motions of nodes together, which is faster than one by one."""
+        """Compute and store the rows of several motions together, which is faster than singly."""
         new = [motion for motion in dict.fromkeys(wanted) if motion not in self._single]
         functionals = self.functionals([[(*motion, 1.0)] for motion in new])
         self._single.update((motion, row_of(functionals, k)) for k, motion in enumerate(new))
@@ -287,7 +287,7 @@ Among = Mapping[int, Sequence[tuple[int, float]]]
 def between_nodes(
     nodes: Nodes, equations: Sequence[Sequence[Term]], functionals: Sparse, among: Among
 ) -> Sparse:
-    """Constraints of the dofs between nodes; `own` holds the equations as functionals."""
+    """Constraints of the dofs between nodes; `functionals`: the equations over all dofs."""
     dependent: dict[int, dict[int, int]] = {}  # motion -> node -> its constraint
     sliding: dict[int, dict[int, list[Array]]] = {}  # 0 or 3 -> node -> directions held
     for row, terms in enumerate(equations):
@@ -321,9 +321,9 @@ def between_nodes(
 def _dofs(
     mesh: NumberedMesh, motion: int, selected: Mapping[int, object], among: Among
 ) -> Iterator[tuple[int, list[int], Array]]:
-    """Yields (dof, nodes of its entity, their weights) of one motion near the nodes `some`.
+    """Yields (dof, nodes that determine it, their weights) of one motion beside `selected` nodes.
 
-    A dof at the place of a deck's node belongs to that node, and is left out.
+    A dof at the place of a deck's node is that node's motion, and is left out.
     """
     member = mesh.member
     numbers = mesh.numbers

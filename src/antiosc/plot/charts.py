@@ -92,7 +92,8 @@ def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figur
 def new_figure(size: tuple[float, float], shown: bool) -> Figure:
     """A new figure, registered with pyplot only if it is shown: pyplot keeps every figure alive.
 
-    A notebook shows the figure that a cell returns; one that pyplot knows it would show twice.
+    A notebook draws the figure that a cell returns. It is not registered there, since pyplot would
+    draw it a second time.
     """
     if shown:
         pyplot = _matplotlib("pyplot")
@@ -103,7 +104,7 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
 
 
 def _let_notebook_draw() -> None:
-    """Let a notebook draw figures in the first cell with pyplot, too."""
+    """Make IPython draw a figure that a cell returns, also before pyplot was first used."""
     with contextlib.suppress(ImportError, AttributeError):  # no notebook, or a strange one
         shell = importlib.import_module("IPython").get_ipython()
         if _matplotlib("figure").Figure not in shell.display_formatter.formatters["image/png"]:
@@ -175,26 +176,26 @@ def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D
     named = items if isinstance(items, Mapping) else {"": items}
     if not named:
         raise InputError(f"nothing to draw: give at least one {noun}.")
-    for name, one in named.items():
+    for name, item in named.items():
         which = f"the {noun} named {checks.shown(name)}" if name else "what is drawn"
-        check_drawn(which, one, kind, f"a {noun}")
+        check_drawn(which, item, kind, f"a {noun}")
     return named
 
 
-def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
-    """InputError unless `one` has all attributes of the protocol `kind`."""
+def check_drawn(name: str, drawn: object, kind: type, noun: str) -> None:
+    """InputError unless `drawn` has all attributes of the protocol `kind`."""
     try:
         for attribute in vars(kind):
             if not attribute.startswith("_"):
-                getattr(one, attribute)
-        fits = not isinstance(one, type)
+                getattr(drawn, attribute)
+        fits = not isinstance(drawn, type)
     except AttributeError as error:
         if isinstance(error, InputError):  # a history of several contacts says why
             raise
         fits = False
     if not fits:
-        given = "" if one is None else f"{type(one).__name__} "
-        raise InputError(f"{name} must be {noun}; got {given}{checks.shown(one)}.")
+        given = "" if drawn is None else f"{type(drawn).__name__} "
+        raise InputError(f"{name} must be {noun}; got {given}{checks.shown(drawn)}.")
 
 
 def widths(named: Mapping[str, object]) -> Array:

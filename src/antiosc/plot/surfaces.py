@@ -97,7 +97,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
 
 
 def _extent_seen(axes: Axes3D, x: Array) -> float:
-    """Largest distance of the drawn points (P, 3) from the centre of the axes, 1 at the edge."""
+    """Largest distance of the points (P, 3) from the centre of the picture; 1 is its edge."""
     from mpl_toolkits.mplot3d import proj3d
 
     axes.apply_aspect()

@@ -58,10 +58,11 @@ def tensors_of_part(
     materials: Sequence[int],
     shares: Array | None = None,
 ) -> tuple[IntArray, IntArray, Array]:
-    """(nodes (S,) of this rank, material numbers (S,), components (S, 6, columns)).
+    """Tensors at the nodes of this rank: (nodes (S,), materials (S,), components (S, 6, columns)).
 
-    `quantity` "strain" or "stress"; `shapes` (rows of this rank, columns); `materials`: numbers of
-    those whose cells are meant; `shares` of their branches. To be called on all ranks.
+    `quantity` is "strain" or "stress", and `shapes` has the shape (rows of this rank, columns).
+    Only cells of `materials`, numbers in `part.parts`, contribute. `shares` as of `shares_of`. To
+    be called on all ranks.
     """
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
@@ -94,9 +95,9 @@ def tensors_of_part(
             break
         where = slot_of[first : first + step].ravel()
         six = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
-        one = np.ones(len(where))
+        ones = np.ones(len(where))
         column = np.arange(len(where))
-        at_slots = csr_matrix((one, (where, column)), (len(slots), len(where)))
+        at_slots = csr_matrix((ones, (where, column)), (len(slots), len(where)))
         total += (at_slots @ six).reshape(total.shape)
         count += np.bincount(where, minlength=len(slots))
     agree(mesh.comm, error)
@@ -108,12 +109,12 @@ def tensors_of_part(
 def jumps(
     part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None = None
 ) -> Array:
-    """Largest von Mises stress (nodes,) of the differences between cell stresses and their mean.
+    """Estimated error (nodes,) of the von Mises stress [Pa] at each node of this rank.
 
-    Zienkiewicz and Zhu's estimate of the error of a stress, at each node of this rank: the mean of
-    the cells of one material is taken for the smooth stress. Of a node of one cell, the largest
-    difference at the other nodes of this cell. `factors` (nodes, columns) of the shapes there. To
-    be called on all ranks.
+    Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress, and
+    the error is the largest von Mises stress of the cells' differences from it. A node of a single
+    cell takes the largest error at the other nodes of this cell. `factors` (nodes, columns)
+    multiply the shapes at each node. To be called on all ranks.
     """
     mesh = part.mesh
     shapes = compat.with_ghosts(part.form.space, shapes)
@@ -152,7 +153,7 @@ def jumps(
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Add the contributions of other ranks in slots of common nodes to the totals."""
+    """Join `total` and `count` with those of other ranks, in slots of nodes that ranks share."""
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:
@@ -161,13 +162,13 @@ def _join_ranks(
     names = number[slots // parts] * parts + slots % parts
     names_of_all = np.concatenate(comm.allgather(names))
     common, times = np.unique(names_of_all, return_counts=True)
-    mine = np.flatnonzero(np.isin(names, common[times > 1]))
-    pieces = comm.allgather((names[mine], total[mine], count[mine]))
-    slot_of = {name: i for i, name in zip(mine, names[mine], strict=True)}
-    for rank, (those, sums, numbers) in enumerate(pieces):
+    shared = np.flatnonzero(np.isin(names, common[times > 1]))
+    pieces = comm.allgather((names[shared], total[shared], count[shared]))
+    slot_of = {name: i for i, name in zip(shared, names[shared], strict=True)}
+    for rank, (names_there, sums, numbers) in enumerate(pieces):
         if rank == comm.rank:
             continue
-        for name, value, cells in zip(those, sums, numbers, strict=True):
+        for name, value, cells in zip(names_there, sums, numbers, strict=True):
             if name in slot_of:
                 total[slot_of[name]] = joined(total[slot_of[name]], value)
                 count[slot_of[name]] += cells
@@ -205,7 +206,7 @@ def recovered(
 ) -> Array:
     """A quantity (P, …, columns) of every shape at the points nearest to `points` (P, 3).
 
-    whole : with the strain of second order of each shape.
+    whole : include the second-order strain of each shape.
 
     InputError for a point farther from the structure than `reach`.
     """
@@ -225,8 +226,8 @@ def recovered(
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
     """The beams of stiffener `name` on the sheets of some parts, with shapes on their rows."""
     beams = [
-        (replace(member, part=alone(lines, group)), lines.rows_of(own))
-        for member, own in parts
+        (replace(member, part=alone(lines, group)), lines.rows_of(shapes_of_part))
+        for member, shapes_of_part in parts
         for group, lines in member.part.stiffeners.items()
         if group == name
     ]
@@ -247,25 +248,27 @@ def _recovered(
     reach: Reach,
     shares: Sequence[Array | None],
 ) -> Array:
-    """As `recovered`, on the nearest of some parts; `shares`: of each part in the branches."""
+    """As `recovered`, on the candidate nearest to the points; `shares` as of `shares_of`."""
     number, closest = _nearest(candidates, points, reach)
     member, shapes_of_part = candidates[number]
     mesh = member.part.mesh
     material = member.part.part_of_cells()
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
     with_ghosts = compat.with_ghosts(member.part.form.space, shapes_of_part)
-    mine = closest.rank == mesh.comm.rank
-    here = None
+    on_this_rank = closest.rank == mesh.comm.rank
+    values_of_rank = None
     error = None
     try:
-        at = PointsInCells(member.part, with_ghosts, closest.cell[mine], closest.X[mine])
-        here = with_branches(evaluate(at), shares[number], material[at.cells])
+        at = PointsInCells(
+            member.part, with_ghosts, closest.cell[on_this_rank], closest.X[on_this_rank]
+        )
+        values_of_rank = with_branches(evaluate(at), shares[number], material[at.cells])
     except InputError as caught:
         error = caught
     agree(mesh.comm, error)
-    assert here is not None
-    values = np.zeros((len(points), *here.shape[1:]))
-    values[mine] = here
+    assert values_of_rank is not None
+    values = np.zeros((len(points), *values_of_rank.shape[1:]))
+    values[on_this_rank] = values_of_rank
     values = np.asarray(mesh.comm.allreduce(values))
     if place.local:
         return values
@@ -312,7 +315,7 @@ def at_nodes(
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """(part, static displacements (rows, 1)) under the prestress, with second-order strains."""
+    """Parts that include second-order strains, with static displacements under the prestress."""
     preload = structure.matrices.preload
     assert preload is not None
     displaced = []
@@ -327,7 +330,7 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
 
 
 def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts with second-order strains and initial strains."""
+    """The parts with an initial strain of zero, which makes them include second-order strains."""
     return [
         (
             replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))),
@@ -346,12 +349,12 @@ def tensors_at_nodes(
     ply: Place | None = None,
     whole: bool = False,
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
-    """(points, cells as of `at_nodes`, tensors at the points), on rank 0.
+    """(points (P, 3), cells as of `at_nodes`, tensors at the points), on rank 0.
 
-    A point may have several tensors: of materials, of cells of a sheet, of the places given. With
-    `ply`, a place with a layer, they are those of the laminates that have this layer. `shapes`
-    None: the one column of the static state under the prestress. `whole`: with the strain of
-    second order of each shape.
+    A point has a tensor for each material, each cell of a sheet and each of `places`. `ply`, a
+    place with a layer, selects the laminates that have this layer, instead of `places`. Without
+    `shapes` there is one column, the static state under the prestress. `whole` includes the
+    second-order strain of each shape.
     """
     if shapes is None:
         parts = loaded(structure, part)
@@ -459,8 +462,8 @@ def _at_point(member: Member, nearest: ClosestPoint, shapes: Array) -> Array:
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     """Displacements (nodes, 3, N + 1) of the shapes at the geometry nodes of this rank.
 
-    Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
-    the same local number, but for mid-side nodes beside displacements of degree three.
+    Nodes and dofs of a cell have one order, vertices first: a geometry node is the dof of the same
+    local number. Where a cell has other dofs than mid-side nodes, the shapes are evaluated there.
     """
     geometry = mesh.geometry
     nodes = compat.geometry_nodes(mesh.dolfinx)
@@ -541,10 +544,10 @@ def interior_angle(part: MeshedStructure, x: Array) -> float:
     nearest_cell = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
     vertex = min(chain(*mesh.comm.allgather(nearest_cell)), key=lambda pair: pair[0])[1]
     tolerance = SAME * mesh.extent()
-    found: list[tuple[Array, float]] = []
+    angles_of_rank: list[tuple[Array, float]] = []
     for cell, at in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
-        found += _angles(mesh.cell, cells[cell], int(at))
-    angles_of_all: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(found)))
+        angles_of_rank += _angles(mesh.cell, cells[cell], int(at))
+    angles_of_all: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(angles_of_rank)))
     keys = np.round(np.array([end for end, _ in angles_of_all]) / tolerance)
     _, edge = np.unique(keys, axis=0, return_inverse=True)
     angles = np.bincount(edge.ravel(), [angle for _, angle in angles_of_all])
@@ -552,8 +555,10 @@ def interior_angle(part: MeshedStructure, x: Array) -> float:
 
 
 def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
-    """(other end of an edge, angle [rad] of the cell around it) of a corner; in the plane (the
-    corner itself, angle between its edges)."""
+    """(other end, angle [rad] of the cell around the edge) of each edge at a corner of a cell.
+
+    A plane cell gives one pair: the corner, and the angle between its two edges.
+    """
     edges = {**PLANE_EDGES, **SOLID_EDGES}[kind]
     ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
     along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
@@ -580,20 +585,22 @@ def stress_jumps(
     if "solid" not in families(structure, shapes, part):
         return None
     parts = with_parts(structure).fields(shapes, part)
-    found = []
+    errors = []
     start = 0
     for member, shapes_of_part in parts:
         comm = member.part.mesh.comm
         sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
         first = start + sum(sizes[: comm.rank])
-        here = np.zeros(sizes[comm.rank])
+        errors_of_rank = np.zeros(sizes[comm.rank])
         if member.part.kind.name == "solid":
             shares = shares_of(structure, "stress", member)
-            here = jumps(member.part, shapes_of_part, factors[first : first + len(here)], shares)
-        found += comm.gather(here, root=0) or []
+            errors_of_rank = jumps(
+                member.part, shapes_of_part, factors[first : first + len(errors_of_rank)], shares
+            )
+        errors += comm.gather(errors_of_rank, root=0) or []
         start += sum(sizes)
-    if found:
-        return np.concatenate(found)
+    if errors:
+        return np.concatenate(errors)
     return np.zeros(0)
 
 

@@ -1,4 +1,4 @@
-"""Recovery; here where in a thickness or a section a stress is taken, and in which axes."""
+"""Position in the thickness of a sheet or the section of a beam at which a quantity is taken."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.stresses import Strengths
 from antiosc.fem.elements import Layer, Section
 
-#: What is said of beams on whose outline a stress is asked.
+#: Why beams of a section without an outline have no stress on it.
 NO_OUTLINE = (
     "a section given by A and I has no outline; give fibre=(y, z), the distances of the point from"
     " its centroid, or Section(…, outline=[(y, z), …])"
@@ -35,8 +35,7 @@ class Place:
     fibre : (y, z) distances from the centroid of a beam's section along its axes, m, or the number
         of a point of its outline; None: not given.
     local : whether tensors are in the local axes, not in those of the mesh.
-    stiffener : group of beams on the edges of a sheet, of which the quantity is asked; None: of the
-        cells.
+    stiffener : group of beams on edges of a sheet whose quantity is taken; None: that of the cells.
     """
 
     surface: str | tuple[float, ...] = "top"
@@ -70,7 +69,11 @@ class Origin(NamedTuple):
 class NodeTensors(NamedTuple):
     """Tensors at nodes, on rank 0; a node may have several.
 
-    nodes (S,), components (S, 6, columns), number of each in `origins`.
+    Attributes
+    ----------
+    nodes : (S,) node of each tensor.
+    columns : (S, 6, columns) components.
+    origin : (S,) index of each tensor in `origins`.
     """
 
     nodes: IntArray
