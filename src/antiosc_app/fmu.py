@@ -365,7 +365,7 @@ def _numbers(name: str, data: RunData) -> str:
         f"static const axm_model {name} = {{\n"
         f"    {{{modes}, {rows}, {contacts}, {breaks}, {pointers},\n"
         f"     {f'{name}_contacts' if contact_lines else '0'}, {name}_q, {name}_v,"
-        f" {_number(data.system.given)}, 0{tensors}}},\n"
+        f" {_number(data.system.contact_energy)}, 0{tensors}}},\n"
         f"    {{{', '.join(options)}}},\n"
         f"    {sites}, {name}_site_modes, {name}_site_forces, {name}_site_shifts,\n"
         f"    {parameters}, {name}_parameters, {name}_starts, {count}, {name}_outputs\n}};\n"

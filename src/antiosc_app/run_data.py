@@ -16,7 +16,7 @@ from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.engine import library
 from antiosc.engine.contact.base import is_compiled
 from antiosc.engine.march import FINE
-from antiosc.engine.system import BodyModes, Given, System, posed
+from antiosc.engine.system import BodyModes, PackedSystem, System, posed
 from antiosc.extension import (
     SceneBody,
     SceneParts,
@@ -93,7 +93,7 @@ class RunData:
             object.__setattr__(self, kind, renamed)
 
     @property
-    def given(self) -> Given:
+    def given(self) -> PackedSystem:
         """The system in the form of the C library."""
         return self.system.packed
 
@@ -142,7 +142,7 @@ class RunData:
         laws = [values for _, values in self.given.laws]
         values = np.concatenate([np.asarray(law, dtype=float) for law in laws]) if laws else []
         parts = {
-            "options": [*self.options, s.given],
+            "options": [*self.options, s.contact_energy],
             "omega": s.omega,
             "decay": s.decay,
             "beta": s.beta,

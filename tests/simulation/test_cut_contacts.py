@@ -100,7 +100,7 @@ def cut(made: Assembly, whole: Run, t: float) -> Assembly:
     (q,), (v,) = at(made, whole, np.array([t]))
     rest = replace(made, system=replace(made.system, q=q, v=v))
     force = forces(whole, *locate(whole, np.array([t])))[0, :1]
-    set_initial_forces(rest, (whole.kept(made.system, t), force))
+    set_initial_forces(rest, (whole.contact_states(made.system, t), force))
     return rest
 
 

@@ -17,11 +17,17 @@ from antiosc.engine.system import System, side_by_side
 
 @dataclass(eq=False)
 class Slopes:
-    """Derivatives of a goal by the numbers of a `System`, of the same shapes.
+    """Derivatives of a goal by the numbers of a `System`, each of the shape of its numbers.
 
-    `square` (J,): by omega^2; `decay`: 0 without damping; `laws` (p, 3): by the first parameters
-    of the laws; `friction` (p, 2) by its coefficient and the tangential stiffness; `pressed` (p,):
-    by the forces at the start, as if these followed from nothing; `gamma`: of size 0 without it.
+    Attributes
+    ----------
+    square : (J,) by the squared frequencies omega^2.
+    decay : (J,) by the decay constants; 0 without damping.
+    residual : (m, m) by the residual compliance R.
+    laws : (p, LAW_SLOPES) by the first parameters of the laws.
+    friction : (p, 2) by the coefficient of friction and the tangential stiffness.
+    pressed : (p,) by the forces at the start, taken as independent of the other numbers.
+    gamma : as `System.gamma`; of size 0 without it.
     """
 
     square: Array
@@ -40,34 +46,37 @@ class Slopes:
 
 def gradient(
     system: System,
-    found: Run,
+    run: Run,
     states: Array,
     readings: NDArray[np.void],
     weights: Array,
     force: Array,
     time: Array,
 ) -> tuple[Slopes, float, int]:
-    """Derivatives of a goal by all numbers of a system, the grazing, and the status.
+    """Derivatives of a goal by all numbers of a system, its grazing, and the status of the library.
 
     The grazing is the least speed at which a contact touches or parts, over the largest.
 
     Parameters
     ----------
-    states : (n + 1, 2, J) at the edges of all steps of the run.
-    readings, weights : of `library.READING`, and (., 2 J + m): `aom_goal`.
-    force, time : (2 n + 1, m), (n + 1,) derivatives by the forces at nodes and the times of edges.
+    run : Run
+        Of n steps.
+    states : (n + 1, 2, J) modal states at the start of each step and at the end.
+    readings, weights : array of `library.READING`, and (., 2 J + m); see `aom_goal`.
+    force : (2 n + 1, m) derivatives of the goal by the forces at the nodes.
+    time : (n + 1,) derivatives of the goal by the times at which steps start and end.
     """
-    given = system.packed
-    space = take_space(given)
-    options = library.Options(float(found.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
-    check_status(library.library.aom_start(space.stepper, byref(given.system), byref(options)))
-    arrays = [found.time, found.force, found.depth, states, found.exits, readings, weights, force]
-    given_arrays = [np.ascontiguousarray(each) for each in (*arrays, time)]
-    at = [library.address(each) for each in given_arrays]
-    run = library.Record(
-        n_nodes=found.time.size,
+    packed = system.packed
+    space = take_space(packed)
+    options = library.Options(float(run.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
+    check_status(library.library.aom_start(space.stepper, byref(packed.system), byref(options)))
+    arrays = [run.time, run.force, run.depth, states, run.exits, readings, weights, force, time]
+    contiguous = [np.ascontiguousarray(array) for array in arrays]
+    at = [library.address(array) for array in contiguous]
+    record = library.Record(
+        n_nodes=run.time.size,
         n_states=len(states),
-        n_exits=len(given_arrays[4]),
+        n_exits=len(contiguous[4]),
         every=1,
         time=at[0],
         force=at[1],
@@ -80,23 +89,23 @@ def gradient(
     if space.work is None:
         space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
     work = library.address(space.work), space.work.nbytes
-    places = byref(run), byref(goal), byref(slopes)
-    answer = library.library.aom_gradient(space.stepper, *places, *work)
-    return_space(given, space)
-    return Slopes(*out), slopes.grazing, answer
+    places = byref(record), byref(goal), byref(slopes)
+    status = library.library.aom_gradient(space.stepper, *places, *work)
+    return_space(packed, space)
+    return Slopes(*out), slopes.grazing, status
 
 
 def _slopes_of(system: System) -> tuple[list[Array], library.Slopes]:
-    """Zeros of the shapes of `Slopes`, and where the C library finds them."""
+    """Zero arrays of the shapes of `Slopes`, and their addresses for the C library."""
     s = system
     shapes = [s.omega.shape, s.decay.shape, s.beta.shape, s.R.shape, s.loads.shape, s.offsets.shape]
     shapes += [(len(s.laws), library.LAW_SLOPES), s.slip.shape, s.q.shape, s.v.shape]
     shapes += [s.pressed.shape, (0,) if s.gamma is None else s.gamma.shape]
     places = side_by_side([prod(shape) for shape in shapes])
     block = np.zeros(places[-1].stop)
-    out = [block[own].reshape(shape) for own, shape in zip(places, shapes, strict=True)]
+    out = [block[place].reshape(shape) for place, shape in zip(places, shapes, strict=True)]
     begin = library.address(block)
-    slopes = library.Slopes(*[begin + 8 * own.start for own in places])
+    slopes = library.Slopes(*[begin + 8 * place.start for place in places])
     if s.gamma is None:
         slopes.gamma = None
         if not s.decay.any():

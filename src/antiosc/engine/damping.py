@@ -192,7 +192,7 @@ class FirstOrder:
     ----------
     omega, decay : (I,) w [rad/s] and d [1/s] of the modes.
     at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
-    deceleration : (J, 2 I) what the damping takes from their accelerations.
+    deceleration : (J, 2 I) decelerations of the free modes by the damping.
     inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
     at_springs : of each branch (J, 2 I) the displacements q - z of its spring by (a, b).
     """
@@ -212,9 +212,9 @@ class FirstOrder:
         ca = self.at_q[:, :size].T @ b
         cb = self.at_q[:, size:].T @ b
         over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
-        rest = ca - 2 * self.decay[:, None] * cb
+        undamped = ca - 2 * self.decay[:, None] * cb
         a = over[..., None] * (cb * s[..., None] + ca)
-        rate = over[..., None] * (rest * s[..., None] - (self.omega**2)[:, None] * cb)
+        rate = over[..., None] * (undamped * s[..., None] - (self.omega**2)[:, None] * cb)
         return np.asarray(ca.T @ a + cb.T @ rate)
 
 
@@ -232,11 +232,11 @@ class StackedModes:
     parts: Sequence[tuple[Array, Array, FirstOrder | None, Array | None]]
 
     def __post_init__(self) -> None:
-        own = [
+        integrated = [
             (w, d) if first is None else (first.omega, first.decay) for w, d, first, _ in self.parts
         ]
-        self.omega = np.concatenate([w for w, _ in own])
-        self.decay = np.concatenate([d for _, d in own])
+        self.omega = np.concatenate([w for w, _ in integrated])
+        self.decay = np.concatenate([d for _, d in integrated])
         self.free = sum(w.size for w, *_ in self.parts)
 
     def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
@@ -275,30 +275,31 @@ class StackedModes:
         """Derivatives (J,) by initial displacements, from those by the result (a, b) of `state`."""
         derivatives = np.zeros(self.free)
         for free, span, _, first in self._spans():
-            both = (
-                by_a[span] if first is None else np.append(by_a[span], by_b[span]) @ first.inverse
-            )
-            derivatives[free] = both[: free.stop - free.start]
+            if first is None:
+                derivatives[free] = by_a[span]
+            else:
+                by_state = np.append(by_a[span], by_b[span]) @ first.inverse
+                derivatives[free] = by_state[: free.stop - free.start]
         return derivatives
 
     @property
     def spans(self) -> list[slice]:
         """The slices of the integrated modes of each body."""
-        return [own for _, own, _, _ in self._spans()]
+        return [span for _, span, _, _ in self._spans()]
 
     def state(self, q: Array, v: Array) -> Array:
         """First-order states (2, I) for displacements and velocities (J,) of the free modes."""
-        found = np.zeros((2, self.omega.size))
+        states = np.zeros((2, self.omega.size))
         for (free, span, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
             if begun is not None:
-                found[:, span] = begun
+                states[:, span] = begun
             elif first is None:
-                found[0, span] = q[free]
-                found[1, span] = v[free]
+                states[0, span] = q[free]
+                states[1, span] = v[free]
             elif q[free].any() or v[free].any():
                 state = np.concatenate((q[free], v[free]))
-                found[:, span] = (first.inverse @ state).reshape(2, -1)
-        return found
+                states[:, span] = (first.inverse @ state).reshape(2, -1)
+        return states
 
     def motion(self, a: Array, b: Array) -> tuple[Array, Array, Array]:
         """Displacements, velocities and damping decelerations (n, J) of the free modes."""
@@ -317,27 +318,27 @@ class StackedModes:
 
     def springs(self, a: Array, b: Array) -> list[list[Array]]:
         """Displacements (n, J) of the spring of each Maxwell branch, body after body."""
-        return [
-            []
-            if first is None
-            else [np.hstack([a[:, span], b[:, span]]) @ each.T for each in first.at_springs]
-            for _, span, _, first in self._spans()
-        ]
+        springs = []
+        for _, span, _, first in self._spans():
+            states = np.hstack([a[:, span], b[:, span]])
+            branches = [] if first is None else first.at_springs
+            springs.append([states @ at_spring.T for at_spring in branches])
+        return springs
 
     @property
     def undamped(self) -> BoolArray:
         """Whether each free mode (J,) is undamped."""
-        undamped = [
-            d == 0 if f is None else ~f.deceleration.any(axis=1) for _, d, f, _ in self.parts
-        ]
+        undamped = []
+        for _, decay, first, _ in self.parts:
+            undamped.append(decay == 0 if first is None else ~first.deceleration.any(axis=1))
         return np.concatenate(undamped)
 
 
 def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     """The first-order modes of a body with free modes (J,) and this damping.
 
-    A double pole is no mode: such damping is changed by its NUDGE. AccuracyError where rounding
-    leaves no such modes.
+    A double pole has no such modes: the damping is then changed by `DAMPING_CHANGE`. AccuracyError
+    if rounding leaves an error of their receptance above `INEXACT`.
     """
     least = np.inf
     best = None
@@ -376,8 +377,8 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     touched[rigid] = values > UNDAMPED_RIGID * modal_damping.max(initial=0.0)
     coupled = np.flatnonzero(touched)
     alone = np.flatnonzero(~touched)
-    own_damping = in_coordinates(damping, turn[:, coupled])
-    w, d, S, JS, braked, stretched = _modes(omega[coupled], own_damping)
+    damping_of_coupled = in_coordinates(damping, turn[:, coupled])
+    w, d, S, JS, braked, stretched = _modes(omega[coupled], damping_of_coupled)
     k = coupled.size
     size = w.size
     free = alone.size
@@ -395,7 +396,7 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     deceleration[np.ix_(coupled, second)] = braked
     springs = []
     row = 0
-    for L, _ in own_damping.factors:
+    for L, _ in damping_of_coupled.factors:
         moved = np.zeros((J, 2 * both))
         end = row + len(L)
         moved[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
@@ -412,25 +413,19 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
 
 
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
-    """w, d (I,), S and J S (2 k, 2 I) with relaxed branches, damping decelerations, L q - xi of
-    branches.
+    """First-order modes of a body whose free modes all have damping.
 
-    All modes are damped.
+    Returns w and d (I,); S and J S (2 k, 2 I) for relaxed branches; the decelerations (k, 2 I) by
+    the damping; and L q - xi of the branches.
 
-    The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: the matrix is
-    skew but for the damping. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
+    The eigenvectors are those of (Omega q, v, L q - xi), whose squares are energies: without
+    damping the matrix is skew. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
     """
     k = omega.size
     moving = np.flatnonzero(omega)
-    L = np.vstack(
-        [np.zeros((0, k)), *(vectors_of_group for vectors_of_group, _ in damping.factors)]
-    )
-    tau = np.concatenate(
-        [
-            np.zeros(0),
-            *(np.full(len(vectors_of_group), t) for vectors_of_group, t in damping.factors),
-        ]
-    )
+    L = np.vstack([np.zeros((0, k)), *(factor for factor, _ in damping.factors)])
+    times = [np.full(len(factor), t) for factor, t in damping.factors]
+    tau = np.concatenate([np.zeros(0), *times])
     e = moving.size
     q = slice(0, e)
     v = slice(e, e + k)
@@ -479,9 +474,9 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
         plus.append((0.0, column / np.sqrt(deceleration)))
     pairs += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
-    w = np.array([one[0] for one in pairs])
-    d = np.array([one[1] for one in pairs])
-    shapes = [one[2] for one in pairs] + [one[3] for one in pairs]
+    w = np.array([pair[0] for pair in pairs])
+    d = np.array([pair[1] for pair in pairs])
+    shapes = [pair[2] for pair in pairs] + [pair[3] for pair in pairs]
     S = np.array(shapes).reshape(2 * w.size, len(Y)).T
     relaxed = damping.matrix @ S[:k] + S[k : 2 * k] + L.T @ (tau[:, None] * S[2 * k :])
     JS = np.vstack([relaxed, S[:k]])  # xi = L q
@@ -496,7 +491,7 @@ def _real_clusters(poles: Numbers) -> list[list[int]]:
     order = real[np.argsort(poles[real].real)]
     value = poles[order].real
     ends = np.flatnonzero(np.diff(value) > CLUSTERED * np.abs(value[:-1])) + 1
-    return [each.tolist() for each in np.split(order, ends) if each.size > 1]
+    return [cluster.tolist() for cluster in np.split(order, ends) if cluster.size > 1]
 
 
 def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Numbers, Numbers]:
@@ -519,8 +514,8 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
         return poles, Z
     scale = np.sqrt(np.abs(values))
     reduced = turn.T @ T[:size, :size] @ turn * scale[:, None] / scale
-    found, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
-    return found + 0j, basis @ (turn / scale @ vectors) + 0j
+    eigenvalues, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
+    return eigenvalues + 0j, basis @ (turn / scale @ vectors) + 0j
 
 
 def _groups(poles: Numbers) -> list[list[int]]:
@@ -542,22 +537,23 @@ def _pairs(
 ) -> list[tuple[float, float, Array, Array]]:
     """Real poles in pairs (w, d, c_a, c_b): a negative one with the nearest slower positive one."""
     pairs: list[tuple[float, float, Array, Array]] = []
-    rest = sorted(plus, key=lambda one: one[0])  # the fastest first
+    unpaired = sorted(plus, key=lambda pole: pole[0])  # the fastest first
 
-    def add(slow: float, fast: float, one: Array, other: Array) -> None:
+    def add(slow: float, fast: float, slow_shape: Array, fast_shape: Array) -> None:
         root = np.sqrt(slow - fast)
-        sign = -1.0 if one @ other < 0 else 1.0
-        rate = (one - sign * other) * root / (slow - fast)
-        pairs.append((np.sqrt(slow * fast), -(slow + fast) / 2, one * root - slow * rate, rate))
+        sign = -1.0 if slow_shape @ fast_shape < 0 else 1.0
+        rate = (slow_shape - sign * fast_shape) * root / (slow - fast)
+        displacement = slow_shape * root - slow * rate
+        pairs.append((np.sqrt(slow * fast), -(slow + fast) / 2, displacement, rate))
 
-    for fast, column in sorted(minus, key=lambda one: -one[0]):  # the slowest first
-        slower = next((i for i, one in enumerate(rest) if one[0] > fast), None)
+    for fast, column in sorted(minus, key=lambda pole: -pole[0]):  # the slowest first
+        slower = next((i for i, (pole, _) in enumerate(unpaired) if pole > fast), None)
         if slower is None:
             add(fast / 2, fast, np.zeros(column.size), column)
         else:
-            slow, own = rest.pop(slower)
-            add(slow, fast, own, column)
-    for slow, column in rest:
+            slow, slow_shape = unpaired.pop(slower)
+            add(slow, fast, slow_shape, column)
+    for slow, column in unpaired:
         add(slow, 2 * slow if slow < 0 else -fastest, column, np.zeros(column.size))
     return pairs
 

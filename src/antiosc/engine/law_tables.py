@@ -1,4 +1,4 @@
-"""The contact laws as the march takes them: its own by their parameters, others by callbacks."""
+"""Contact laws for the C library: compiled ones by their parameters, others by callbacks."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     Doubles = _Pointer[c_double]
 
 
-class OwnLaw:
-    """A contact law of the user: the callback of the C library, and the error that stopped it."""
+class CallbackLaw:
+    """Callbacks of the C library for a law that is written in Python, and the error of one."""
 
     def __init__(self, law: ContactLaw) -> None:
         self.law = law
@@ -72,14 +72,16 @@ class OwnLaw:
         *arguments: object,
     ) -> int:
         """Store a new state and its origin, and return 0; 1 if computing them fails."""
-        found: list[float] = []
+        new_state: list[float] = []
 
         def values() -> Iterator[float]:
-            found.extend(new(*arguments))
-            yield from found
+            new_state.extend(new(*arguments))
+            yield from new_state
 
         failed = self._filled(where, values, state, lambda x: not isnan(x))
-        return failed or self._filled(where, lambda: iter([self.law.origin(tuple(found))]), origin)
+        return failed or self._filled(
+            where, lambda: iter([self.law.origin(tuple(new_state))]), origin
+        )
 
     def _filled(
         self,
@@ -88,7 +90,7 @@ class OwnLaw:
         out: Doubles,
         sound: Callable[[float], bool] = isfinite,
     ) -> int:
-        """Store values of the law in `out` and return 0; 1 if it fails, which ends the run."""
+        """Store values of the law in `out` and return 0; 1 if the law fails: the run then ends."""
         try:
             for i, value in enumerate(values()):
                 if not sound(value):
@@ -107,11 +109,11 @@ def packed(law: ContactLaw) -> tuple[library.Law, object]:
     """A law as the C library takes it, and the objects whose memory it refers to."""
     if is_compiled(law):
         return law.kernel
-    own_law = OwnLaw(law)
-    return library.Law(library.USER, 0, None, addressof(own_law.kernel)), own_law
+    callbacks = CallbackLaw(law)
+    return library.Law(library.USER, 0, None, addressof(callbacks.kernel)), callbacks
 
 
-def raise_error(own: object) -> None:
-    """Raise the error of a user's law, if it failed; `own` as returned by `packed`."""
-    if isinstance(own, OwnLaw) and own.error is not None:
-        raise own.error
+def raise_error(memory: object) -> None:
+    """Raise the error of a law in Python, if it failed; `memory`: second result of `packed`."""
+    if isinstance(memory, CallbackLaw) and memory.error is not None:
+        raise memory.error

@@ -371,14 +371,14 @@ def address(values: NDArray[np.generic]) -> int:
 
 
 def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
-    """P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; the arrays are broadcast.
+    """Responses P, W, S, J0, J1, J2 (6, ...) of modes after times [s]; arguments are broadcast.
 
     q = P q0 + S v0 + J0 f, v = W v0 - omega^2 S q0 + S f; J1 and J2 are the displacements under
-    modal forces that grow as t and as t^2/2. Free of cancellation for small omega t and decay t.
+    modal forces that grow as t and as t^2/2. Small omega t and decay t cause no cancellation.
     """
-    given = _doubles(*np.broadcast_arrays(omega, decay, t))
-    out = np.empty((6, *given[0].shape))
-    library.aom_responses(given[0].size, *map(address, given), 1, address(out))
+    arrays = _doubles(*np.broadcast_arrays(omega, decay, t))
+    out = np.empty((6, *arrays[0].shape))
+    library.aom_responses(arrays[0].size, *map(address, arrays), 1, address(out))
     return out
 
 
@@ -391,14 +391,14 @@ def energies(states: Array, omega: Array) -> Array:
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """Time integral [N s] and peak [N] (C, 2) of the force (n, m) in one row over C spans of steps.
+    """Time integral [N s] and peak [N], (C, 2), of the force (n, m) in a row over C spans.
 
-    Of the spans (C, 2) from one step to another.
+    Each of `spans` (C, 2) is a first step and the step behind the last one.
     """
     time, force = _doubles(time, force)
     steps = np.ascontiguousarray(spans, dtype=np.int64)
     out = np.empty((len(spans), 2))
-    at = (address(each) for each in (steps, out))
+    at = (address(array) for array in (steps, out))
     library.aom_pulses(address(time), address(force), force.shape[1], row, len(spans), *at)
     return out
 
@@ -406,15 +406,15 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
 def compare(
     time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
 ) -> tuple[float, float, float]:
-    """Relative differences of force (L2 norm, impulse) and peak between two runs, the worst row.
+    """Relative differences between two runs, each that of the worst row: (force, peak, time).
 
-    The largest of a row; with them the time [s] up to which the L2 norm is below the tolerance.
-    At the nodes of both, up to the end of the shorter run.
+    `force` is the larger of L2 norm and impulse; up to `time` [s] the L2 norm is below `tol`. The
+    runs are compared at the nodes of both, up to the end of the shorter one.
     """
-    given = _doubles(time_a, force_a, time_b, force_b)
+    arrays = _doubles(time_a, force_a, time_b, force_b)
     work = np.empty((9, force_a.shape[1]))
-    a, fa, b, fb = map(address, given)
-    found = library.aom_compare(
+    a, fa, b, fb = map(address, arrays)
+    difference = library.aom_compare(
         len(work.T), time_a.size, a, fa, time_b.size, b, fb, tol, address(work)
     )
-    return found.force, found.peak, found.until
+    return difference.force, difference.peak, difference.until

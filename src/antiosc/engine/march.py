@@ -14,7 +14,7 @@ from antiosc.base.errors import InputError
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.contact.base import is_compiled
-from antiosc.engine.system import Given, Kept, Key, System
+from antiosc.engine.system import ContactState, Key, PackedSystem, System
 
 Array = NDArray[np.float64]
 
@@ -38,12 +38,14 @@ class Run:
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
         kept. `antiosc.impact.states` finds those in between.
     events : (., 4) time, contact, branch that begins, closing speed.
-    exits : (., 13) `aom_exit`: where a contact goes over to another branch, as gradients need it;
-        kept with the states.
-    answer : why the march stopped.
-    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
-        `refused` because of their error.
-    gained : energy [J] of the bodies beyond what was given, at most; `highest` what there was.
+    exits : (., 13) `aom_exit`, for gradients: when contacts change their branch; stored with the
+        states.
+    answer : status of the C library: why the march stopped.
+    steps : number of steps taken.
+    attempts : number of steps tried, including those given up for shorter ones.
+    refused : number of steps given up because of their error.
+    gained : largest energy [J] of the bodies beyond what was supplied to them.
+    highest : largest energy [J] that was there or was supplied.
     """
 
     time: Array
@@ -62,30 +64,30 @@ class Run:
     every: int = 1
     exits: Array | None = None
 
-    def kept(self, system: System, t: float) -> list[Kept | None]:
-        """Contact states (p) at a time [s], from which a run continues; None before the first
-        touch.
-        """
+    def contact_states(self, system: System, t: float) -> list[ContactState | None]:
+        """States (p) of the contacts at t [s], from which a run can continue; None: no touch."""
         last = int(np.searchsorted(self.time, t * (1 + 1e-12), side="right")) - 1
-        found = list(system.kept or [None] * len(system.laws))
+        states = list(system.contact_states or [None] * len(system.laws))
         for c, law in enumerate(system.laws):
-            one = found[c]
+            contact = states[c]
             begin = 0
-            if one is None and system.closed[c]:
-                one = Kept(True, 0.0, law.touch(0.0))
-            own = self.events[:, 1] == c
-            for time, _, branch, speed in self.events[own & (self.events[:, 0] <= t)].tolist():
+            if contact is None and system.closed[c]:
+                contact = ContactState(True, 0.0, law.touch(0.0))
+            until = (self.events[:, 1] == c) & (self.events[:, 0] <= t)
+            for time, _, branch, speed in self.events[until].tolist():
                 node = int(np.searchsorted(self.time, time))
                 if branch != library.APART:
-                    state = law.touch(speed, None if one is None else one.state)
-                    one = Kept(True, speed, state)
+                    state = law.touch(speed, None if contact is None else contact.state)
+                    contact = ContactState(True, speed, state)
                     begin = node
-                elif one is not None:
-                    one = Kept(False, one.speed, self._advanced(law, one.state, c, begin, node))
-            if one is not None and one.closed:
-                one = one._replace(state=self._advanced(law, one.state, c, begin, last))
-            found[c] = one
-        return found
+                elif contact is not None:
+                    state = self._advanced(law, contact.state, c, begin, node)
+                    contact = ContactState(False, contact.speed, state)
+            if contact is not None and contact.closed:
+                state = self._advanced(law, contact.state, c, begin, last)
+                contact = contact._replace(state=state)
+            states[c] = contact
+        return states
 
     def _advanced(self, law: ContactLaw, state: State, c: int, first: int, last: int) -> State:
         """The law state of contact c, closed throughout, after the steps between two nodes."""
@@ -109,21 +111,19 @@ class Buffers:
         self.nbytes = 0
 
     def keep(self, states: bool) -> None:
-        """Choose whether states and exits are written; all arrays are reallocated if they lack
-        space.
-        """
+        """Choose whether states and exits are written; without arrays for them all are renewed."""
         r = self.record
         if states == (r.states is not None):
             return
-        held = states and self.arrays and len(self.arrays[3])
-        r.states, r.exits = map(library.address, self.arrays[3::2]) if held else (None, None)
-        if states and not held:
+        allocated = states and self.arrays and len(self.arrays[3])
+        r.states = r.exits = None
+        if allocated:
+            r.states, r.exits = map(library.address, self.arrays[3::2])
+        elif states:
             r.max_nodes = 0
 
     def enlarge(self, keep: bool) -> None:
-        """Enlarge the arrays; with `keep` also the states, of every second node where there are
-        many.
-        """
+        """Enlarge the arrays; `keep`: states and exits too. Too many states are thinned out."""
         r = self.record
         p, m, size = self.shape
         nodes = r.max_nodes
@@ -147,7 +147,7 @@ class Buffers:
         for new, old, count in zip(arrays, self.arrays, written, strict=False):
             new[:count] = old[:count]
         self.arrays = arrays
-        self.nbytes = sum([each.nbytes for each in arrays])
+        self.nbytes = sum([array.nbytes for array in arrays])
         r.max_nodes = nodes
         r.max_events = len(arrays[4])
         r.max_exits = len(arrays[5])
@@ -165,8 +165,8 @@ class Buffers:
         r.n_states = len(half)
         r.every = 2 * r.every
 
-    def run(self, answer: int, told: library.Summary, keep: bool) -> Run:
-        """A copy of what was written, as a run."""
+    def run(self, answer: int, summary: library.Summary, keep: bool) -> Run:
+        """The run that was written, as a copy; `keep`: with states and exits."""
         r = self.record
         time, force, depth, states, events, exits = self.arrays
         while keep and 16 * r.n_states * self.shape[2] > STATES:
@@ -179,13 +179,13 @@ class Buffers:
             states=states[: r.n_states].copy() if keep else None,
             events=events[: r.n_events].copy(),
             answer=answer,
-            steps=told.steps,
-            attempts=told.attempts,
-            touches=told.touches,
-            highest=told.highest,
-            refused=told.refused,
-            gained=told.gained,
-            work=told.work,
+            steps=summary.steps,
+            attempts=summary.attempts,
+            touches=summary.touches,
+            highest=summary.highest,
+            refused=summary.refused,
+            gained=summary.gained,
+            work=summary.work,
             every=r.every,
             exits=exits[: r.n_exits].copy() if keep else None,
         )
@@ -194,11 +194,11 @@ class Buffers:
 class Workspace:
     """A stepper of the C library with its memory, and the arrays of its runs.
 
-    It holds the responses of the steps that earlier runs of the same bodies and rows used.
+    Its memory also stores the responses of the modes to the steps of earlier runs.
     """
 
-    def __init__(self, given: Given) -> None:
-        system = given.system
+    def __init__(self, packed: PackedSystem) -> None:
+        system = packed.system
         self.shape = system.n_contacts, system.n_rows, system.n_modes
         p, _, modes = self.shape
         size = library.library.aom_memory_size(byref(system))
@@ -208,28 +208,26 @@ class Workspace:
         self.records = _RECORDS()
         self.buffers = [Buffers(record, *self.shape) for record in self.records]
         self.work: Array | None = None  # of gradients
-        self.renew(given)
+        self.renew(packed)
         _spaces.add(self)
 
     @property
     def nbytes(self) -> int:
-        """Bytes of memory in all."""
-        own = self.memory.nbytes + (0 if self.work is None else self.work.nbytes)
-        return own + sum([each.nbytes for each in self.buffers])
+        """Total memory in bytes."""
+        work = 0 if self.work is None else self.work.nbytes
+        return self.memory.nbytes + work + sum([buffers.nbytes for buffers in self.buffers])
 
-    def fits(self, given: Given) -> bool:
+    def fits(self, packed: PackedSystem) -> bool:
         """Whether another system has as many modes and rows, and needs no more memory."""
-        system = given.system
+        system = packed.system
         same = self.shape == (system.n_contacts, system.n_rows, system.n_modes)
         need = library.library.aom_memory_size(byref(system)) if same else 0
         return same and int(need) <= self.memory.nbytes
 
-    def renew(self, given: Given) -> None:
-        """Use the memory for another system of as many modes and rows: allocation costs more than a
-        run.
-        """
+    def renew(self, packed: PackedSystem) -> None:
+        """Use the memory for another system of this size, as allocation costs more than a run."""
         answer = library.library.aom_create(
-            byref(given.system),
+            byref(packed.system),
             library.address(self.memory),
             self.memory.nbytes,
             byref(self.stepper),
@@ -237,48 +235,51 @@ class Workspace:
         check_status(answer)
 
 
-_spaces: WeakSet[Workspace] = WeakSet()  # all of them, those in use too
-#: The newest first; threads with the same bodies have one each.
+#: All workspaces, including those in use.
+_spaces: WeakSet[Workspace] = WeakSet()
+#: Stored workspaces, the newest first; threads with the same bodies have one each.
 _kept: list[tuple[Key, Workspace]] = []
-_MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
+#: Number of stored workspaces at most, and the size in bytes of the largest one.
+_MOST_KEPT = 8
+_LARGEST_KEPT = 1 << 23
 
 
-def take_space(given: Given) -> Workspace:
+def take_space(packed: PackedSystem) -> Workspace:
     """A workspace for a system, with stored step responses of its bodies if there are any.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
-    for one in _kept.copy():
-        if one[0] == given.key and _taken(one):
-            return one[1]
+    for entry in _kept.copy():
+        if entry[0] == packed.key and _taken(entry):
+            return entry[1]
     if len(_spaces) >= _MOST_KEPT:
         oldest = _kept[-1:]
-        if oldest and _taken(oldest[0]) and oldest[0][1].fits(given):
-            oldest[0][1].renew(given)
+        if oldest and _taken(oldest[0]) and oldest[0][1].fits(packed):
+            oldest[0][1].renew(packed)
             return oldest[0][1]
-    return Workspace(given)
+    return Workspace(packed)
 
 
-def _taken(one: tuple[Key, Workspace]) -> bool:
+def _taken(entry: tuple[Key, Workspace]) -> bool:
     """Remove a workspace from the store; False if another thread has taken it."""
     try:
-        _kept.remove(one)
+        _kept.remove(entry)
     except ValueError:
         return False
     return True
 
 
-def return_space(given: Given, space: Workspace) -> None:
+def return_space(packed: PackedSystem, space: Workspace) -> None:
     """Return a workspace to the store for later runs."""
     if space.nbytes <= _LARGEST_KEPT:
-        _kept.insert(0, (given.key, space))
+        _kept.insert(0, (packed.key, space))
         del _kept[_MOST_KEPT:]
 
 
-def check_status(answer: int) -> None:
+def check_status(status: int) -> None:
     """InputError if the C library refuses its input."""
-    if answer > library.LAW_FAILED:
-        name = library.library.aom_status_name(answer).decode()
+    if status > library.LAW_FAILED:
+        name = library.library.aom_status_name(status).decode()
         raise InputError(
             f"the march refuses the system ({name}): its numbers must be finite, its laws and"
             f" scales in their range (csrc/antiosc_march.h)."
@@ -291,16 +292,16 @@ def solve(
     """The run with these options, or the finest of several with the estimates of its errors."""
     if system.first is not None:
         system = system.marched
-    given = system.packed
+    packed = system.packed
     m, size = system.beta.shape
-    space = take_space(given)
+    space = take_space(packed)
     solution = library.Solution()
     buffers = space.buffers
-    for each in buffers:
-        each.keep(keep)
+    for buffers_of_run in buffers:
+        buffers_of_run.keep(keep)
     arguments = (
         space.stepper,
-        byref(given.system),
+        byref(packed.system),
         byref(options),
         byref(solution),
         addressof(space.records),
@@ -313,11 +314,11 @@ def solve(
             buffers[solution.present].enlarge(keep)
     check_status(answer)
     if answer == library.LAW_FAILED:
-        return_space(given, space)
-        given.failed()
-    found = buffers[solution.best].run(solution.answer, solution.summary, keep)
-    return_space(given, space)
-    return found, solution
+        return_space(packed, space)
+        packed.failed()
+    best = buffers[solution.best].run(solution.answer, solution.summary, keep)
+    return_space(packed, space)
+    return best, solution
 
 
 def run(
@@ -332,10 +333,11 @@ def run(
     max_contacts: int = 10_000,
     max_steps: int = 1_000_000,
 ) -> Run:
-    """Integrate over [0, duration] with forces to `share` of their scale (0: the scale so far).
+    """Integrate over [0, duration] once.
 
-    The steps under contact are halvings of the longest; with `step` [s] given they are that step,
-    or halvings of it where the forces need them.
+    The error of the contact forces in a step is at most `share` times `scale` [N]; with 0 the scale
+    of a contact is its largest force so far. With `step` [s] the steps under contact are that step,
+    or halvings of it where this error needs them.
     """
     options = library.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1)
     return solve(system, options, keep)[0]
@@ -345,8 +347,8 @@ def run(
 class Converged:
     """The finest run, estimated relative errors, and the time [s] up to which two runs agree.
 
-    `share`: what its steps were chosen by, or the step [s]. The errors are infinite where no finer
-    run reached the end.
+    `share`: `run`'s share of the finest run, or its step [s] if that was given. The errors are
+    infinite if no finer run reached the end.
     """
 
     run: Run
@@ -371,12 +373,12 @@ def converge(
 ) -> Converged:
     """Refine a run until the forces of two runs agree to the tolerance, by `aom_solve`.
 
-    `contact_time_estimate`: expected time of a contact [s], the shortest.
+    `contact_time_estimate`: the shortest expected duration of a contact [s].
     """
     fine = contact_time_estimate / FINE
     options = library.Options(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)
-    run, found = solve(system, options)
-    return Converged(run, found.share, found.force, found.peak, found.certain)
+    run, solution = solve(system, options)
+    return Converged(run, solution.share, solution.force, solution.peak, solution.certain)
 
 
 def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
@@ -401,9 +403,8 @@ def stopped(answer: int, t: float, max_contacts: int, max_steps: int) -> str:
 
 
 def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
-    """Relative differences of force (L2 norm, impulse) and peak; the time up to which they are
-    small.
+    """Relative differences of force (L2 norm, impulse) and peak; time to which they are <= `tol`.
 
-    Up to the end of the shorter run.
+    Runs are compared up to the end of the shorter one.
     """
     return library.compare(coarse.time, coarse.force, fine.time, fine.force, tol)

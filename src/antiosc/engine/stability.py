@@ -34,7 +34,9 @@ from antiosc.engine.system import System
 
 STIFFNESS_SAFETY = 1.2  # on the contact stiffness, which is an estimate
 GROWS = 1e-3  # a step: what grows by less does not count
-SOFTEST, SHARES = 1e-3, 48  # the stiffnesses that are tried, as shares of the largest
+#: Stiffnesses that are tried: so many from this share of the largest one up to it.
+SOFTEST = 1e-3
+SHARES = 48
 _CUTS = 0.93 ** np.arange(1, 34)  # of a step, until it is stable
 
 
@@ -156,11 +158,11 @@ def stepped(
 ) -> tuple[Run, str]:
     """A run with steps of `step` [s] during contact, and why it failed; "" if it did not.
 
-    `stiffness` gives the largest stiffnesses (p,) [N/m] that are expected of the contacts. A step
-    in a window of instability counts as a gain of energy where vibrations that it does not resolve
-    disturbed the forces, also if halvings kept them in bounds.
+    `stiffness` gives the largest stiffnesses (p,) [N/m] that are expected of the contacts. The run
+    counts as one that gained energy if the step lies in a window of instability and the march had
+    to halve it, even if the halvings kept the motion bounded.
     """
-    found = run(
+    marched = run(
         system,
         duration,
         LOOSE,
@@ -169,21 +171,19 @@ def stepped(
         max_contacts=max_contacts,
         max_steps=max_steps,
     )
-    t = float(found.time[-1])
-    failure = stopped(found.answer, t, max_contacts, max_steps)
-    grew = found.answer == library.GREW
-    if grew or (found.refused and not failure):
+    t = float(marched.time[-1])
+    failure = stopped(marched.answer, t, max_contacts, max_steps)
+    grew = marched.answer == library.GREW
+    if grew or (marched.refused and not failure):
         unstable = _unstable(system, stiffness(), step, t, grew)
         if unstable:
-            found.answer = library.GREW
+            marched.answer = library.GREW
             failure = unstable
-    return found, failure
+    return marched, failure
 
 
 def _unstable(system: System, stiffness: Array, step: float, t: float, grew: bool) -> str:
-    """Message that the step lies in a window of instability, if it does or the energy grew; else
-    "".
-    """
+    """Message if the energy grew or the step lies in a window of instability; else ""."""
     p = len(system.laws)
     modes = system.omega, system.beta[:p], system.R[:p, :p]
     if not grew and margin(*modes, stiffness, step) == np.inf:

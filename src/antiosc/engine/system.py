@@ -1,6 +1,6 @@
 """What the march integrates: modes, rows and contacts, and their state at the start.
 
-`posed` makes a `System` of bodies side by side, `Given` the C structure of a `System`.
+`posed` makes a `System` of bodies side by side, `PackedSystem` the C structure of a `System`.
 """
 
 from __future__ import annotations
@@ -24,16 +24,14 @@ from antiosc.engine.stretch import stretch_energy
 
 Array = NDArray[np.float64]
 
-_ONE = (
-    library.Contact * 1
-)  # ctypes keeps this type as long as it is held, and takes 50 µs to make it
+#: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
+_ONE = library.Contact * 1
 _AT_START = np.zeros(1)  # the one time of loads that are constant
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
 
-class Kept(NamedTuple):
-    """A contact at a time of a run: whether it is closed, the speed [m/s] at which it closed last,
-    and the state of its law."""
+class ContactState(NamedTuple):
+    """A contact at one time of a run: `speed` [m/s] of its last closing, `state` of its law."""
 
     closed: bool
     speed: float
@@ -44,7 +42,7 @@ class Kept(NamedTuple):
 class System:
     """Modes, rows and contacts as the march takes them (`csrc/antiosc_march.h`).
 
-    It is not to be changed once it has run.
+    It must not be changed after its first run.
 
     Attributes
     ----------
@@ -59,12 +57,13 @@ class System:
     mass : (p,) inertia behind each contact [kg], roughly.
     depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
     pressed : (p,) forces [N] at the start: a contact with one is closed.
-    least_speed : closing speed [m/s] from which, at least, damped laws take their damping.
-    kept : of p contacts what goes on from a run before; None of others.
-    first : first-order modes of all bodies, where damping couples modes of one.
-    gamma : (m, J) as `beta`, of the rates of first-order modes (`marched`).
-    quadratic, cubic : (s, s, s), (s, s, s, s) forces of the last s rows: of sheets that stretch.
-    block : memory of the arrays of `numbers`, one behind the other, where they stand so.
+    contact_energy : energy [J] in the contacts at the start.
+    least_speed : least closing speed [m/s] from which damped laws take their damping.
+    contact_states : of the p contacts, those that continue from an earlier run; None of others.
+    first : first-order modes of all bodies, if damping couples the modes of a body.
+    gamma : (m, J) contributions of the rates of first-order modes to the rows, as `beta`.
+    quadratic, cubic : (s, s, s), (s, s, s, s) second-order forces of the last s rows.
+    block : contiguous memory that holds the arrays of `numbers`; None if they are separate.
     """
 
     omega: Array
@@ -83,9 +82,9 @@ class System:
     depth: Array
     speed: Array
     pressed: Array
-    given: float = 0.0
+    contact_energy: float = 0.0
     least_speed: float = 0.0
-    kept: Sequence[Kept | None] | None = None
+    contact_states: Sequence[ContactState | None] | None = None
     first: StackedModes | None = None
     gamma: Array | None = None
     quadratic: Array | None = None
@@ -104,7 +103,7 @@ class System:
         return [slice(first, first + count) for first, count in self.tangents.tolist()]
 
     def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
-        """The system with rows beta (s, J) behind the others, whose forces are the polynomials."""
+        """The system with further rows beta (s, J), on which the second-order forces act."""
         more = len(beta)
         return replace(
             self,
@@ -118,18 +117,18 @@ class System:
     @property
     def closed(self) -> NDArray[np.bool_]:
         """Which contacts (p,) are closed at the start."""
-        if self.kept is None:
+        if self.contact_states is None:
             return self.pressed > 0
-        return (self.pressed > 0) | [one is not None and one.closed for one in self.kept]
+        return (self.pressed > 0) | [
+            contact is not None and contact.closed for contact in self.contact_states
+        ]
 
     def begun(self) -> list[State]:
-        """States of the p laws at the start; a law that was never touched starts from a touch at
-        rest.
-        """
-        kept = self.kept or [None] * len(self.laws)
+        """States of the p laws at the start; by default that of a touch at rest."""
+        contacts = self.contact_states or [None] * len(self.laws)
         return [
-            law.touch(0.0) if one is None else one.state
-            for law, one in zip(self.laws, kept, strict=True)
+            law.touch(0.0) if contact is None else contact.state
+            for law, contact in zip(self.laws, contacts, strict=True)
         ]
 
     @property
@@ -146,8 +145,10 @@ class System:
 
     @cached_property
     def marched(self) -> System:
-        """The system in the modes that the C library integrates: first-order ones where damping
-        couples the modes, with loads (K, 2 I) on displacements and velocities.
+        """The system in the I modes that the C library integrates.
+
+        They are first-order modes if damping couples the modes of a body; `loads` (K, 2 I) then act
+        on displacements and velocities.
         """
         first = self.first
         if first is None:
@@ -169,15 +170,15 @@ class System:
 
     @property
     def slowest(self) -> Array:
-        """Closing speeds (p,) [m/s] below which a contact counts as begun at that speed.
+        """Least closing speeds (p,) [m/s]: a slower contact counts as closing at this speed.
 
-        The damping of a law that takes it from the closing speed has no limit for a start from
-        rest: this is the speed that it then has, the same for all integrators.
+        Some laws divide their damping by the closing speed, which may be 0. All integrators use the
+        same least speed.
         """
         return np.maximum(SLOWEST * self.speed, self.least_speed)
 
     def stretch_energy(self, q: Array) -> Array:
-        """Energy (n,) [J] of bodies that stretch, beyond their linear one, at q (n, J)."""
+        """Second-order strain energy (n,) [J] at modal displacements q (n, J)."""
         if self.quadratic is None or self.cubic is None:
             return np.zeros(len(q))
         return stretch_energy(self.quadratic, self.cubic, q @ self.beta[-len(self.cubic) :].T)
@@ -191,20 +192,20 @@ class System:
         return free + self.gamma @ v, rate - self.gamma @ (self.omega**2 * q + 2 * self.decay * v)
 
     @cached_property
-    def packed(self) -> Given:
+    def packed(self) -> PackedSystem:
         """The system as the march takes it."""
-        return Given(self)
+        return PackedSystem(self)
 
     def expect_contact(self, mass: float, duration: float) -> float:
-        """Set what is expected of the only contact; returns its time [s].
+        """Estimate indentation and closing speed of the only contact; returns its duration [s].
 
         mass : inertia [kg] behind the contact, of the slowest motion of each body.
         """
-        given = self.packed
-        (contact,) = given.contacts
+        packed = self.packed
+        (contact,) = packed.contacts
         contact.mass = mass
-        found = library.library.aom_expect(byref(given.system), 0, duration)
-        given.failed()
+        found = library.library.aom_expect(byref(packed.system), 0, duration)
+        packed.failed()
         if not isfinite(found.depth + found.speed + found.time):
             raise OverflowError("the depth of the contact")
         self.mass[0] = mass
@@ -221,10 +222,14 @@ class System:
 
 
 class BodyModes(NamedTuple):
-    """The modes (J,) of one body in a system.
+    """The J modes of one body in a system; None stands for zeros.
 
-    Frequencies and decay, displacements (m, J) in the rows, or (J,) in the only one, the state at
-    the start, and the loads (K, J); None: zeros.
+    Attributes
+    ----------
+    omega, decay : (J,) [rad/s], [1/s].
+    beta : (m, J) displacements in the rows of the system, or (J,) in its only row.
+    v, q : (J,) modal velocities and displacements at the start.
+    loads : (K, J) modal loads at the breaks.
     """
 
     omega: Array
@@ -236,7 +241,7 @@ class BodyModes(NamedTuple):
 
 
 def side_by_side(sizes: Iterable[int]) -> list[slice]:
-    """The places of parts of these sizes, one behind the other."""
+    """Slices of parts of these sizes that follow one another."""
     return list(starmap(slice, pairwise(accumulate(sizes, initial=0))))
 
 
@@ -249,29 +254,29 @@ def posed(
     tangents: Sequence[tuple[int, int]] | None = None,
     first: StackedModes | None = None,
 ) -> System:
-    """Bodies side by side in m rows, the first p of which are contacts.
+    """The system of bodies in m rows, the first p of which are contacts.
 
-    R : (m, m); offsets : (K, m); breaks : (K,); tangents : (p, 2), none without friction. What is
-    expected of the contacts is 0 at first, their mass too.
+    R : (m, m); offsets : (K, m); breaks : (K,); tangents : (p, 2), none without friction. The
+    expected mass, depth and speed of the contacts are 0 at first.
     """
     spans = side_by_side([body.omega.size for body in bodies])
     places = _places(spans[-1].stop, len(R), breaks.size)
     block = np.zeros(places[-1][0].stop)
-    numbers = [block[own].reshape(shape) for own, shape in places]
+    numbers = [block[place].reshape(shape) for place, shape in places]
     omega, decay, beta, residual, times, loads, gaps, q, v = numbers
     residual[...] = R
     times[...] = breaks
     gaps[...] = offsets
-    for body, own in zip(bodies, spans, strict=True):
-        omega[own] = body.omega
-        beta[:, own] = body.beta
-        v[own] = body.v
+    for body, span in zip(bodies, spans, strict=True):
+        omega[span] = body.omega
+        beta[:, span] = body.beta
+        v[span] = body.v
         if body.decay is not None:
-            decay[own] = body.decay
+            decay[span] = body.decay
         if body.q is not None:
-            q[own] = body.q
+            q[span] = body.q
         if body.loads is not None:
-            loads[:, own] = body.loads
+            loads[:, span] = body.loads
     p = len(laws)
     friction = np.zeros((p, 2), dtype=np.int64)
     friction[:, 0] = len(R)
@@ -303,21 +308,22 @@ def posed(
 
 @lru_cache(maxsize=256)
 def _places(size: int, m: int, times: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Where the arrays of `System.numbers` stand in a block, and their shapes."""
+    """Slices of the arrays of `System.numbers` in a block, and their shapes."""
     modes = (size,)
     rows = [(m, size), (m, m)]
-    given = [(times,), (times, size), (times, m)]
-    shapes = [modes, modes, *rows, *given, modes, modes]
+    in_time = [(times,), (times, size), (times, m)]
+    shapes = [modes, modes, *rows, *in_time, modes, modes]
     return list(zip(side_by_side(map(prod, shapes)), shapes, strict=True))
 
 
 Key = tuple[int, int, int, bytes]
 
 
-class Given:
-    """A system as the march takes it: all its arrays in one block of memory.
+class PackedSystem:
+    """A system as the C library takes it: all its arrays in one block of memory.
 
-    `key`: contacts, rows and modes, and the numbers that the responses of the modes depend on.
+    Two systems of one `key` have the same counts of contacts, rows and modes, and the same
+    responses of the modes.
     """
 
     def __init__(self, system: System) -> None:
@@ -327,8 +333,8 @@ class Given:
         breaks = s.breaks.size
         block = s.block
         numbers = s.numbers
-        if block is None or any([each.base is not block for each in numbers]):
-            block = np.concatenate([each.ravel() for each in numbers], dtype=float)
+        if block is None or any([array.base is not block for array in numbers]):
+            block = np.concatenate([array.ravel() for array in numbers], dtype=float)
         self.block: Array = block
         bodies = block[: 2 * size + m * (size + m)].tobytes()
         gamma = None
@@ -339,10 +345,10 @@ class Given:
         if s.cubic is not None:  # the memory of the march is laid out for them
             bodies += len(s.cubic).to_bytes(2, "little")
         self.key: Key = p, m, size, bodies
-        ends = accumulate([8 * each.size for each in numbers], initial=library.address(block))
+        ends = accumulate([8 * array.size for array in numbers], initial=library.address(block))
         *arrays, q, v, _ = ends
         self.laws = [packed(law) for law in s.laws]
-        each_contact = zip(
+        rows_of_contacts = zip(
             self.laws,
             s.slip.tolist(),
             s.tangents.tolist(),
@@ -355,29 +361,41 @@ class Given:
         )
         self.contacts = (library.Contact * p)(
             *[
-                library.Contact(law, *slip, *tangents, *each)
-                for (law, _), slip, tangents, *each in each_contact
+                library.Contact(law, *slip, *tangents, *expected)
+                for (law, _), slip, tangents, *expected in rows_of_contacts
             ]
         )
-        self.states = [] if s.kept is None else self._keep(s.kept, s.laws)
+        self.states = [] if s.contact_states is None else self._continued(s.contact_states, s.laws)
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]
         stretch = 0 if s.cubic is None else len(s.cubic), *map(library.address, self.tensors)
         self.system = library.System(
-            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given, gamma, *stretch
+            size,
+            m,
+            p,
+            breaks,
+            *arrays,
+            addressof(self.contacts),
+            q,
+            v,
+            s.contact_energy,
+            gamma,
+            *stretch,
         )
 
-    def _keep(self, kept: Sequence[Kept | None], laws: Sequence[ContactLaw]) -> list[Array]:
-        """Let contacts go on from a run before; their states, which last as long as the block."""
+    def _continued(
+        self, contact_states: Sequence[ContactState | None], laws: Sequence[ContactLaw]
+    ) -> list[Array]:
+        """Let contacts continue from an earlier run; the states, whose memory must be held."""
         states = []
-        for contact, one, law in zip(self.contacts, kept, laws, strict=True):
-            if one is not None:
-                state = np.array([*one.state, law.origin(one.state), 0.0], dtype=float)
+        for contact, earlier, law in zip(self.contacts, contact_states, laws, strict=True):
+            if earlier is not None:
+                state = np.array([*earlier.state, law.origin(earlier.state), 0.0], dtype=float)
                 contact.state = library.address(state)
-                contact.closed = one.closed
+                contact.closed = earlier.closed
                 states.append(state)
         return states
 
     def failed(self) -> None:
-        """Raise the error of a law of the user's own."""
-        for _, own in self.laws:
-            raise_error(own)
+        """Raise the error of a law that is written in Python, if one failed."""
+        for _, memory in self.laws:
+            raise_error(memory)

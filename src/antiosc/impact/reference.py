@@ -93,7 +93,7 @@ class SceneStep(SceneMethod):
         times = [t]
         answer = library.DONE
         work = 0.0
-        start = self._energy(node) + (s.given if t == 0.0 else 0.0)
+        start = self._energy(node) + (s.contact_energy if t == 0.0 else 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
             while self.busy and end - t > SAME_TIME * end and answer == library.DONE:
                 if self.steps >= max_steps:

@@ -47,7 +47,7 @@ class JointContacts:
         self.laws = laws
         self.closed = system.closed.tolist()
         self._tangents = system.sides
-        kept = system.kept or [None] * len(laws)
+        kept = system.contact_states or [None] * len(laws)
         self.states: list[State | None] = [
             one.state if one is not None else law.touch(0.0) if closed else None
             for law, one, closed in zip(laws, kept, self.closed, strict=True)
@@ -258,6 +258,7 @@ class SceneMethod(ABC):
                 piece, answer = self._flight(t, begin, duration, max_contacts)
             pieces.append(piece)
         whole = joined_segments(pieces)
+        start_energy = s.contact_energy + float(library.energies(whole.states[:1], s.omega)[0])
         return Run(
             *whole,
             events=np.array(contacts.events, dtype=float).reshape(-1, 4),
@@ -265,9 +266,7 @@ class SceneMethod(ABC):
             steps=self.steps,
             attempts=self.steps,
             touches=contacts.touches,
-            highest=max(
-                self.highest, s.given + float(library.energies(whole.states[:1], s.omega)[0])
-            ),
+            highest=max(self.highest, start_energy),
         )
 
     def loads_at(self, t: float) -> tuple[Array, Array, Array]:
@@ -309,7 +308,7 @@ class SceneMethod(ABC):
             q=begin[0],
             v=begin[1],
             pressed=np.zeros(self.p),
-            kept=None,
+            contact_states=None,
         )
         found = run(ahead, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0)
         ends = np.arange(found.time.size // 2 + 1)

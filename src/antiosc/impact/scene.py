@@ -30,7 +30,7 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.equilibrium import closed, settle
 from antiosc.engine.march import Converged, converge
 from antiosc.engine.stability import checked_step, stepped
-from antiosc.engine.system import Kept
+from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
 from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.error_budget import error_budget, warn_low_band
@@ -219,41 +219,42 @@ def with_deflection_warning(history: H) -> H:
 
 
 def set_initial_forces(
-    assembly: Assembly, cut: tuple[list[Kept | None], Array] | None = None
+    assembly: Assembly, cut: tuple[list[ContactState | None], Array] | None = None
 ) -> None:
     """Set the forces of the contacts that are closed at the start.
 
     Without preload, a contact is closed at the start only by a load on a site without mass, or by
-    an earlier run. cut : states of contacts at the end of that run (`Run.kept`), and their forces
-    (p,) [N].
+    an earlier run. cut : states of contacts at the end of that run (`Run.contact_states`), and
+    their forces (p,) [N].
     """
     system = assembly.system
     laws = assembly.laws
-    system.kept = None if cut is None else cut[0]
+    system.contact_states = None if cut is None else cut[0]
     if assembly.scene.preload:
         system.q, system.pressed = settle(system, laws)
     else:
         system.pressed = closed(system, laws)
     if cut is not None:
-        goes_on = [one is not None and one.closed for one in cut[0]]
+        goes_on = [contact is not None and contact.closed for contact in cut[0]]
         system.pressed = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
     if system.pressed.any():
         p = len(laws)
         delta = system.beta[:p] @ system.q - system.offsets[0, :p]
         delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
         system.depth = np.maximum(system.depth, delta)
-        if system.kept is not None:  # between two nodes they have gone on
+        if system.contact_states is not None:  # the cut may lie between two nodes
             rate = system.free_rows(system.q, system.v)[1].tolist()
-            system.kept = [
-                one._replace(state=law.advance(d, v, one.state)) if one and one.closed else one
-                for law, d, v, one in zip(laws, delta.tolist(), rate, system.kept, strict=False)
-            ]
-        each = zip(laws, delta.tolist(), system.begun(), strict=True)
-        system.given = sum(
-            law.energy(d, state) if cut is not None else law.potential(d, state)
-            for law, d, state in each
-        )
-        system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
+            contacts = list(system.contact_states)
+            for c, contact in enumerate(contacts):
+                if contact is not None and contact.closed:
+                    state = laws[c].advance(float(delta[c]), rate[c], contact.state)
+                    contacts[c] = contact._replace(state=state)
+            system.contact_states = contacts
+        energy = 0.0
+        for law, d, state in zip(laws, delta.tolist(), system.begun(), strict=True):
+            energy += law.energy(d, state) if cut is not None else law.potential(d, state)
+        system.contact_energy = energy
+        system.contact_energy += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
 def integrate_exact(

@@ -21,7 +21,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine.march import FINE as FINEST, Run, run as march_once
-from antiosc.engine.system import Kept, System
+from antiosc.engine.system import ContactState, System
 from antiosc.extension import check_range, impulses, integrate_exact, set_initial_forces as begin
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.states import forces, integrated_states, interpolated, locate
@@ -56,13 +56,13 @@ class OngoingContact(NamedTuple):
     """A contact that continues from the previous episode.
 
     Its height [m] at zero force, the forces of its rows (normal, friction) [N], its tangential
-    stiffness [N/m], and the memory of its law.
+    stiffness [N/m], and its state.
     """
 
     height: float
     force: Array
     stiffness: float
-    kept: Kept
+    contact: ContactState
 
 
 class Path(NamedTuple):
@@ -137,17 +137,17 @@ def scene_of(
     extension += system.R @ force - system.R[:, :p] @ force[:p]
     extension[p:] += system.R[p:, :p] @ force[:p]
     system.offsets[:, :p] += extension[:p]
-    kept = [None if contact is None else contact.kept for contact in ongoing]
+    states = [None if continued is None else continued.contact for continued in ongoing]
     if body.layer_contact is not None:
         # the damping of a layer follows from its first touch, not from the touch of each piece
-        closed = [contact is not None and contact.closed for contact in kept]
-        speeds = (contact.speed for contact in kept if contact is not None and contact.closed)
+        closed = [contact is not None and contact.closed for contact in states]
+        speeds = (contact.speed for contact in states if contact is not None and contact.closed)
         system.least_speed = v = max([body.layer_contact.speed, *speeds])
-        kept = [
-            Kept(True, v, law.touch(v)) if pressing else None
+        states = [
+            ContactState(True, v, law.touch(v)) if pressing else None
             for law, pressing in zip(system.laws, closed, strict=True)
         ]
-    begin(assembly, (kept, force[:p]) if held else None)
+    begin(assembly, (states, force[:p]) if held else None)
     if extension.any():
         offsets = system.offsets[:1] - [np.zeros(len(extension)), extension]
         breaks = np.array([0.0, DRAWN * assembly.contact_time_estimate])
@@ -419,16 +419,19 @@ def handed_over(
     )
     node = int(np.argmin(np.abs(run.time - t)))
     force = run.force[node]
-    kept = run.kept(a.system, t)
+    contacts = run.contact_states(a.system, t)
     heights = -(run.depth[node] + a.system.R @ force)
     held = {}
-    contacts_data = zip(which.tolist(), kept, a.laws, a.system.sides, strict=True)
-    for k, (i, one, law, sides) in enumerate(contacts_data):
-        if one is not None and (one.closed or law.has_memory):
+    contacts_data = zip(which.tolist(), contacts, a.laws, a.system.sides, strict=True)
+    for k, (i, contact, law, sides) in enumerate(contacts_data):
+        if contact is not None and (contact.closed or law.has_memory):
             rows = [k, *range(sides.start, sides.stop)]
             slip = float(a.system.slip[k, 1])
-            held[i] = OngoingContact(float(heights[k]), one.closed * force[rows], slip, one)
-    return state, held if any(one.kept.closed for one in held.values()) else {}
+            forces = contact.closed * force[rows]
+            held[i] = OngoingContact(float(heights[k]), forces, slip, contact)
+    if any(ongoing.contact.closed for ongoing in held.values()):
+        return state, held
+    return state, {}
 
 
 #: Duration of the first run over the expected contact time; of the longest run over the first.
@@ -501,7 +504,7 @@ class Episode:
             closed = (
                 contact
                 for contact in self.held.values()
-                if contact.kept.closed and contact.stiffness > 0
+                if contact.contact.closed and contact.stiffness > 0
             )
             return self.layer + sum(
                 float(contact.force[1:] @ contact.force[1:]) / (2 * contact.stiffness)

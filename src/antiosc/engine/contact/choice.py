@@ -10,10 +10,10 @@
 | curved, none | `Hertz`, elliptic where curvatures differ | Johnson, 4.1-4.2 |
 
 K. L. Johnson, Contact Mechanics, Cambridge 1985. The law does not depend on the speed: it is valid
-below and above yield. Of two materials that yield the weaker one counts, and the other one takes
-part as its strength comes near to it (`_elastic_share`); an elliptic contact yields as the
-`equivalent_circle`. An edge or a corner is as round as its surface says, whose radius then is an
-assumption that no bar covers.
+below and above yield. Of two materials that yield, the law has the strength of the weaker one; the
+stronger one counts as elastic, the less so the nearer its strength is (`_elastic_share`). An
+elliptic contact yields as its `equivalent_circle`. The radius of an edge or a corner is an
+assumption, whose error no error bar covers.
 """
 
 from __future__ import annotations
@@ -40,16 +40,17 @@ from antiosc.engine.contact.surfaces import RIGID, Matter, Surface
 #: Loss factor from which a contact of a material that does not yield is damped: below it the
 #: restitution exp(-pi loss/2) is above 0.97.
 LOSSY = 0.02
-#: A relative curvature below this share of the other one is none: the contact is a line.
+#: A relative curvature below this share of the other one counts as 0: the contact is a line.
 NO_CURVATURE = 1e-9
-#: Strength over that of the weaker side from which a side stays elastic: the mean pressure grows to
-#: 2.8 of the one, and the other yields at 1.07 of its own (benchmarks/elastoplastic).
+#: Ratio of strengths from which the stronger side stays elastic: the mean pressure grows to 2.8 of
+#: the weaker strength, and a side yields at 1.07 of its own (benchmarks/elastoplastic).
 STRONGER = 2.6
-#: The same to about 100 yield indentations; between 1 and this the share is as the root: within
-#: 1.5 % of forces of finite elements at 1.2 and 1.5 (unlike.csv; 3 and 5 % linear to `STRONGER`).
+#: The same up to about 100 yield indentations. Between 1 and this ratio the share grows as the
+#: square root: the force is within 1.5 % of finite elements at 1.2 and 1.5 (unlike.csv; within 3
+#: and 5 % for a linear growth up to `STRONGER`).
 APART = 1.6
 
-#: What is not known of contacts that are not at a point, and of laminates.
+#: Unknown properties (`Choice.unknown`) of contacts of flat faces, along a line, of laminates.
 FLAT = "the pressure of flat faces, which are never quite parallel"
 LINES = "when a contact along a line yields"
 LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
@@ -61,13 +62,13 @@ class Choice:
 
     Attributes
     ----------
-    law : of the contact.
-    kind : of contact, in words.
-    soft : the material that yields first; None where neither does.
-    unknown : what its error depends on and is not known; "" if all is known.
-    shares : the least and the largest `elastic_share` that may be meant; None: it is exact.
-    error : relative, of the force by an ellipse that a circle stands for.
-    curvature : the larger one of both surfaces together, of a contact at a point [1/m].
+    law : the contact law.
+    kind : kind of contact, in words.
+    soft : the material that yields first; None if neither yields.
+    unknown : the unknown property on which the error of the law depends, in words; "" if none.
+    shares : smallest and largest possible `elastic_share`; None if it is exact.
+    error : relative error of the force, due to the circle in place of an elliptic contact.
+    curvature : the larger relative curvature of both surfaces [1/m], of a contact at a point.
     """
 
     law: ContactLaw
@@ -96,7 +97,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     ----------
     one, other : Surface
     restitution : float, optional
-        That of the contact itself, if it is known.
+        Coefficient of restitution of the contact, if it is known.
 
     Raises
     ------
@@ -159,10 +160,11 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """Share of the flexibility of the body that stays elastic, and the interval of this share.
+    """Share of the flexibility 1/E* of the side that stays elastic, and its interval (None: exact).
 
-    None of it where both sides are as strong: by symmetry the contact then is that of a rigid ball;
-    all of the other side where that is stronger by `APART`, which is sure from `STRONGER` on.
+    For equal strengths the share is 0: by symmetry the contact is that of a rigid ball. It grows
+    with the ratio of strengths, up to the whole flexibility of the stronger side at `APART`; from
+    `STRONGER` on it is exact.
     """
     whole = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
@@ -216,8 +218,6 @@ def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Hertz's largest pressure [Pa] of the elastic contact with the same work up to an indentation
-    [m].
-    """
+    """Largest pressure [Pa] of an elastic contact with the same work of loading up to `depth`."""
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

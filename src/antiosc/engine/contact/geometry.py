@@ -80,7 +80,7 @@ class Circle(NamedTuple):
 def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
     """The circular contact with the stiffness and, at each indentation, the pressure of an ellipse.
 
-    So it yields where the ellipse does, but for the strength of slender ones, and has its area,
+    So it yields where the ellipse does, except for slender ellipses, and has its area,
     pi R delta. Where all is plastic that of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
     6, 13 % for B/A = 3, 10, 50; the pressure of a line is (2 + pi)/sqrt(3) Y, 6 % above a ball's
     2.8 Y (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum of both; by

@@ -11,20 +11,21 @@ from antiosc.engine.contact.surfaces import Matter
 
 #: Strain under a ball over a/R (D. Tabor, The Hardness of Metals, Oxford 1951).
 TABOR = 0.2
-#: Share of Hertz's force that large strains change, over the root of indentation by radius, and the
-#: range in which it is taken: a rigid sphere on an elastic half-space (nu = 0.3) has 3.8, 5.4, 6.7,
-#: 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by the grid
-#: (benchmarks/elastoplastic/finite_strain.py elastic).
+#: Relative change of Hertz's force by large strains over the root of indentation by radius, and the
+#: range of this ratio in which it holds: a rigid sphere on an elastic half-space (nu = 0.3) has
+#: 3.8, 5.4, 6.7, 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by
+#: the grid (benchmarks/elastoplastic/finite_strain.py elastic).
 STRAINED = 0.38
 LEAST_STRAIN = 0.01
 LARGEST_STRAIN = 0.1
 
 
 def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | None:
-    """Relative error of a peak force [N] by its law, without another run; None: not known.
+    """Relative error of a peak force [N] due to its law, without another run; None if unknown.
 
-    Where the contact yields, the measured error of the law and of an ellipse, and what the least
-    and the largest yield strength make of the force at equal work; elsewhere what large strains do.
+    For a contact that yields it is the measured error of the law and of the equivalent circle, and
+    the change of the force at equal work by the lowest and the highest yield strength; for an
+    elastic one, the effect of large strains.
     """
     law = choice.law
     soft = choice.soft
@@ -36,7 +37,7 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
     rate = mean_strain_rate(law, depth, contact_time)
     others = other_strengths(law, soft, peak, rate)
     peaks = [_force(other, _depth(other, "work", work)) for other in others]
-    by_strength = max((abs(one / peak - 1) for one in peaks), default=0.0)
+    by_strength = max((abs(changed / peak - 1) for changed in peaks), default=0.0)
     by_error = law.error_at(depth)[0] + choice.error if peak > law.yield_force else 0.0
     return elastic + by_error + by_strength
 
@@ -46,21 +47,25 @@ def other_strengths(
 ) -> list[ElasticPlastic]:
     """The law with the lowest yield strength, and with the highest at a strain rate [1/s].
 
-    Of those by which the contact yields, and of both where it yields by the law.
+    Without those that equal `law`, and those by which, as by `law`, the contact does not yield.
     """
-    found = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
-    return [one for one in found if one != law and peak > min(law.yield_force, one.yield_force)]
+    changed = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
+    return [
+        other
+        for other in changed
+        if other != law and peak > min(law.yield_force, other.yield_force)
+    ]
 
 
 def elastic_strain(choice: Choice, peak: float, depth: float) -> float:
-    """Largest indentation over the relative radius, of a contact at a point that stays elastic."""
+    """Indentation `depth` over the relative radius of a contact at a point; 0 if it yields."""
     law = choice.law
     yields = isinstance(law, ElasticPlastic) and peak > law.yield_force
     return 0.0 if yields else depth * choice.curvature
 
 
 def strain_share(strain: float) -> float:
-    """Share of the force that large strains may change at an indentation over the radius."""
+    """Relative change of the force by large strains; `strain`: indentation over the radius."""
     if strain >= LEAST_STRAIN:
         return STRAINED * sqrt(strain)
     return 0.0
@@ -72,7 +77,7 @@ def mean_strain_rate(law: ElasticPlastic, depth: float, contact_time: float) -> 
 
 
 def _elastic_error(choice: Choice, peak: float) -> float | None:
-    """Error of the peak force of an elastic contact by large strains, None beyond their range.
+    """Relative error of an elastic peak force by large strains; None beyond their range.
 
     At equal work the force grows with the stiffness to the power of 0.4.
     """

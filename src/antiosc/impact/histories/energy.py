@@ -13,7 +13,7 @@ from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.march import Run
-from antiosc.engine.system import Kept
+from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.states import blocks, contact_intervals, node_states, run_slice, starts
 
@@ -58,16 +58,16 @@ def replay(
     depth: Array,
     spans: Iterable[tuple[int, int]],
     speeds: Iterable[float],
-    kept: Kept | None = None,
+    earlier: ContactState | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Recoverable energy, accumulated plastic loss [J] and damping force at each node of a contact.
+    """Recoverable energy [J], accumulated plastic loss [J] and damping force [N]: arrays (n,).
 
-    Three arrays (n,). force, depth : (n,) at the nodes. spans, speeds : first and last node of each
-    contact, and its closing speed [m/s]. kept : what goes on from a run before.
+    force, depth : (n,) of one contact at the nodes. spans, speeds : first and last node of each
+    touch, and its closing speed [m/s]. earlier : state at the end of an earlier run.
     """
     stored, plastic, damping = (np.zeros(depth.size) for _ in range(3))
-    state: State | None = None if kept is None else kept.state
-    goes_on = kept is not None and kept.closed
+    state: State | None = None if earlier is None else earlier.state
+    goes_on = earlier is not None and earlier.closed
     for (a, b), speed in zip(spans, speeds, strict=False):
         if state is None or not goes_on:
             state = law.touch(speed, state)
@@ -100,10 +100,10 @@ def replay(
 
 
 def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
-    """Stored energy (n,) of one contact by a law with memory, loss at each node, and final state.
+    """(recoverable energy, loss at each node [J], (n,); final state) of a touch, law with memory.
 
-    The state changes where the indentation exceeds its turning point and all before it, and is
-    there the same whatever the nodes in between.
+    The state changes only at nodes where the indentation exceeds the turning point and all earlier
+    indentations; there it does not depend on the nodes in between.
     """
     before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
     deeper = np.append(False, depth[1:] > before)
@@ -113,7 +113,7 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     if not at.size:
         return stored, lost, state
     states = [law.advance(delta, 0.0, state) for delta in depth[at].tolist()]
-    lost[at] = np.diff([state[2], *(one[2] for one in states)])
+    lost[at] = np.diff([state[2], *(later[2] for later in states)])
     returns = np.flatnonzero(np.diff(at, append=depth.size) > 1)
     for k in returns.tolist():
         back = slice(at[k] + 1, at[k + 1] if k + 1 < at.size else None)
@@ -374,10 +374,10 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             )
             for start, end in zip(closed["start"], closed["end"], strict=True)
         ]
-        kept = None if system.kept is None else system.kept[c]
+        earlier = None if system.contact_states is None else system.contact_states[c]
         speeds = closed["speed"].tolist()
-        each, plastic, damping = replay(law, force, depth, nodes, speeds, kept)
-        stored += each
+        recoverable, plastic, damping = replay(law, force, depth, nodes, speeds, earlier)
+        stored += recoverable
         lost += plastic
         if law.rate_dependent:
             lost += path_work(damping[:, None], depth[:, None])[:, 0]
